@@ -1,0 +1,94 @@
+"""The expected failures of ancf2d: each knows what to tell its reader."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a case file, with the place where it stands.
+
+    ``line`` and ``column`` count from 1; 0 where a problem has no place in the text.
+    """
+
+    message: str
+    file: str = ""
+    line: int = 0
+    column: int = 0
+    path: tuple[Any, ...] = ()
+    expected: str = ""
+    near: str = ""
+    source_line: str = ""
+
+    def __str__(self) -> str:
+        """Return ``file:line:column: error: message`` with the source line and a caret below it."""
+        place = f"{self.file}:{self.line}:{self.column}: " if self.line else f"{self.file}: "
+        head = f"{place if self.file else ''}error: {self.message}"
+        if self.expected:
+            head += f"; expected {self.expected}"
+        if self.near:
+            head += f"; did you mean '{self.near}'?"
+        if not self.line or not self.source_line.strip():
+            return head
+        gutter = f"{self.line:5d} | "
+        caret = " " * (len(gutter) - 2) + "| " + " " * (self.column - 1) + "^"
+        return f"{head}\n{gutter}{self.source_line}\n{caret}"
+
+
+class Ancf2dError(Exception):
+    """Base of every failure that ancf2d expects and explains; never shown as a traceback."""
+
+    exit_code = 1
+
+
+class CaseError(Ancf2dError):
+    """The case (or the command line) is wrong: ``problems`` lists everything found, in file order."""
+
+    exit_code = 2
+
+    def __init__(self, problems: list[Problem] | Problem | str) -> None:
+        if isinstance(problems, str):
+            problems = Problem(problems)
+        if isinstance(problems, Problem):
+            problems = [problems]
+        self.problems = sorted(problems, key=lambda p: (p.file, p.line, p.column))
+        super().__init__("\n".join(str(p) for p in self.problems))
+
+
+@dataclass
+class Failure:
+    """Where and how a computation failed, and what its user can change."""
+
+    reason: str
+    at: dict[str, Any] = field(default_factory=dict)
+    history: list[float] = field(default_factory=list)
+    advice: str = ""
+
+
+class ComputationError(Ancf2dError):
+    """A computation failed; ``failure`` says where, how, the likely cause and what to change."""
+
+    def __init__(self, reason: str, *, at: dict[str, Any] | None = None,
+                 history: list[float] | None = None, advice: str = "") -> None:
+        self.failure = Failure(reason, dict(at or {}), list(history or []), advice)
+        super().__init__(self.text())
+
+    def text(self) -> str:
+        """Return the failure as the sentences that the command line prints."""
+        f = self.failure
+        lines = [f"error: {f.reason}"]
+        if f.at:
+            lines.append("  at: " + ", ".join(f"{k} {v}" for k, v in f.at.items()))
+        if f.history:
+            lines.append("  residuals: " + " ".join(f"{r:.2e}" for r in f.history))
+        if f.advice:
+            lines.append(f"  try: {f.advice}")
+        return "\n".join(lines)
+
+
+class ResultsError(Ancf2dError):
+    """A result file cannot be read or written: missing, foreign, damaged, or in the way."""
+
+    exit_code = 2
