@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,11 +31,29 @@ class Problem:
             head += f"; expected {self.expected}"
         if self.near:
             head += f"; did you mean '{self.near}'?"
-        if not self.line or not self.source_line.strip():
+        if not self.source_line.strip() or self.column < 1:
             return head
-        gutter = f"{self.line:5d} | "
-        caret = " " * (len(gutter) - 2) + "| " + " " * (self.column - 1) + "^"
-        return f"{head}\n{gutter}{self.source_line}\n{caret}"
+        text, caret = _around(self.source_line, self.column)
+        number = f"{self.line:5d}" if self.line else " " * 5
+        return f"{head}\n{number} | {text}\n      | {' ' * caret}^"
+
+
+def _around(line: str, column: int, width: int = 92) -> tuple[str, int]:
+    """Return the part of a source line around a column, and how far right its caret stands."""
+    first = max(0, column - 1 - width * 2 // 3) if len(line) > width else 0
+    left = "... " if first else ""
+    right = " ..." if first + width < len(line) else ""
+    shown = [_visible(c) for c in line[first: first + width].rstrip("\r\n")]
+    before = "".join(shown[: column - 1 - first])
+    wide = sum(unicodedata.east_asian_width(c) in "WF" for c in before)
+    return left + "".join(shown) + right, len(left) + len(before) + wide
+
+
+def _visible(c: str) -> str:
+    """Return what stands for a character on a terminal: no tab, no control character."""
+    if c == "\t":
+        return "    "
+    return c if c.isprintable() else "?"
 
 
 class Ancf2dError(Exception):

@@ -1,0 +1,105 @@
+"""What every kind of value needs while it is read: where to report, and in which words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ..errors import Problem
+from .nodes import Broken, Mark, Node, shorten
+from .units import SI, unit_label
+
+Path = tuple[Any, ...]
+MAX_PROBLEMS = 100
+
+
+class _Invalid:
+    """Stands in a draft of a case for a value whose problem is reported already."""
+
+    def __repr__(self) -> str:
+        return "INVALID"
+
+    def __bool__(self) -> bool:
+        return False
+
+
+INVALID: Any = _Invalid()
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """The names that other rooms define and a case may use; an empty tuple leaves them unchecked."""
+
+    element_types: tuple[str, ...] = ()
+    formulations: tuple[str, ...] = ()
+    nodal_coordinates: tuple[str, ...] = ()
+    integrators: tuple[str, ...] = (
+        "newmark", "hht", "generalized_alpha", "energy_momentum",
+        "RK45", "DOP853", "Radau", "BDF", "LSODA")
+    output_fields: tuple[str, ...] = ()
+
+
+class Issue(NamedTuple):
+    """What a record finds wrong with itself: ``key`` is a path below it, empty for the whole."""
+
+    key: Path
+    message: str
+    expected: str = ""
+    near: str = ""
+
+
+class Binder:
+    """Collects the problems of one case, and knows its units and the names it may use."""
+
+    def __init__(self, vocabulary: Vocabulary | None = None,
+                 problems: list[Problem] | None = None) -> None:
+        self.vocabulary = vocabulary or Vocabulary()
+        self.problems = problems if problems is not None else []
+        self.labels = SI
+        self.unreported = 0
+
+    def unit(self, unit: str) -> str:
+        """Return the label of an SI unit in the units of this case."""
+        return unit_label(unit, self.labels)
+
+    def fail(self, mark: Mark, path: Path, message: str, expected: str = "",
+             near: str = "") -> Any:
+        """Report a problem; return INVALID."""
+        if len(self.problems) < MAX_PROBLEMS:
+            self.problems.append(mark.problem(message, path, expected, near))
+        else:
+            self.unreported += 1
+        return INVALID
+
+    def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
+        """Report that a value is not what is wanted; return INVALID."""
+        if isinstance(node, Broken):
+            return INVALID
+        what = "has no value" if node.shape == "null" else None
+        message = (f"{dotted(path)} {what}" if what
+                   else f"{dotted(path)} must be {wanted}, got {node.shown()}")
+        return self.fail(node.mark, path, message, wanted if what else "", near)
+
+
+def dotted(path: Path) -> str:
+    """Return a path as messages and ``--set`` write it: ``loads.0.value.1``."""
+    return ".".join(shorten(str(part)) for part in path) or "the case"
+
+
+def nearest(word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return the name most like a word, empty where none is near."""
+    from difflib import get_close_matches
+    if not 0 < len(word) <= 80:
+        return ""
+    lower = {name.lower(): name for name in names}
+    found = get_close_matches(word.lower(), list(lower)[:10000], n=1, cutoff=cutoff)
+    return lower[found[0]] if found else ""
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names as a sentence has them: ``a, b or c``; long lists are cut."""
+    names = list(names)
+    if len(names) > 24:
+        return ", ".join(names[:24]) + ", ..."
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -1,0 +1,219 @@
+"""Checks that need the whole case: names that refer to others, and what the solver allows.
+
+They run on a draft in which INVALID stands for what could not be read, and stay silent about
+everything that depends on such a part.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .records import walk
+from .schema import Case, Gravity, LimitPoints, Point, Prescribed, Stiffness
+from .source import Source
+
+STATIC = ("linear_static", "static")
+PATHS = (*STATIC, "dynamic")
+# top-level keys and output keys -> the solvers they are for
+_SECTIONS: dict[Path, tuple[str, ...]] = {
+    ("initial",): ("dynamic",),
+    ("damping",): ("dynamic",),
+    ("steady_rotation",): ("static", "eigen"),
+    ("output", "interval"): ("dynamic",),
+    ("output", "every"): ("static", "dynamic"),
+}
+# what a goal names -> the solvers that can answer
+_GOALS = {"probe": PATHS, "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
+          "load_factor": ("buckling",), "limit_point": ("static",)}
+_WHAT = {"bodies": "body", "probes": "probe", "reactions": "boundary condition named"}
+
+
+def check_case(case: Case, source: Source, binder: Binder) -> None:
+    """Report what is wrong between the parts of a case."""
+    checker = _Checker(case, source, binder)
+    checker.references()
+    checker.names()
+    if case.solver is not INVALID:
+        checker.sections()
+        checker.goals()
+        checker.masses()
+        checker.steps()
+
+
+class _Checker:
+    """The draft of a case, its places, and where to report."""
+
+    def __init__(self, case: Case, source: Source, binder: Binder) -> None:
+        self.case, self.source, self.binder = case, source, binder
+        self.solver = "" if case.solver is INVALID else type(case.solver).tag
+        self.failed = {problem.path[:i] for problem in binder.problems
+                       for i in range(1, len(problem.path) + 1)}
+
+    def fail(self, path: Path, message: str, expected: str = "", near: str = "",
+             on_key: bool = False) -> None:
+        mark = self.source.key_mark(path) if on_key else self.source.mark(path)
+        self.binder.fail(mark, path, message, expected, near)
+
+    def known(self, what: str) -> tuple[set[str], bool]:
+        """Return the names of bodies, probes or reactions, and whether these are all."""
+        case = self.case
+        if what == "bodies":
+            return (set(case.bodies), True) if case.bodies is not INVALID else (set(), False)
+        if what == "probes":
+            probes = INVALID if case.output is INVALID else case.output.probes
+            return (set(probes), True) if probes is not INVALID else (set(), False)
+        if case.boundary_conditions is INVALID:
+            return set(), False
+        names = {getattr(s, "name", None) for s in case.boundary_conditions}
+        complete = ("boundary_conditions",) not in self.failed
+        return {n for n in names if isinstance(n, str)}, complete
+
+    def references(self) -> None:
+        """Check that every point, body, probe and reaction that is named exists."""
+        for path, value, what in walk(self.case):
+            if isinstance(value, Point):
+                path, value, what = path, value.body, "bodies"
+            if what:
+                self.reference(path, value, what)
+        initial = self.case.initial
+        if initial and isinstance(initial.bodies, dict):
+            for name in initial.bodies:
+                self.reference(("initial", "bodies", name), name, "bodies", on_key=True)
+
+    def reference(self, path: Path, name: str, what: str, on_key: bool = False) -> None:
+        names, complete = self.known(what)
+        if name in names or not complete:
+            return
+        near = nearest(name, names)
+        have = "" if near else (f"one of {listed(sorted(names))}" if names else
+                                f"there are no {'named boundary conditions' if what == 'reactions' else what}")
+        place = dotted(path)
+        expected, tail = (have, "") if names else ("", f"; {have}")
+        self.fail(path, f"{place}: there is no {_WHAT[what]} '{name}'{tail}", expected, near,
+                  on_key)
+
+    def names(self) -> None:
+        """Check that names within a list are unique."""
+        for section in ("boundary_conditions", "joints", "springs", "masses", "loads"):
+            seen: dict[str, int] = {}
+            items = getattr(self.case, section)
+            for i, item in enumerate(items if isinstance(items, tuple) else ()):
+                name = getattr(item, "name", None)
+                if not isinstance(name, str):
+                    continue
+                if name in seen:
+                    line = self.source.mark((section, seen[name])).line
+                    self.fail((section, i, "name"), f"{section}.{i}.name: '{name}' is already the "
+                              f"name of {section}.{seen[name]} (line {line})")
+                else:
+                    seen[name] = i
+
+    def sections(self) -> None:
+        """Check that no section is for another solver."""
+        for path, solvers in _SECTIONS.items():
+            value: Any = self.case
+            for part in path:
+                value = None if value is INVALID else getattr(value, part, None)
+            if value not in (None, INVALID) and self.solver not in solvers:
+                self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only "
+                          f"with {listed(solvers)}", on_key=True)
+        if self.case.steady_rotation is None:
+            return
+        for i, load in enumerate(self.case.loads or ()):
+            if isinstance(load, Gravity):
+                self.fail(("loads", i), f"loads.{i}: gravity cannot be used with steady_rotation; "
+                          "its direction would turn in the frame")
+        for i, support in enumerate(self.case.boundary_conditions or ()):
+            if isinstance(support, Prescribed):
+                self.fail(("boundary_conditions", i), f"boundary_conditions.{i}: prescribed motion "
+                          "cannot be used with steady_rotation")
+
+    def goals(self) -> None:
+        """Check that the solver can answer the goal and the expected values."""
+        if self.case.goal:
+            self.goal(("goal",), self.case.goal)
+        for i, expected in enumerate(self.case.expected or ()):
+            if expected is not INVALID:
+                self.goal(("expected", i), expected)
+
+    def goal(self, path: Path, goal: Any) -> None:
+        if path in self.failed:
+            return
+        form = next((f for f in ("limit_point", "load_factor", "kind", "reaction", "probe")
+                     if getattr(goal, f) is not None), "strain_energy")
+        solvers = ("dynamic",) if goal.quantity in ("vx", "vy") else _GOALS[form]
+        what = goal.quantity if form in ("probe", "strain_energy") else form
+        below = form if form != "strain_energy" else "quantity"
+        if what in ("vx", "vy"):
+            below = "quantity"
+        if self.solver not in solvers:
+            self.fail((*path, below), f"{dotted(path)}: {what} cannot be had from solver "
+                      f"{self.solver}, only from {listed(solvers)}", on_key=True)
+            return
+        if ("solver",) in self.failed:
+            return
+        number = {"kind": goal.number, "load_factor": goal.load_factor}.get(form)
+        modes = getattr(self.case.solver, "modes", None)
+        if number is not None and modes is not None and number > modes:
+            name = "number" if form == "kind" else form
+            self.fail((*path, name), f"{dotted((*path, name))} is {number}, but the solver is "
+                      f"asked for {modes} modes only", "a larger solver.modes")
+        if form == "limit_point":
+            self.limit_point(path, goal.limit_point)
+
+    def limit_point(self, path: Path, number: int) -> None:
+        solver: Any = self.case.solver
+        path = (*path, "limit_point")
+        if solver.method != "arc_length":
+            self.fail(path, f"{dotted(path)}: limit points are found with method arc_length only",
+                      "solver.method: arc_length", on_key=True)
+        elif isinstance(solver.until, LimitPoints) and number > solver.until.count:
+            self.fail(path, f"{dotted(path)} is {number}, but the path ends after "
+                      f"{solver.until.count}", "a larger solver.until.limit_points")
+
+    def masses(self) -> None:
+        """Check that bodies have mass where mass is needed."""
+        case = self.case
+        gravity = any(isinstance(load, Gravity) for load in case.loads or ())
+        why = (f"the solver is {self.solver}" if self.solver in ("dynamic", "eigen") else
+               "there is gravity" if gravity else
+               "there is steady_rotation" if case.steady_rotation is not None else "")
+        if not why or case.bodies is INVALID:
+            return
+        for name, body in case.bodies.items():
+            path = ("bodies", name)
+            if body is INVALID or path in self.failed:
+                continue
+            rigid = body.element.type == "rigid"
+            if rigid and body.element.mass is not None and body.element.inertia is not None:
+                continue
+            self.mass(path, body, rigid, why)
+
+    def mass(self, path: Path, body: Any, rigid: bool, why: str) -> None:
+        of_rigid = ", or element: {mass, inertia} of the rigid body" if rigid else ""
+        if isinstance(body.section, Stiffness):
+            if body.section.rhoA is None:
+                self.fail((*path, "section"), f"{dotted(path)}.section.rhoA is missing: mass per "
+                          f"length, needed because {why}",
+                          f"a number > 0 {self.binder.unit('kg/m')}{of_rigid}")
+            return
+        if body.section is None:
+            self.fail(path, f"{dotted(path)}.section is missing: needed for the mass because {why}",
+                      f"{{height, width}}{of_rigid}")
+        if body.material is None or body.material.rho is None:
+            self.fail((*path, "material"), f"{dotted(path)}.material.rho is missing: density, "
+                      f"needed because {why}",
+                      f"a number > 0 {self.binder.unit('kg/m^3')}{of_rigid}")
+
+    def steps(self) -> None:
+        """Check what the solver needs of the rest: a time step, something to be accurate about."""
+        case, solver = self.case, self.case.solver
+        if ("solver",) not in self.failed and self.solver == "dynamic" and case.accuracy is None \
+                and solver.dt is None and solver.tolerance is None:
+            self.fail(("solver",), "solver: neither dt nor tolerance is given",
+                      "dt for fixed steps, tolerance for adaptive ones, or accuracy in the case")
+        if isinstance(case.accuracy, float) and case.goal is None and case.output is not INVALID \
+                and not case.output.probes and ("output",) not in self.failed:
+            self.fail(("accuracy",), "accuracy is given, but no goal says of what",
+                      "goal: {probe, quantity} or another goal")

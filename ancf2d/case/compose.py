@@ -1,0 +1,218 @@
+"""Reads YAML events into nodes; everything that YAML could do and a case needs not is refused."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import yaml
+
+from ..errors import CaseError, Problem
+from .nodes import Broken, Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
+
+MAX_BYTES = 16 * 2**20
+MAX_DEPTH = 40
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+# libyaml's words -> ours; the first that occurs in its message is taken
+_HINTS = (
+    ("found character '\\t'", "a tab stands where YAML allows only spaces"),
+    ("found a tab character", "a tab stands where YAML allows only spaces"),
+    ("mapping values are not allowed",
+     "unexpected ':' here; check the indentation, and that the value before it has ended"),
+    ("could not find expected ':'", "a key without ':' after it"),
+    ("did not find expected ',' or ']'", "a '[' is not closed, or a ',' is missing in it"),
+    ("did not find expected ',' or '}'", "a '{' is not closed, or a ',' is missing in it"),
+    ("did not find expected key", "this does not continue what stands above; "
+     "check the indentation, and the quotes and brackets before it"),
+    ("did not find expected '-' indicator", "this does not continue the list above; "
+     "check the indentation"),
+    ("block sequence entries are not allowed", "a list item '-' is not allowed here"),
+    ("found unexpected end of stream", "a quote is not closed"),
+    ("did not find expected <document start>", "text after the end of the case"),
+    ("unknown escape character", "unknown escape in double quotes; use single quotes"),
+    ("did not find expected node content", "a value is missing before this"),
+)
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Return the text of a file: UTF-8, at most 16 MB; CaseError says what is wrong with it."""
+    name = os.fspath(path)
+    try:
+        with open(name, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise CaseError(Problem(f"cannot read the file: {reason}", file=name)) from None
+    if len(data) > MAX_BYTES:
+        raise CaseError(Problem(f"the file is larger than {MAX_BYTES // 2**20} MB", file=name))
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        column = error.start - (data.rfind(b"\n", 0, error.start) + 1) + 1
+        kind = "UTF-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "something else"
+        message = (f"the file is not UTF-8 text but {kind}: "
+                   f"byte 0x{data[error.start]:02x} cannot be read")
+        raise CaseError(Problem(message, file=name, line=line, column=column)) from None
+
+
+def compose(text: str, origin: Origin, line: int = 1, column: int = 1,
+            problems: list[Problem] | None = None) -> Node | None:
+    """Return the root node of a YAML text, None where it is empty.
+
+    ``line`` and ``column`` say where the text begins in its origin. Refused constructs are
+    appended to ``problems``; broken syntax raises CaseError.
+    """
+    composer = _Composer(origin, line, column, problems if problems is not None else [])
+    try:
+        for event in yaml.parse(text, Loader=_LOADER):
+            composer.take(event)
+    except yaml.MarkedYAMLError as error:
+        raise CaseError([*composer.problems, composer.syntax(error)]) from None
+    except yaml.reader.ReaderError as error:
+        raise CaseError([*composer.problems, composer.unreadable(error, text)]) from None
+    except UnicodeEncodeError as error:
+        raise CaseError([*composer.problems, composer.unreadable(error, text)]) from None
+    return composer.root
+
+
+class _Composer:
+    """Builds nodes from events without recursion, so that depth is ours to limit."""
+
+    def __init__(self, origin: Origin, line: int, column: int, problems: list[Problem]) -> None:
+        self.origin, self.line, self.column = origin, line, column
+        self.problems = problems
+        self.root: Node | None = None
+        self.documents = 0
+        # open collections, each with the key that waits for its value
+        self.stack: list[tuple[Node, list[Entry | str | None]]] = []
+
+    def mark(self, place: Any) -> Mark:
+        shift = self.column - 1 if place.line == 0 else 0
+        return Mark(self.origin, place.line + self.line, place.column + 1 + shift)
+
+    def refuse(self, place: Any, message: str) -> None:
+        self.problems.append(self.mark(place).problem(message))
+
+    def take(self, event: Any) -> None:
+        if isinstance(event, yaml.ScalarEvent):
+            self.scalar(event)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            self.open(event)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            self.close()
+        elif isinstance(event, yaml.AliasEvent):
+            self.refuse(event.start_mark, f"the alias *{event.anchor} is not supported; "
+                        "write the value out")
+            self.add(Broken(self.mark(event.start_mark)))
+        elif isinstance(event, yaml.DocumentStartEvent):
+            self.documents += 1
+            if self.documents == 2:
+                raise CaseError([*self.problems, self.mark(event.start_mark).problem(
+                    "a second document begins here; a file holds one")])
+
+    def plain(self, event: Any) -> None:
+        if event.anchor:
+            self.refuse(event.start_mark, f"the anchor &{event.anchor} is not supported; "
+                        "write the value out where it is needed")
+        if event.tag is not None:
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            self.refuse(event.start_mark, f"the tag {quoted(tag)} is not supported; leave it out")
+
+    def scalar(self, event: Any) -> None:
+        self.plain(event)
+        mark = self.mark(event.start_mark)
+        if self.stack and isinstance(self.stack[-1][0], MapNode) and self.stack[-1][1][0] is None:
+            self.key(mark, event.value)
+        else:
+            self.add(Scalar(mark, event.value, not event.style))
+
+    def key(self, mark: Mark, text: str) -> None:
+        node, waiting = self.stack[-1]
+        assert isinstance(node, MapNode)
+        first = node.entries.get(text)
+        if text == "<<":
+            self.problems.append(mark.problem("the merge key << is not supported; "
+                                              "write the keys out"))
+            waiting[0] = ""
+        elif first is not None:
+            where = f"line {first.mark.line}" if first.mark.line != mark.line else "this line"
+            self.problems.append(mark.problem(f"duplicate key {quoted(text)}, first given in "
+                                              f"{where} (column {first.mark.column})"))
+            waiting[0] = ""
+        else:
+            waiting[0] = Entry(mark, Broken(mark))
+            waiting[1] = text
+
+    def open(self, event: Any) -> None:
+        self.plain(event)
+        if len(self.stack) >= MAX_DEPTH:
+            raise CaseError([*self.problems, self.mark(event.start_mark).problem(
+                f"values are nested more than {MAX_DEPTH} deep")])
+        mark = self.mark(event.start_mark)
+        mapping = isinstance(event, yaml.MappingStartEvent)
+        self.stack.append((MapNode(mark) if mapping else ListNode(mark), [None, None]))
+
+    def close(self) -> None:
+        node, _ = self.stack.pop()
+        self.add(node)
+
+    def add(self, node: Node) -> None:
+        if not self.stack:
+            self.root = node
+            return
+        parent, waiting = self.stack[-1]
+        if isinstance(parent, ListNode):
+            parent.items.append(node)
+        elif isinstance(parent, MapNode):
+            if waiting[0] is None:
+                # a list or a mapping in the place of a key
+                self.problems.append(node.mark.problem("a key must be plain text"))
+                waiting[0] = ""
+                return
+            if isinstance(waiting[0], Entry):
+                if isinstance(node, MapNode):
+                    # what is wrong with a mapping as a whole is best seen at its name
+                    node.mark = waiting[0].mark
+                parent.entries[str(waiting[1])] = Entry(waiting[0].mark, node)
+            waiting[0] = None
+
+    def syntax(self, error: yaml.MarkedYAMLError) -> Problem:
+        """Return a syntax error of the YAML library in plain words."""
+        words = f"{error.context or ''} {error.problem or ''}"
+        place = error.problem_mark or error.context_mark
+        mark = self.mark(place) if place is not None else Mark(self.origin, 1, 1)
+        lines = self.origin.lines
+        source = lines[mark.line - 1] if 0 < mark.line <= len(lines) else ""
+        text = next((ours for theirs, ours in _HINTS if theirs in words), "")
+        if "cannot start any token" in words:
+            char = source[mark.column - 1: mark.column]
+            text = ("a tab stands where YAML allows only spaces" if char == "\t" else
+                    f"{quoted(char)} cannot begin a value; put the value in quotes")
+        text = text or words.strip()
+        opened = error.context_mark
+        if opened is not None and place is not None and opened.line != place.line:
+            if "is not closed" in text:
+                mark = self.mark(opened)
+            else:
+                text += f" (in what begins in line {opened.line + self.line})"
+        return mark.problem(f"not valid YAML: {text}")
+
+    def unreadable(self, error: Any, text: str) -> Problem:
+        """Return the problem of a character that may not stand in YAML."""
+        bad = next((i for i, c in enumerate(text) if not _allowed(c)), None)
+        if bad is None:
+            return Mark(self.origin, 1, 1).problem(f"not valid YAML: {error}")
+        before = text[:bad].split("\n")
+        column = len(before[-1]) + (self.column if len(before) == 1 else 1)
+        mark = Mark(self.origin, self.line + len(before) - 1, column)
+        return mark.problem(f"not valid YAML: the control character U+{ord(text[bad]):04X} "
+                            "is not allowed")
+
+
+def _allowed(c: str) -> bool:
+    """Return whether YAML allows a character."""
+    n = ord(c)
+    return (n in (0x9, 0xA, 0xD, 0x85) or 0x20 <= n <= 0x7E or 0xA0 <= n <= 0xD7FF
+            or (0xE000 <= n <= 0xFFFD and n != 0xFEFF) or n >= 0x10000)

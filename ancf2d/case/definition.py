@@ -1,0 +1,83 @@
+"""Element definition files: an own element type as polynomial basis and nodal coordinates."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from ..errors import CaseError, Problem
+from .binder import Binder, Issue, Vocabulary
+from .compose import compose, read_text
+from .kinds import Known, ListOf, Name, Number, Text
+from .nodes import MapNode, Origin
+from .records import Record, bind_record, key
+from .schema.body import QUADRATURE, SHEAR_FACTOR
+from .source import line_breaks
+
+
+@dataclass(frozen=True)
+class DefinitionNode:
+    """A node of an element: its place, and the derivatives of r that are coordinates there."""
+
+    at: float = key(Number("", ge=0, le=1), "Place along the element, from 0 to 1", example=0)
+    coordinates: tuple[str, ...] = key(ListOf(Text("the name of a nodal coordinate"),
+                                              "nodal coordinates", 1),
+                                       "Nodal coordinates: r, r_x, r_y, r_xy, r_yy, ...",
+                                       example=["r", "r_x", "r_y"])
+
+    def check(self) -> Iterator[Issue]:
+        """Yield coordinates that are named twice."""
+        for i, name in enumerate(self.coordinates):
+            if name in self.coordinates[:i]:
+                yield Issue(("coordinates", i), f"{{}}.coordinates: {name} is named twice")
+
+
+@dataclass(frozen=True)
+class ElementDefinition:
+    """An element type described in a file."""
+
+    name: str = key(Name(), "Name of the element", example="mine")
+    basis: tuple[str, ...] = key(
+        ListOf(Text("a polynomial in x and y", number=True), "polynomials in x and y", 1),
+        "Polynomial basis", example=["1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"])
+    nodes: tuple[DefinitionNode, ...] = key(
+        ListOf(Record(DefinitionNode), "nodes {at, coordinates}", 1), "Nodes, in order along "
+        "the element")
+    formulation: str | None = key(Known("formulations"), "How strains become elastic forces", None)
+    quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or {normal, shear}",
+                          None, example=[3, 2])
+    shear_factor: float | str | None = key(SHEAR_FACTOR, "Shear correction: a number, timoshenko "
+                                           "or none", None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield nodes that are not in order, and functions that are given twice."""
+        for i, (a, b) in enumerate(pairwise(self.nodes)):
+            if not a.at < b.at:
+                yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the "
+                            f"place of the node before, got {b.at:g}")
+        for i, text in enumerate(self.basis):
+            if text in self.basis[:i]:
+                yield Issue(("basis", i), f"basis: '{text}' is given twice")
+
+
+def load_definition(path: str | os.PathLike[str],
+                    vocabulary: Vocabulary | None = None) -> ElementDefinition:
+    """Return the element that a file defines; CaseError lists all that is wrong with the file.
+
+    The polynomials are text here; the elements read them.
+    """
+    name = os.fspath(path)
+    text = read_text(name)
+    problems: list[Problem] = []
+    root = compose(text, Origin(name, line_breaks(text)), problems=problems)
+    if not isinstance(root, MapNode):
+        raise CaseError(problems or Problem("the file holds no element definition", file=name,
+                                            expected="a mapping {name, basis, nodes, ...}"))
+    binder = Binder(vocabulary, problems)
+    definition = bind_record(ElementDefinition, root, (), binder)
+    if problems:
+        raise CaseError(problems)
+    return definition

@@ -1,0 +1,85 @@
+"""Writes a case as YAML that reads back to the same case."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from typing import Any
+
+from .nodes import resolve
+from .records import keys_of, tag_of
+
+_PLAIN = re.compile(r"[A-Za-z_][\w@./+ -]*(?<! )", re.ASCII)
+_WIDTH = 88
+
+
+def written(value: Any) -> Any:
+    """Return a value of a case as plain data in the form that a file has; None is left out."""
+    own = getattr(value, "written", None)
+    short = own() if own is not None else None
+    if short is not None:
+        return written(short)
+    if dataclasses.is_dataclass(value):
+        cls = type(value)
+        data = {"type": tag_of(cls)} if tag_of(cls) else {}
+        for name, k in keys_of(cls).items():
+            below = written(getattr(value, k.field))
+            if below is not None:
+                data[name] = below
+        return data
+    if isinstance(value, dict):
+        return {name: written(item) for name, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [written(item) for item in value]
+    return value
+
+
+def yaml_text(data: dict[str, Any]) -> str:
+    """Return plain data as YAML: mappings in blocks, what fits on a line in flow style."""
+    return "\n".join(_block(data, 0)) + "\n"
+
+
+def _block(value: Any, indent: int) -> list[str]:
+    pad = " " * indent
+    lines = []
+    if isinstance(value, dict):
+        for name, item in value.items():
+            head = f"{pad}{_text(name)}:"
+            flow = _flow(item)
+            if len(head) + len(flow) < _WIDTH or not isinstance(item, dict | list) or not item:
+                lines.append(f"{head} {flow}")
+            else:
+                lines.append(head)
+                lines.extend(_block(item, indent + 2))
+        return lines
+    for item in value:
+        flow = _flow(item)
+        if indent + len(flow) < _WIDTH or not isinstance(item, dict | list) or not item:
+            lines.append(f"{pad}- {flow}")
+        else:
+            below = _block(item, indent + 2)
+            lines.append(f"{pad}- {below[0].lstrip()}")
+            lines.extend(below[1:])
+    return lines
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_text(k)}: {_flow(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_flow(v) for v in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.0f}" if value == int(value) and abs(value) < 1e6 else repr(value)
+    return str(value) if isinstance(value, int) else _text(value)
+
+
+def _text(text: str) -> str:
+    """Return a text as YAML: plain where that cannot be misread, else in double quotes."""
+    if _PLAIN.fullmatch(text) and isinstance(resolve(text), str):
+        return text
+    quoted = json.dumps(text, ensure_ascii=False)
+    # JSON leaves some characters as they are that YAML would fold or refuse
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted)

@@ -1,0 +1,177 @@
+"""YAML text to nodes that know where they stand: YAML 1.2 scalars, no anchors, no tags."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ..errors import Problem
+
+_INT = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_CONSTANTS: dict[str, Any] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_SHOWN = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """A text that nodes come from: a file, or one ``--set`` override."""
+
+    file: str
+    lines: list[str]
+    numbered: bool = True
+
+
+class Mark(NamedTuple):
+    """A place in a text; line and column count from 1."""
+
+    origin: Origin
+    line: int
+    column: int
+
+    def problem(self, message: str, path: tuple[Any, ...] = (), expected: str = "",
+                near: str = "") -> Problem:
+        """Return the Problem that stands here."""
+        lines = self.origin.lines
+        source = lines[self.line - 1] if 0 < self.line <= len(lines) else ""
+        return Problem(message, file=self.origin.file,
+                       line=self.line if self.origin.numbered else 0, column=self.column,
+                       path=path, expected=expected, near=near, source_line=source)
+
+
+class Node:
+    """A value of a YAML text with its place."""
+
+    __slots__ = ("mark",)
+    shape = "broken"
+
+    def __init__(self, mark: Mark) -> None:
+        self.mark = mark
+
+    def shown(self) -> str:
+        """Return the value in the words of a message."""
+        return "something unreadable"
+
+
+class Broken(Node):
+    """Stands where a value was refused already; binds to nothing and is not reported again."""
+
+    __slots__ = ()
+
+
+class Scalar(Node):
+    """One scalar; ``plain`` where it was written without quotes."""
+
+    __slots__ = ("plain", "text", "value")
+
+    def __init__(self, mark: Mark, text: str, plain: bool) -> None:
+        super().__init__(mark)
+        self.text = text
+        self.plain = plain
+        self.value = resolve(text) if plain else text
+
+    @property
+    def shape(self) -> str:  # type: ignore[override]
+        """``number``, ``text``, ``flag`` or ``null``."""
+        value = self.value
+        if isinstance(value, str):
+            return "text"
+        if isinstance(value, bool):
+            return "flag"
+        return "null" if value is None else "number"
+
+    def shown(self) -> str:
+        """Return the value as the file has it, named as text where it is text."""
+        if self.value is None:
+            return "nothing"
+        if not isinstance(self.value, str):
+            return shorten(self.text)
+        note = ""
+        if not self.plain and isinstance(resolve(self.text), int | float):
+            note = " in quotes"
+        return f"the text {quoted(self.text)}{note}"
+
+
+class ListNode(Node):
+    """A sequence of nodes."""
+
+    __slots__ = ("items",)
+    shape = "list"
+
+    def __init__(self, mark: Mark) -> None:
+        super().__init__(mark)
+        self.items: list[Node] = []
+
+    def shown(self) -> str:
+        """Return how long the list is."""
+        n = len(self.items)
+        return "an empty list" if n == 0 else f"a list of {n}"
+
+
+class Entry(NamedTuple):
+    """A key of a mapping: where it stands, and its value."""
+
+    mark: Mark
+    node: Node
+
+
+class MapNode(Node):
+    """A mapping of text keys to nodes, in the order of the file."""
+
+    __slots__ = ("entries",)
+    shape = "map"
+
+    def __init__(self, mark: Mark) -> None:
+        super().__init__(mark)
+        self.entries: dict[str, Entry] = {}
+
+    def shown(self) -> str:
+        """Return the mapping's first keys."""
+        if not self.entries:
+            return "an empty mapping"
+        keys = list(self.entries)
+        return "a mapping with " + ", ".join(shorten(k) for k in keys[:3]) + (
+            ", ..." if len(keys) > 3 else "")
+
+
+def resolve(text: str) -> Any:
+    """Return what a plain scalar means by YAML 1.2: None, bool, int, float, or the text itself.
+
+    ``0123`` is decimal 123; ``on``, ``yes``, dates and ``1:30`` are text. Numbers beyond the
+    range of a double come back as infinity, which no kind of value accepts.
+    """
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    if _INT.fullmatch(text):
+        return int(text) if len(text) < 300 else float(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _NOT_FINITE.fullmatch(text):
+        return float(text.replace(".", "", 1))
+    return text
+
+
+def plain_data(node: Node) -> Any:
+    """Return a node as plain Python data: dict, list, str, float, int, bool, None."""
+    if isinstance(node, MapNode):
+        return {key: plain_data(entry.node) for key, entry in node.entries.items()}
+    if isinstance(node, ListNode):
+        return [plain_data(item) for item in node.items]
+    return node.value if isinstance(node, Scalar) else None
+
+
+def shorten(text: str) -> str:
+    """Return ``text`` cut to a length that suits a message, its control characters replaced."""
+    text = "".join(c if c.isprintable() else "?" for c in text[: _SHOWN + 1])
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def quoted(text: str) -> str:
+    """Return ``text`` shortened and in quotes."""
+    return f"'{shorten(text)}'"

@@ -1,0 +1,114 @@
+"""``--set PATH=VALUE``: values put into the nodes of a case before it is read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import CaseError, Problem
+from .binder import nearest
+from .compose import compose
+from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
+
+OPTION = "--set "
+
+
+def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]) -> None:
+    """Put each ``PATH=VALUE`` into the nodes below ``root``.
+
+    PATH is dotted; a part that stands for a list item is its index or its ``name``. What is
+    wrong goes to ``problems``, with a caret into the override.
+    """
+    for text in overrides:
+        try:
+            _apply(root, text, problems)
+        except CaseError as error:
+            problems.extend(error.problems)
+
+
+def _apply(root: MapNode, text: str, problems: list[Problem]) -> None:
+    shown = OPTION + text
+    origin = Origin(shown, shown.split("\n"), numbered=False)
+    path, equals, value = text.partition("=")
+    start = Mark(origin, 1, len(OPTION) + 1)
+    if not equals or not path.strip():
+        raise CaseError(start.problem("not PATH=VALUE", expected="for example "
+                                      "bodies.beam.element.count=32"))
+    parts = _parts(path, origin)
+    column = len(OPTION) + len(path) + 2
+    before = len(problems)
+    node = compose(value, origin, 1, column, problems)
+    if len(problems) > before:
+        return
+    if node is None:
+        node = Scalar(Mark(origin, 1, column), "", True)
+    parent: Node = root
+    for i, (part, _) in enumerate(parts[:-1]):
+        parent = _step(parent, part, parts[: i + 1], parts[i + 1])
+    _put(parent, parts, node)
+
+
+def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
+    """Return the parts of a dotted path, each with its place."""
+    column = len(OPTION) + 1
+    parts = []
+    for part in path.split("."):
+        mark = Mark(origin, 1, column + len(part) - len(part.lstrip()))
+        if not part.strip():
+            raise CaseError(mark.problem(f"the path {quoted(path)} has an empty part"))
+        parts.append((part.strip(), mark))
+        column += len(part) + 1
+    return parts
+
+
+def _step(parent: Node, part: str, done: list[tuple[str, Mark]], then: tuple[str, Mark]) -> Node:
+    """Return the node one part further down; absent mappings are made, where a key may follow."""
+    mark = done[-1][1]
+    if isinstance(parent, ListNode):
+        return parent.items[_index(parent, part, done)]
+    if not isinstance(parent, MapNode):
+        raise CaseError(mark.problem(f"{quoted(_joined(done[:-1]))} is {parent.shown()}; nothing "
+                                     "can be set below it"))
+    entry = parent.entries.get(part)
+    if entry is None:
+        near = nearest(part, parent.entries, cutoff=0.75)
+        if near or then[0].isdigit():
+            raise CaseError(mark.problem(f"the case has no {quoted(_joined(done))}", near=near))
+        parent.entries[part] = entry = Entry(mark, MapNode(mark))
+    return entry.node
+
+
+def _put(parent: Node, parts: list[tuple[str, Mark]], node: Node) -> None:
+    part, mark = parts[-1]
+    if isinstance(parent, ListNode):
+        parent.items[_index(parent, part, parts)] = node
+    elif isinstance(parent, MapNode):
+        parent.entries[part] = Entry(mark, node)
+        if isinstance(node, MapNode):
+            node.mark = mark
+    else:
+        raise CaseError(mark.problem(f"{quoted(_joined(parts[:-1]))} is {parent.shown()}; nothing "
+                                     "can be set below it"))
+
+
+def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
+    """Return which item of a list a part of a path means: by index, or by its ``name``."""
+    mark, n = done[-1][1], len(parent.items)
+    where = quoted(_joined(done[:-1]))
+    if part.isascii() and part.isdigit():
+        if len(part) < 10 and int(part) < n:
+            return int(part)
+        raise CaseError(mark.problem(f"{where} has {n} items; there is no item {part}",
+                                     expected=f"0 to {n - 1}" if n else ""))
+    names: dict[str, int] = {}
+    for i, item in enumerate(parent.items):
+        name: Any = item.entries.get("name") if isinstance(item, MapNode) else None
+        if name is not None and isinstance(name.node, Scalar):
+            names.setdefault(name.node.text, i)
+    if part not in names:
+        raise CaseError(mark.problem(f"{where} has no item named {quoted(part)}",
+                                     expected="an index from 0 or a name", near=nearest(part, names)))
+    return names[part]
+
+
+def _joined(parts: list[tuple[str, Mark]]) -> str:
+    return ".".join(part for part, _ in parts)

@@ -1,0 +1,295 @@
+"""Records: a frozen dataclass per mapping of the format, and the choices between them.
+
+A field made with :func:`key` carries its kind and its meaning; reading, the JSON Schema, the
+reference and the completed text all follow from that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .kinds import Book, JsonSchema, Kind
+from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
+
+_REQUIRED: Any = dataclasses.MISSING
+
+
+def key(kind: Kind, doc: str, default: Any = _REQUIRED, *, name: str = "", refers: str = "",
+        example: Any = None) -> Any:
+    """Declare a field of a record: its kind, its meaning, its default.
+
+    ``name`` is its key in the file where that is not the field's name, ``refers`` what its text
+    must be the name of (``bodies``, ``probes``), ``example`` a value for editors.
+    """
+    bounds = {k: v for k in ("gt", "ge", "lt", "le", "least", "most")
+              if (v := getattr(kind, k, None)) is not None}
+    metadata = {"kind": kind, "doc": doc, "name": name, "refers": refers, "example": example,
+                "unit": getattr(kind, "unit", ""), "choices": getattr(kind, "options", ()),
+                **bounds}
+    if isinstance(default, dict | list):
+        made = type(default)
+        return dataclasses.field(default_factory=made, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class Key(NamedTuple):
+    """One key of a record as the file has it."""
+
+    name: str
+    field: str
+    kind: Kind
+    doc: str
+    default: Any
+    refers: str
+    example: Any
+
+    @property
+    def required(self) -> bool:
+        """Whether the key must be given."""
+        return self.default is _REQUIRED
+
+
+@cache
+def keys_of(cls: type) -> dict[str, Key]:
+    """Return the keys of a record by the names they have in a file (``from`` for ``from_``)."""
+    result = {}
+    for f in dataclasses.fields(cls):
+        m = f.metadata
+        if not m:
+            continue
+        name = m["name"] or f.name.rstrip("_")
+        default = f.default if f.default_factory is _REQUIRED else f.default_factory()
+        result[name] = Key(name, f.name, m["kind"], m["doc"], default, m["refers"], m["example"])
+    return result
+
+
+def tag_of(cls: type) -> str:
+    """Return what ``type`` says of a record; empty where it has no ``type``."""
+    return cls.__dict__.get("tag", "")
+
+
+def title_of(cls: type) -> str:
+    """Return the first line of a record's docstring."""
+    return (cls.__doc__ or "").strip().split("\n")[0]
+
+
+class Record(Kind):
+    """A mapping with fixed keys; with ``short``, a scalar stands for that key alone."""
+
+    def __init__(self, cls: type, short: str = "") -> None:
+        self.cls, self.short = cls, short
+
+    def words(self, binder: Binder) -> str:
+        names = ", ".join(keys_of(self.cls))
+        first = f"{keys_of(self.cls)[self.short].kind.words(binder)}, or " if self.short else ""
+        return f"{first}a mapping {{{names}}}"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if self.short and isinstance(node, Scalar) and node.shape == "text":
+            short = node
+            node = MapNode(short.mark)
+            node.entries[self.short] = Entry(short.mark, short)
+        if not isinstance(node, MapNode):
+            return binder.wrong(node, path, self.words(binder))
+        return bind_record(self.cls, node, path, binder)
+
+    def schema(self, book: Book) -> JsonSchema:
+        reference = define(self.cls, book)
+        if not self.short:
+            return reference
+        return {"anyOf": [keys_of(self.cls)[self.short].kind.schema(book), reference]}
+
+
+class OneOf(Kind):
+    """A mapping whose ``type`` says which record it is."""
+
+    def __init__(self, union: Any) -> None:
+        self.options: dict[str, type] = {tag_of(cls): cls for cls in union.__args__}
+
+    def words(self, binder: Binder) -> str:
+        return f"a mapping with type: {listed(self.options)}"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if not isinstance(node, MapNode):
+            return binder.wrong(node, path, self.words(binder))
+        entry = node.entries.get("type")
+        if entry is None:
+            near = {nearest("type", [k]): k for k in node.entries}.get("type")
+            mark = node.entries[near].mark if near else node.mark
+            hint = f" (there is a key {quoted(near)})" if near else ""
+            return binder.fail(mark, path, f"{dotted(path)}.type is missing{hint}",
+                               listed(self.options))
+        if isinstance(entry.node, Broken):
+            return INVALID
+        tag = entry.node.text if isinstance(entry.node, Scalar) else ""
+        if tag not in self.options:
+            wanted = listed(self.options)
+            shown = quoted(tag) if tag else entry.node.shown()
+            return binder.fail(entry.node.mark, (*path, "type"), f"{dotted(path)}.type must be "
+                               f"{wanted}, got {shown}", near=nearest(tag, self.options))
+        return bind_record(self.options[tag], node, path, binder)
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"oneOf": [define(cls, book) for cls in self.options.values()]}
+
+
+class ByKeys(Kind):
+    """A mapping whose keys say which record it is: the first whose ``marks`` has one of them."""
+
+    def __init__(self, *options: tuple[type, tuple[str, ...]]) -> None:
+        self.options = options
+
+    def words(self, binder: Binder) -> str:
+        forms = [f"{{{', '.join(keys_of(cls))}}}" for cls, _ in self.options]
+        return f"a mapping {listed(forms)}"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if not isinstance(node, MapNode):
+            return binder.wrong(node, path, self.words(binder))
+        for cls, marks in self.options:
+            if not marks or any(m in node.entries for m in marks):
+                return bind_record(cls, node, path, binder)
+        return binder.wrong(node, path, self.words(binder))
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"anyOf": [define(cls, book) for cls, _ in self.options]}
+
+
+class ByShape(Kind):
+    """A value whose shape (``number``, ``text``, ``list``, ``map``) says which kind it is of."""
+
+    def __init__(self, **kinds: Kind) -> None:
+        self.kinds = kinds
+
+    def words(self, binder: Binder) -> str:
+        return ", or ".join(kind.words(binder) for kind in self.kinds.values())
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        kind = self.kinds.get(node.shape)
+        if kind is None:
+            return binder.wrong(node, path, self.words(binder))
+        return kind.bind(node, path, binder)
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"anyOf": [kind.schema(book) for kind in self.kinds.values()]}
+
+
+def bind_record(cls: type, node: MapNode, path: Path, binder: Binder) -> Any:
+    """Return a record whose invalid fields hold INVALID; report all that is wrong with it."""
+    before = len(binder.problems) + binder.unreported
+    keys = keys_of(cls)
+    misspelt = unknown_keys(cls, node, path, binder)
+    values = {}
+    for name, k in keys.items():
+        entry = node.entries.get(name)
+        if entry is not None:
+            values[k.field] = (INVALID if isinstance(entry.node, Broken)
+                               else k.kind.bind(entry.node, (*path, name), binder))
+        elif k.required:
+            values[k.field] = INVALID
+            if name not in misspelt:
+                binder.fail(node.mark, (*path, name),
+                            f"{dotted((*path, name))} is missing: {lower_first(k.doc)}",
+                            k.kind.words(binder))
+    record = cls(**values)
+    check = getattr(record, "check", None)
+    if check is not None and before == len(binder.problems) + binder.unreported:
+        for issue in check():
+            mark = mark_below(node, issue.key, path)
+            binder.fail(mark, (*path, *issue.key), issue.message.replace("{}", dotted(path)),
+                        issue.expected, issue.near)
+    return record
+
+
+def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder) -> set[str]:
+    """Report the keys that a record does not know; return those they were probably meant for."""
+    keys = keys_of(cls)
+    tag = tag_of(cls)
+    meant = set()
+    for name, entry in node.entries.items():
+        if name in keys or (tag and name == "type"):
+            continue
+        free = [k for k in keys if k not in node.entries]
+        near = nearest(name, free) or nearest(name, keys)
+        meant.add(near)
+        where = f" in {dotted(path)}" if path else ""
+        of = f" (type {tag})" if tag else ""
+        wanted = "" if near else listed(keys) if keys else "no further keys"
+        binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
+                    wanted, near)
+    return meant
+
+
+def mark_below(node: Node, below: Path, path: Path) -> Mark:
+    """Return the mark of the value at a path below a node, or of the nearest one above it."""
+    mark = node.mark
+    for part in below:
+        if isinstance(node, MapNode) and part in node.entries:
+            node = node.entries[part].node
+        elif hasattr(node, "items") and isinstance(part, int) and part < len(node.items):
+            node = node.items[part]
+        else:
+            break
+        mark = node.mark
+    return mark
+
+
+def lower_first(text: str) -> str:
+    """Return a sentence's words as they stand inside another: no capital, no full stop."""
+    text = text.rstrip(".")
+    return text if text[1:2].isupper() or text[1:2] == "'" else text[:1].lower() + text[1:]
+
+
+def define(cls: type, book: Book) -> JsonSchema:
+    """Put a record's JSON Schema among the definitions; return the reference to it."""
+    name = cls.__name__
+    if name not in book.definitions:
+        book.definitions[name] = {}
+        tag = tag_of(cls)
+        properties: dict[str, JsonSchema] = {}
+        if tag:
+            properties["type"] = {"const": tag, "description": title_of(cls)}
+        for k in keys_of(cls).values():
+            properties[k.name] = key_schema(k, book)
+        required = [k.name for k in keys_of(cls).values() if k.required]
+        book.definitions[name] = {
+            "type": "object", "description": title_of(cls), "properties": properties,
+            "required": (["type"] if tag else []) + required, "additionalProperties": False}
+    return {"$ref": f"#/definitions/{name}"}
+
+
+def key_schema(k: Key, book: Book) -> JsonSchema:
+    """Return the JSON Schema of one key with its description, default and example."""
+    schema = k.kind.schema(book)
+    if "$ref" in schema:
+        # draft-07 ignores what stands beside a $ref
+        schema = {"allOf": [schema]}
+    unit = getattr(k.kind, "unit", "") or getattr(getattr(k.kind, "item", None), "unit", "")
+    schema["description"] = f"{k.doc} [{unit}]" if unit else k.doc
+    if not k.required and isinstance(k.default, str | int | float):
+        schema["default"] = k.default
+    if k.example is not None:
+        schema["examples"] = [k.example]
+    return schema
+
+
+def walk(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any, str]]:
+    """Yield every value of a case below ``value``: its path, itself, what its text refers to."""
+    yield path, value, ""
+    if dataclasses.is_dataclass(value):
+        for name, k in keys_of(type(value)).items():
+            below = getattr(value, k.field)
+            if k.refers and isinstance(below, str):
+                yield (*path, name), below, k.refers
+            elif below is not None:
+                yield from walk(below, (*path, name))
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from walk(item, (*path, name))
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from walk(item, (*path, i))

@@ -1,0 +1,241 @@
+"""Bodies: geometry, section, material, element."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from ..binder import Issue
+from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
+from ..records import ByKeys, ByShape, OneOf, Record, key
+
+Vec2 = tuple[float, float]
+PLACE = Vector(Number("m"))
+SECTION_KEYS = ("EA", "kGA", "EI", "rhoA", "rhoI")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight reference axis."""
+
+    tag = "line"
+    start: Vec2 = key(PLACE, "Where S = 0 is", example=[0, 0])
+    end: Vec2 = key(PLACE, "Where S = 1 is", example=[2, 0])
+
+    def check(self) -> Iterator[Issue]:
+        """Yield what is wrong: a line without length."""
+        if self.start == self.end:
+            yield Issue(("end",), "{}: the line has no length, start and end are the same point")
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A circular reference axis, stress-free; the section's y axis points to the left of travel."""
+
+    tag = "arc"
+    center: Vec2 = key(PLACE, "Centre of the circle", example=[0, 0])
+    radius: float = key(Number("m", gt=0), "Radius", example=1)
+    from_: float = key(Number("rad"), "Angle from the x axis to where S = 0 is", example=0)
+    to: float = key(Number("rad"), "Angle from the x axis to where S = 1 is; the axis turns "
+                    "counter-clockwise where it is larger than 'from'", example=1.5707963267948966)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield what is wrong with the sweep: zero, or more than a full turn."""
+        sweep = self.to - self.from_
+        if sweep == 0:
+            yield Issue(("to",), "{}: the arc has no length, from and to are the same angle")
+        elif abs(sweep) > 2 * math.pi * (1 + 1e-9):
+            yield Issue(("to",), f"{{}}: the arc turns by {sweep:.6g} rad, more than a full turn",
+                        "angles in rad, at most 2 pi = 6.2831853 apart")
+
+
+@dataclass(frozen=True)
+class Polyline:
+    """A reference axis of straight pieces; its corners are welds with a node each."""
+
+    tag = "polyline"
+    points: tuple[Vec2, ...] = key(ListOf(PLACE, "points [x, y]", 2), "Corners in order",
+                                   example=[[0, 0], [0, 120], [120, 120]])
+
+    def check(self) -> Iterator[Issue]:
+        """Yield the pieces that have no length."""
+        for i, (a, b) in enumerate(pairwise(self.points)):
+            if a == b:
+                yield Issue(("points", i + 1), f"{{}}: points {i} and {i + 1} are the same; "
+                            "the piece between them has no length")
+
+
+Geometry = Line | Arc | Polyline
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangular section."""
+
+    height: float = key(Number("m", gt=0), "Height, in the plane", example=0.1)
+    width: float = key(Number("m", gt=0), "Width, out of the plane", example=0.1)
+
+
+@dataclass(frozen=True)
+class AreaSection:
+    """A section of any form, by its area and second moment of area."""
+
+    A: float = key(Number("m^2", gt=0), "Area", example=6)
+    I: float = key(Number("m^4", gt=0), "Second moment of area", example=2)  # noqa: E741
+    height: float = key(Number("m", gt=0), "Height, in the plane, of the real section", example=2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stiffness:
+    """A section by its stiffnesses, in place of section and material."""
+
+    EA: float = key(Number("N", gt=0), "Axial stiffness", example=2.8e7)
+    kGA: float | None = key(Number("N", gt=0), "Shear stiffness, shear factor included", None,
+                            example=1e7)
+    EI: float = key(Number("N m^2", gt=0), "Bending stiffness", example=1.4e4)
+    rhoA: float | None = key(Number("kg/m", gt=0), "Mass per length", None)
+    rhoI: float | None = key(Number("kg m", ge=0), "Rotary inertia per length", None)
+
+
+Section = Rectangle | AreaSection | Stiffness
+
+
+@dataclass(frozen=True)
+class MaterialDamping:
+    """Damping of the material."""
+
+    kelvin_voigt: float = key(Number("s", ge=0), "Retardation time tau: stress = D (eps + tau "
+                              "d eps/dt)", example=1e-4)
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic elastic material."""
+
+    E: float | None = key(Number("Pa", gt=0), "Young's modulus", None, example=2.07e11)
+    nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", None, example=0.3)
+    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed where mass matters", None,
+                            example=7850)
+    damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", None)
+
+
+POINTS_RULE = Vector(Integer(1, 20), "nx, ny")
+
+
+@dataclass(frozen=True)
+class Selective:
+    """Different numbers of Gauss points for the normal strains and for the shear strain."""
+
+    normal: tuple[int, int] = key(POINTS_RULE, "Gauss points along and across, normal strains",
+                                  example=[2, 2])
+    shear: tuple[int, int] = key(POINTS_RULE, "Gauss points along and across, shear strain",
+                                 example=[1, 1])
+
+
+QUADRATURE = ByShape(text=Choice("exact"), list=POINTS_RULE, map=Record(Selective))
+SHEAR_FACTOR = ByShape(number=Number("", gt=0, le=10), text=Choice("timoshenko", "none"))
+ORDER = Vector(Integer(1, 8), "p, q")
+
+
+@dataclass(frozen=True)
+class Element:
+    """The element type of a body; ``element: auto`` leaves the choice to the tool."""
+
+    type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
+                    "user", example="2d2n")
+    count: int | None = key(Integer(1, 10**8), "Number of elements; a polyline needs one per piece "
+                            "at least", None, example=8)
+    order: tuple[int, int] | None = key(
+        ORDER, "Degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", None,
+        example=[2, 1])
+    formulation: str | None = key(Known("formulations"), "How strains become elastic forces "
+                                  "(default: the one recommended for the type)", None)
+    quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or separately for "
+                          "{normal, shear}", None, example=[2, 2])
+    shear_factor: float | str | None = key(
+        SHEAR_FACTOR, "Shear correction: a number, timoshenko for 10(1+nu)/(12+11nu), "
+        "none for 1", None)
+    preset: str | None = key(Choice("paper"), "paper: as in the paper (continuum, shear factor "
+                             "0.5, 2 x 2 Gauss points)", None)
+    definition: str | None = key(Text("the name of a file"), "File that describes an own element, "
+                                 "relative to the case", None)
+    mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body, where it is not the "
+                             "section's", None)
+    inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about "
+                                "its centre of mass, where it is not the section's", None)
+
+    def written(self) -> Any:
+        """Return ``auto`` alone where that is all."""
+        return "auto" if self == Element("auto") else None
+
+    def check(self) -> Iterator[Issue]:
+        """Yield keys that do not go together."""
+        if self.type == "user" and self.definition is None:
+            yield Issue((), "{}.type is missing: the element type, or 'definition' of an own one")
+        if self.definition is not None and self.type != "user":
+            yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
+                        "other", "type user, or no type, beside 'definition'")
+        if self.type == "auto":
+            given = [k for k in ("count", "order", "formulation", "quadrature", "shear_factor",
+                                 "preset") if getattr(self, k) is not None]
+            if given:
+                yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which "
+                            "chooses by itself")
+        elif self.count is None and self.type != "rigid":
+            yield Issue((), "{}.count is missing: number of elements", "a whole number >= 1")
+        if (self.type == "ancf") != (self.order is not None):
+            yield (Issue((), "{}.order is missing: type ancf needs its degrees [p, q]",
+                         "p from 1 to 8, q from 1 to 5") if self.type == "ancf" else
+                   Issue(("order",), f"{{}}: order is for type ancf only, not for {self.type}"))
+        elif self.order is not None and self.order[1] > 5:
+            yield Issue(("order", 1), f"{{}}.order: q must be from 1 to 5, got {self.order[1]}")
+        if self.type != "rigid":
+            for k in ("mass", "inertia"):
+                if getattr(self, k) is not None:
+                    yield Issue((k,), f"{{}}: {k} is for type rigid only, not for {self.type}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A beam, a cable or a rigid bar."""
+
+    geometry: Geometry = key(OneOf(Geometry), "Reference axis")
+    section: Section | None = key(
+        ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Rectangle, ())),
+        "Cross-section", None)
+    material: Material | None = key(Record(Material), "Material", None)
+    element: Element = key(Record(Element, short="type"), "Element type and mesh")
+
+    def check(self) -> Iterator[Issue]:
+        """Yield what the parts of a body need of each other."""
+        pieces = len(self.geometry.points) - 1 if isinstance(self.geometry, Polyline) else 1
+        count = self.element.count
+        if count is not None and count < pieces:
+            yield Issue(("element", "count"), f"{{}}.element.count must be >= {pieces}, one element "
+                        f"for each of the {pieces} pieces of the polyline, got {count}")
+        rigid = self.element.type == "rigid"
+        if isinstance(self.section, Stiffness):
+            for k in ("E", "nu", "rho"):
+                if self.material is not None and getattr(self.material, k) is not None:
+                    yield Issue(("material", k), f"{{}}.material.{k} cannot be given: the section "
+                                "gives the stiffnesses")
+        elif not rigid:
+            yield from self._stiffness()
+
+    def _stiffness(self) -> Iterator[Issue]:
+        if self.section is None:
+            yield Issue((), "{}.section is missing: the cross-section", "{height, width}, "
+                        "{A, I, height} or {EA, kGA, EI, rhoA, rhoI}")
+        if self.material is None:
+            yield Issue((), "{}.material is missing: the material", "{E, nu} and rho where mass "
+                        "matters")
+            return
+        if self.material.E is None:
+            yield Issue(("material",), "{}.material.E is missing: Young's modulus",
+                        "a number > 0 Pa")
+        if self.material.nu is None and self.element.type != "cable":
+            yield Issue(("material",), "{}.material.nu is missing: Poisson's ratio",
+                        "a number in (-1, 0.5)")

@@ -1,0 +1,134 @@
+"""The whole case, and the sections about motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..binder import INVALID, Binder, Issue, Path, dotted, nearest
+from ..kinds import Integer, ListOf, MapOf, Number, Text, Vector
+from ..nodes import Node, quoted
+from ..records import OneOf, Record, key
+from .body import Body
+from .joints import Joint, Mass, Spring
+from .loads import Load
+from .output import Expected, Goal, Output, Units
+from .solvers import Solver
+from .supports import Support
+
+PLACE = Vector(Number("m"))
+
+
+class StartText(Text):
+    """``rest``, ``static`` or the name of a result file."""
+
+    def __init__(self) -> None:
+        super().__init__("rest, static or the name of a result file (.h5)")
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        text = super().bind(node, path, binder)
+        if text is INVALID or text in ("rest", "static") or text.endswith((".h5", ".hdf5")):
+            return text
+        return binder.fail(node.mark, path, f"{dotted(path)} must be {self.what}, got "
+                           f"{quoted(text)}", near=nearest(text, ("rest", "static")))
+
+
+@dataclass(frozen=True)
+class RotationRate:
+    """A rigid rotation: velocity omega x (r - about)."""
+
+    omega: float = key(Number("rad/s"), "Angular velocity, counter-clockwise", example=6)
+    about: tuple[float, float] = key(PLACE, "Centre", (0.0, 0.0), example=[0, 0])
+
+
+VELOCITY = Vector(Number("m/s"), "vx, vy")
+
+
+@dataclass(frozen=True)
+class BodyInitial:
+    """How one body starts, in place of what is said for all."""
+
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity", None)
+    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation", None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield a problem where nothing is said."""
+        if self.velocity is None and self.rotation_rate is None:
+            yield Issue((), "{}: nothing is given", "velocity, rotation_rate or both")
+
+
+@dataclass(frozen=True)
+class Initial:
+    """How a motion starts."""
+
+    from_: str = key(StartText(), "State it starts from: rest (the reference), static (equilibrium "
+                     "under the loads), or a result file", "rest")
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything", None)
+    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of everything; added "
+                                             "to the velocity", None)
+    bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),
+                                         "What single bodies do instead", {})
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Damping alpha M + beta K."""
+
+    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix", 0.0)
+    beta: float = key(Number("s", ge=0), "Factor of the stiffness matrix", 0.0)
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Damping of the whole model."""
+
+    rayleigh: Rayleigh = key(Record(Rayleigh), "Rayleigh damping")
+
+
+@dataclass(frozen=True)
+class SteadyRotation:
+    """A frame that turns steadily; supports and dead loads stand in it."""
+
+    omega: float = key(Number("rad/s"), "Angular velocity", example=5)
+    about: tuple[float, float] = key(PLACE, "Centre", (0.0, 0.0), example=[0, 0])
+
+
+class FormatNumber(Integer):
+    """The version of the format."""
+
+    def __init__(self) -> None:
+        super().__init__(1, 1)
+
+    def words(self, binder: Binder) -> str:
+        return "1"
+
+    def bounds(self, unit: str) -> str:
+        return "1, the one format that this version reads"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A case: what is modelled, what is computed, what is wanted of it."""
+
+    format: int = key(FormatNumber(), "Version of this format", 1)
+    title: str = key(Text(number=True), "What the case is about", "")
+    units: Units = key(Record(Units), "Labels of the units that the numbers are in", Units())
+    bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies by name")
+    boundary_conditions: tuple[Support, ...] = key(
+        ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", ())
+    joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies", ())
+    springs: tuple[Spring, ...] = key(ListOf(OneOf(Spring), "springs"), "Springs and dampers", ())
+    masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", ())
+    loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", ())
+    initial: Initial | None = key(Record(Initial), "How the motion starts (dynamic)", None)
+    damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic)", None)
+    steady_rotation: SteadyRotation | None = key(
+        Record(SteadyRotation), "Steady rotation of the frame (static, eigen)", None)
+    solver: Solver = key(OneOf(Solver), "What is computed")
+    goal: Goal | None = key(Record(Goal), "The value whose accuracy matters", None)
+    accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy that is wanted of the "
+                                 "goal", None, example=1e-4)
+    output: Output = key(Record(Output), "What is stored", Output())
+    expected: tuple[Expected, ...] = key(ListOf(Record(Expected), "known values"),
+                                         "Known values, for checking the result", ())

@@ -1,0 +1,90 @@
+"""Loads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..binder import Issue
+from ..kinds import Choice, Flag, Name, Number, Vector
+from ..records import OneOf, key
+from .amplitudes import Amplitude
+from .points import POINT, Point
+
+NAME = Name()
+AMPLITUDE = OneOf(Amplitude)
+AMPLITUDE_DOC = "Factor over load factor or time (default: ramp in static cases, else constant)"
+SPREAD = Choice("uniform", "parabolic")
+SPREAD_DOC = "Spread the force over the section (default: on the axis)"
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force whose direction stays."""
+
+    tag = "force"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
+    spread: str | None = key(SPREAD, SPREAD_DOC, None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
+    name: str | None = key(NAME, "Name", None)
+
+
+@dataclass(frozen=True)
+class FollowerForce:
+    """A force that turns with the section it acts on."""
+
+    tag = "follower_force"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: tuple[float, float] = key(Vector(Number("N"), "tangential, normal"),
+                                     "Force along the axes of the section", example=[0, -1000])
+    spread: str | None = key(SPREAD, SPREAD_DOC, None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
+    name: str | None = key(NAME, "Name", None)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment, conjugate to the rotation of the section."""
+
+    tag = "moment"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: float = key(Number("N m"), "Moment, counter-clockwise", example=100)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
+    name: str | None = key(NAME, "Name", None)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Gravity on everything that has mass."""
+
+    tag = "gravity"
+    value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
+                                     example=[0, -9.81])
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
+    name: str | None = key(NAME, "Name", None)
+
+
+@dataclass(frozen=True)
+class Distributed:
+    """A force per unit reference length on a body's axis."""
+
+    tag = "distributed"
+    on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="beam")
+    value: tuple[float, float] = key(
+        Vector(Number("N/m"), "fx, fy"),
+        "Force per length; [tangential, normal] with follower", example=[0, -500])
+    from_: float = key(Number("", ge=0, le=1), "S where it begins", 0.0)
+    to: float = key(Number("", ge=0, le=1), "S where it ends", 1.0)
+    follower: bool = key(Flag(), "Turns with the axis", False)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
+    name: str | None = key(NAME, "Name", None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield an extent that is empty or backward."""
+        if not self.from_ < self.to:
+            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} "
+                        f"to {self.to:g}")
+
+
+Load = Force | FollowerForce | Moment | Gravity | Distributed

@@ -1,0 +1,157 @@
+"""What is asked of a case: goal, expected values, output."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..binder import Issue
+from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
+from ..records import key
+from .points import PROBE, Probe
+
+PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
+REACTION_QUANTITIES = ("fx", "fy", "m")
+CASE_QUANTITIES = ("strain_energy",)
+MODE_KINDS = ("bending", "axial", "shear", "thickness", "rigid", "mixed", "spurious")
+FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {kind, number}, "
+         "{load_factor} or {limit_point}")
+
+
+def _probe() -> Any:
+    return key(Name("the name of a probe"), "Probe that is looked at", None, refers="probes",
+               example="mid")
+
+
+def _quantity() -> Any:
+    return key(Choice(*PROBE_QUANTITIES, *REACTION_QUANTITIES, *CASE_QUANTITIES),
+               "What of it: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
+               "reaction; strain_energy of the case", None, example="uy")
+
+
+def _reaction() -> Any:
+    return key(Name("the name of a boundary condition"), "Boundary condition whose reaction is "
+               "looked at", None, refers="reactions", example="left")
+
+
+def _kind() -> Any:
+    return key(Choice(*MODE_KINDS), "Kind of mode (eigen)", None, example="bending")
+
+
+def _number() -> Any:
+    return key(Integer(1, 10**5), "Which mode of that kind, counted from 1", None)
+
+
+def _load_factor() -> Any:
+    return key(Integer(1, 10**5), "Which buckling load factor, counted from 1", None)
+
+
+def _limit_point() -> Any:
+    return key(Integer(1, 1000), "Which limit point of the path, counted from 1: its load factor, "
+               "or with probe and quantity where the probe is then", None)
+
+
+def goal_issues(goal: Any) -> Iterator[Issue]:
+    """Yield where a goal is none of the known forms, or mixes two."""
+    given = [k for k in ("probe", "reaction", "kind", "load_factor", "limit_point")
+             if getattr(goal, k) is not None]
+    if given == ["probe", "limit_point"]:
+        given = ["probe"]
+    if len(given) > 1:
+        yield Issue((given[1],), f"{{}}: {given[0]} and {given[1]} cannot both be given", FORMS)
+        return
+    form = given[0] if given else ""
+    allowed = {"probe": PROBE_QUANTITIES, "reaction": REACTION_QUANTITIES,
+               "": CASE_QUANTITIES}.get(form, ())
+    if not form and goal.quantity is None:
+        yield Issue((), "{}: nothing is asked for", FORMS)
+    elif goal.quantity is None and allowed:
+        yield Issue((), f"{{}}.quantity is missing: what of the {form}", ", ".join(allowed))
+    elif goal.quantity is not None and not allowed:
+        yield Issue(("quantity",), f"{{}}: quantity cannot be given with {form}")
+    elif goal.quantity is not None and goal.quantity not in allowed:
+        of = f"a {form}" if form else "the whole case"
+        near = " (is 'probe' or 'reaction' missing?)" if not form else ""
+        yield Issue(("quantity",), f"{{}}: {goal.quantity} is no quantity of {of}{near}",
+                    ", ".join(allowed))
+    if (goal.kind is None) != (goal.number is None):
+        yield (Issue(("number",), "{}: number is for modes only; 'kind' is missing",
+                     ", ".join(MODE_KINDS)) if goal.kind is None else
+               Issue((), "{}.number is missing: which mode of that kind, counted from 1"))
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The value whose accuracy matters."""
+
+    probe: str | None = _probe()
+    quantity: str | None = _quantity()
+    reaction: str | None = _reaction()
+    kind: str | None = _kind()
+    number: int | None = _number()
+    load_factor: int | None = _load_factor()
+    limit_point: int | None = _limit_point()
+    model: str | None = key(Choice("beam", "continuum"), "With element: auto, what the error is "
+                            "measured against: the geometrically exact beam (default), or the "
+                            "plane-stress continuum", None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield where this is no goal."""
+        return goal_issues(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """A value that is known, for checking the result."""
+
+    probe: str | None = _probe()
+    quantity: str | None = _quantity()
+    reaction: str | None = _reaction()
+    kind: str | None = _kind()
+    number: int | None = _number()
+    load_factor: int | None = _load_factor()
+    limit_point: int | None = _limit_point()
+    value: float = key(Number(), "The known value", example=-9.6061e-5)
+    rtol: float | None = key(Number("", ge=0), "Allowed error relative to the value", None,
+                             example=1e-4)
+    atol: float | None = key(Number("", ge=0), "Allowed error, absolute", None)
+    source: str | None = key(Text(number=True), "Where the value comes from", None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield where nothing known is named, or no tolerance."""
+        yield from goal_issues(self)
+        if self.rtol is None and self.atol is None:
+            yield Issue((), "{}: neither rtol nor atol is given", "how far the result may be from "
+                        "the value: rtol (relative) or atol")
+        elif self.value == 0 and not self.atol:
+            yield Issue(("value",), "{}: a value of 0 cannot be met within rtol alone",
+                        "atol > 0")
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is stored."""
+
+    probes: dict[str, Probe] = key(MapOf(PROBE, "points by name"), "Points whose motion is "
+                                   "recorded: BODY@S, or {at: BODY@S, y: distance from the axis}",
+                                   {}, example={"mid": "beam@0.5"})
+    every: int | None = key(Integer(), "Steps between stored states", None)
+    interval: float | None = key(Number("s", gt=0), "Time between stored states", None)
+    fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
+                                  "Further fields to store, such as stress or energy", ())
+
+    def check(self) -> Iterator[Issue]:
+        """Yield an interval that is given twice."""
+        if self.every is not None and self.interval is not None:
+            yield Issue(("interval",), "{}: every and interval are both given",
+                        "one of every (steps) and interval (time)")
+
+
+@dataclass(frozen=True)
+class Units:
+    """Labels of the consistent set of units that a case is written in."""
+
+    length: str = key(Text("the name of a unit"), "Unit of length", "m", example="mm")
+    force: str = key(Text("the name of a unit"), "Unit of force", "N", example="N")
+    time: str = key(Text("the name of a unit"), "Unit of time", "s", example="s")

@@ -1,0 +1,81 @@
+"""Places: points of bodies, points of the ground, probes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ..binder import Binder, Path, dotted
+from ..kinds import Book, JsonSchema, Kind, Number, Vector, good_name
+from ..nodes import Node, Scalar, quoted, resolve
+from ..records import ByShape, Record, key
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a body's axis: the body's name and S in [0, 1] along its arclength."""
+
+    body: str
+    s: float
+
+    def written(self) -> str:
+        """Return the point as a case has it: ``BODY@S``."""
+        return f"{self.body}@{self.s:.17g}" if self.s != int(self.s) else f"{self.body}@{self.s:g}"
+
+
+@dataclass(frozen=True)
+class GroundPoint:
+    """A point that stands still."""
+
+    x: float
+    y: float
+
+    def written(self) -> tuple[float, float]:
+        """Return the point as a case has it: ``[x, y]``."""
+        return (self.x, self.y)
+
+
+class PointText(Kind):
+    """``BODY@S``."""
+
+    def words(self, binder: Binder) -> str:
+        return "BODY@S with S in [0, 1]"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if not isinstance(node, Scalar) or node.shape != "text":
+            return binder.wrong(node, path, self.words(binder))
+        body, at, place = node.text.partition("@")
+        if not at or not good_name(body):
+            return binder.wrong(node, path, self.words(binder))
+        s = resolve(place)
+        if isinstance(s, bool) or not isinstance(s, int | float):
+            return binder.fail(node.mark, path, f"{dotted(path)} must be {self.words(binder)}, "
+                               f"got {quoted(node.text)}: {quoted(place)} is no number")
+        if not (math.isfinite(s) and 0 <= s <= 1):
+            return binder.fail(node.mark, path,
+                               f"{dotted(path)}: S must be in [0, 1], got {quoted(node.text)}")
+        return Point(body, float(s))
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"type": "string", "pattern": r"^[^@./=\[\]]+@[-+0-9.eE]+$"}
+
+
+POINT = PointText()
+POSITION = Number("m")
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A place whose motion is recorded."""
+
+    at: Point = key(POINT, "point of the axis", example="beam@0.5")
+    y: float = key(POSITION, "distance from the axis, along the section's y axis", 0.0)
+
+    def written(self) -> Any:
+        """Return the probe as a case has it: the point alone where it is on the axis."""
+        return self.at if self.y == 0 else {"at": self.at, "y": self.y}
+
+
+PROBE = Record(Probe, short="at")
+SPRING_END = ByShape(text=POINT, list=Vector(POSITION, "x, y", GroundPoint))
