@@ -1,0 +1,68 @@
+"""The shape of a body from its nodal coordinates: axis, faces, nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ancf2d.results.records import BodyRecord
+
+BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape functions
+
+
+def _interpolated(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    points = np.einsum("mask,mkc->amsc", body.sample_S[cls], x)
+    return points[0], points[1], points[2]
+
+
+def _offset(axis: np.ndarray, normal: np.ndarray, height: float) -> tuple[np.ndarray, ...]:
+    half = 0.5 * height if np.isfinite(height) else 0.0
+    return axis - half * normal, axis, axis + half * normal
+
+
+def _tangent(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
+    r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
+    length = np.hypot(r_x[..., 0], r_x[..., 1])
+    length[length == 0] = 1.0
+    normal = np.stack([-r_x[..., 1], r_x[..., 0]], -1) / length[..., None]
+    return _offset(axis, normal, body.height)
+
+
+def _theta(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    values = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
+    axis, angle = values[..., :2], values[..., 2]
+    return _offset(axis, np.stack([-np.sin(angle), np.cos(angle)], -1), body.height)
+
+
+# the one place where a kind of section is added (with its name in records.SECTION_KINDS)
+SECTIONS: dict[str, Callable[[BodyRecord, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]] = {
+    "interpolated": _interpolated, "tangent": _tangent, "theta": _theta,
+}
+
+
+def body_faces(body: BodyRecord, e: np.ndarray,
+               elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return points on axis, top (y = h/2) and bottom (y = -h/2) of a body.
+
+    e (nq,): nodal coordinates; ``elements`` selects some. Each entry is (ne, ns, 2) [length].
+    """
+    chosen = np.arange(len(body.dofs))[elements if elements is not None else slice(None)]
+    shape = (len(chosen), len(body.sample_xi), 2)
+    faces = {name: np.empty(shape) for name in ("bottom", "axis", "top")}
+    for start in range(0, len(chosen), BLOCK):
+        part = chosen[start:start + BLOCK]
+        x = e[body.dofs[part]].reshape(len(part), -1, body.components)
+        points = SECTIONS[body.section_kind](body, body.classes[part], x)
+        for name, values in zip(faces, points, strict=True):
+            faces[name][start:start + len(part)] = values
+    return faces
+
+
+def body_nodes(body: BodyRecord, e: np.ndarray) -> np.ndarray:
+    """Return the node positions (n, 2) [length] of a body, each once, in order of their numbers."""
+    _, first = np.unique(body.nodes.ravel(), return_index=True)
+    ie, k = np.divmod(first, body.nodes.shape[1])
+    column = body.node_shape[k] * body.components
+    return np.stack([e[body.dofs[ie, column + c]] for c in (0, 1)], -1)

@@ -1,0 +1,85 @@
+"""The part of a result file that never changes: where it comes from, the case, the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ancf2d.results.provenance import provenance
+from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, Units, as_strings, escape
+from ancf2d.results.series import write_fixed
+
+MAX_ATTRIBUTE = 8000  # HDF5 holds at most 64 kB of attributes per object
+
+
+def coordinate_units(units: Units) -> str:
+    """Return the units of nodal coordinates, whose kinds follow from their names."""
+    length = units.length
+    return f"{length}; slopes 1; angles rad; d^k r/dy^k {length}^(1-k)"
+
+
+def write_head(file: h5py.File, header: Mapping[str, Any], units: Units) -> None:
+    """Write the root attributes and the case."""
+    case_text = header.get("case_text") or ""
+    attributes = {
+        "format": FORMAT, "format_version": FORMAT_VERSION, "status": "running",
+        **{k: header.get(k) or "" for k in ("title", "solver", "case_name", "command_line")},
+        **{f"units_{k}": getattr(units, k) for k in ("length", "force", "time")},
+        **provenance(case_text),
+    }
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            value = as_strings([value])[0][:MAX_ATTRIBUTE]
+        file.attrs[name] = value
+    # rows of states, history and probes that are known to be on disk
+    file.attrs["committed"] = np.zeros(3, np.int64)
+    case = file.create_group("case")
+    completed = header.get("case_completed") or ""
+    write_fixed(case, "text", as_strings([case_text])[0], "none", "the case as given")
+    write_fixed(case, "completed", as_strings([completed])[0], "none",
+                "the case as completed with defaults and overrides")
+    overrides = np.array(as_strings(header.get("overrides") or []), dtype=h5py.string_dtype())
+    write_fixed(case, "overrides", overrides, "none", "PATH=VALUE given on the command line")
+
+
+def write_mesh(file: h5py.File, units: Units, bodies: Sequence[BodyRecord], e0: np.ndarray,
+               names: Mapping[str, Sequence[str]]) -> None:
+    """Write reference coordinates ``e0`` (nq,) and the bodies, after checking that they fit."""
+    mesh = file.create_group("mesh")
+    write_fixed(mesh, "e0", e0, coordinate_units(units), "nodal coordinates in the reference",
+                compress=True)
+    group = mesh.create_group("bodies", track_order=True)
+    for body in bodies:
+        body.check(len(e0))
+        _write_body(group.create_group(escape(body.name)), body, units.length,
+                    names.get(body.name, body.coordinate_names))
+
+
+def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequence[str]) -> None:
+    for name in ("name", "element_type", "formulation", "section_kind"):
+        group.attrs[name] = getattr(body, name)
+    for name in ("height", "width"):
+        value = getattr(body, name)
+        group.attrs[name] = np.nan if value is None else float(value)
+        group.attrs[f"{name}_units"] = length
+    for name, units, text, kind in (
+        ("dofs", "1", "columns of e0 and d for the coordinates of each element", int),
+        ("nodes", "1", "global node numbers of each element", int),
+        ("node_shape", "1", "shape function that is r at each node", int),
+        ("classes", "1", "row of sample_S, sample_S_x and lengths of each element", int),
+        ("lengths", length, "length of the elements of a class", float),
+        ("sample_xi", "1", "sample points along an element, 0 to 1", float),
+        ("sample_S", "1", "shape functions at y/(h/2) = -1, 0, 1", float),
+        ("sample_S_x", f"1/{length}", "dS/dx on the axis", float),
+        ("arclength", "1", "S-coordinate of the element ends, 0 to 1", float),
+    ):
+        data = np.asarray(getattr(body, name), kind)
+        if kind is int and (not data.size or data.max() < 2**31):
+            data = data.astype(np.int32)
+        write_fixed(group, name, data, units, text, compress=True)
+    if names:
+        write_fixed(group, "coordinate_names", as_strings(names), "none",
+                    "names of one element's coordinates")

@@ -1,0 +1,168 @@
+"""What a result file holds: bodies as drawn, named columns, and the units of each quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ancf2d.errors import ResultsError
+
+FORMAT = "ancf2d-results"
+FORMAT_VERSION = 1
+SECTION_KINDS = ("interpolated", "tangent", "theta")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One named column of numbers: ``units`` is a template such as ``"{F}*{L}"``.
+
+    ``{L}``, ``{F}`` and ``{T}`` stand for the case's units of length, force and time; counts are
+    stored as 64-bit integers, everything else as doubles.
+    """
+
+    name: str
+    units: str = "1"
+    description: str = ""
+    integer: bool = False
+
+
+@dataclass
+class BodyRecord:
+    """How one body is drawn from the nodal coordinates: its elements, shape functions and section.
+
+    r(xi, eta) = sum_k S_k e_k with e_k = e[dofs[ie, k*nc : k*nc + 2]] (nc = 3 with an angle as the
+    third component for ``theta``, else 2). There are ``ne`` elements with ``nd`` coordinates,
+    ``nn`` nodes, ``nshape`` shape functions and ``ns`` samples along the axis.
+
+    dofs (ne, nd); nodes (ne, nn) global node numbers; node_shape (nn,) the shape function that is
+    r at that node; classes (ne,) row of lengths, sample_S, sample_S_x; lengths (nclass,) [length];
+    sample_xi (ns,) in [0, 1]; sample_S (nclass, 3, ns, nshape) at y/(h/2) = -1, 0, 1;
+    sample_S_x (nclass, ns, nshape) = dS/dx on the axis [1/length]; arclength (ne + 1,) in [0, 1].
+    ``section_kind`` says where the faces are: ``interpolated`` (by r at eta = -1, 1), ``tangent``
+    (h/2 along the normal of r_x) or ``theta`` (h/2 along the section's angle).
+    """
+
+    name: str
+    element_type: str
+    formulation: str
+    height: float
+    width: float
+    section_kind: str
+    dofs: np.ndarray
+    nodes: np.ndarray
+    node_shape: np.ndarray
+    classes: np.ndarray
+    lengths: np.ndarray
+    sample_xi: np.ndarray
+    sample_S: np.ndarray
+    sample_S_x: np.ndarray
+    arclength: np.ndarray
+    coordinate_names: tuple[str, ...] = field(default=())
+
+    @property
+    def components(self) -> int:
+        """Components per shape function: x, y, and theta where the section has its own angle."""
+        return 3 if self.section_kind == "theta" else 2
+
+    def check(self, nq: int) -> None:
+        """Raise ResultsError unless all arrays fit each other and the ``nq`` nodal coordinates."""
+        if self.section_kind not in SECTION_KINDS:
+            known = ", ".join(SECTION_KINDS)
+            raise ResultsError(f"body '{self.name}': unknown section kind '{self.section_kind}' "
+                               f"(known: {known})")
+        if self.dofs.ndim != 2 or self.nodes.ndim != 2 or self.sample_S.ndim != 4:
+            raise ResultsError(f"body '{self.name}': wrong dimension of dofs, nodes or sample_S")
+        (ne, nd), (nclass, _, ns, nshape) = self.dofs.shape, self.sample_S.shape
+        wanted = {
+            "nodes": (ne, len(self.node_shape)), "classes": (ne,), "lengths": (nclass,),
+            "sample_xi": (ns,), "sample_S": (nclass, 3, ns, nshape),
+            "sample_S_x": (nclass, ns, nshape), "arclength": (ne + 1,),
+            "dofs": (ne, self.components * nshape),
+        }
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise ResultsError(f"body '{self.name}': {name} has shape "
+                                   f"{getattr(self, name).shape}, expected {shape}")
+        if self.coordinate_names and len(self.coordinate_names) != nd:
+            raise ResultsError(f"body '{self.name}': {len(self.coordinate_names)} coordinate names "
+                               f"for {nd} coordinates per element")
+        for name, top in (("dofs", nq), ("classes", nclass), ("node_shape", nshape),
+                          ("nodes", None)):
+            array = getattr(self, name)
+            if array.size and (array.min() < 0 or (top is not None and array.max() >= top)):
+                raise ResultsError(f"body '{self.name}': {name} points outside its range")
+
+
+_LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement"}
+_PROBE: dict[str, Column] = {c.name: c for c in (
+    *(Column(n, "{L}", f"{w} in {n[-1]}") for n, w in _LENGTHS.items()),
+    Column("theta", "rad", "rotation of the section, zero in the reference, full turns counted"),
+    Column("vx", "{L}/{T}", "velocity in x"), Column("vy", "{L}/{T}", "velocity in y"),
+    Column("omega", "rad/{T}", "angular velocity of the section"),
+    Column("ax", "{L}/{T}^2", "acceleration in x"), Column("ay", "{L}/{T}^2", "acceleration in y"),
+    Column("N", "{F}", "axial force, tension positive"), Column("Q", "{F}", "shear force"),
+    Column("M", "{F}*{L}", "bending moment"),
+    Column("fx", "{F}", "force in x"), Column("fy", "{F}", "force in y"),
+    Column("m", "{F}*{L}", "moment"),
+)}
+_HISTORY: dict[str, Column] = {c.name: c for c in (
+    Column("t", "{T}", "time"), Column("dt", "{T}", "step size"),
+    Column("step", "1", "number of the step", True),
+    Column("factor", "1", "load factor"),
+    Column("iterations", "1", "Newton iterations of the step", True),
+    Column("residual", "1", "residual after the last iteration, relative to the forces' scale"),
+    Column("increment", "1", "last Newton increment, relative to the coordinates' scale"),
+    Column("cutbacks", "1", "times the step was halved before it converged", True),
+    Column("negative_pivots", "1", "negative pivots of the tangent: critical loads passed", True),
+    Column("energy", "{F}*{L}", "strain energy"), Column("strain", "{F}*{L}", "strain energy"),
+    Column("kinetic", "{F}*{L}", "kinetic energy"),
+    Column("potential", "{F}*{L}", "potential energy of the loads, from the reference"),
+    Column("work", "{F}*{L}", "work done by loads and dampers"),
+)}
+_TABLE: dict[str, Column] = {c.name: c for c in (
+    Column("element", "none", "element type"), Column("formulation", "none", "formulation"),
+    Column("elements", "1", "number of elements", True),
+    Column("dofs", "1", "nodal coordinates before elimination", True),
+    Column("error", "1", "relative error of the goal's value"),
+    Column("order", "1", "observed order of convergence between this row and the one before"),
+    Column("wall_s", "s", "measured time of the solve alone"),
+)}
+_REGISTRY = {"probe": _PROBE, "history": _HISTORY, "table": _TABLE}
+
+
+def known_column(role: str, name: str) -> Column:
+    """Return what is known of a column; ``role`` is probe, history or table."""
+    return _REGISTRY[role].get(name) or Column(name, "1", name.replace("_", " "))
+
+
+@dataclass(frozen=True)
+class Units:
+    """The labels of a consistent set of units; they are only ever written, never converted."""
+
+    length: str = "m"
+    force: str = "N"
+    time: str = "s"
+
+    def fill(self, template: str) -> str:
+        """Return a template with ``{L}``, ``{F}`` and ``{T}`` filled in."""
+        for mark, unit in (("{L}", self.length), ("{F}", self.force), ("{T}", self.time)):
+            template = template.replace(mark, unit)
+        return template
+
+
+def escape(name: str) -> str:
+    """Return a user's name as one HDF5 link name: ``/`` and a lone ``.`` mean something there."""
+    name = name.replace("%", "%25").replace("/", "%2F")
+    return name.replace(".", "%2E") if set(name) == {"."} else name
+
+
+def unescape(key: str) -> str:
+    """Undo ``escape``."""
+    return key.replace("%2E", ".").replace("%2F", "/").replace("%25", "%")
+
+
+def as_strings(values: Sequence[object]) -> list[str]:
+    """Return the values as plain strings without the characters that HDF5 cannot store."""
+    return [str(v).replace("\0", "") for v in values]

@@ -1,0 +1,173 @@
+"""Reading HDF5 that anyone may have written: objects are checked before their data are touched."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ancf2d.errors import ResultsError
+from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
+
+MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
+MAX_TEXT = 64 << 20
+MAX_CHUNK = 64 << 20
+DEFLATE_RATIO = 1032  # gzip cannot do better, so more than this times the stored bytes is a lie
+
+
+@contextmanager
+def damage(path: Path) -> Iterator[None]:
+    """Turn whatever HDF5 raises on damaged data into a ResultsError that names the file."""
+    try:
+        yield
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError,
+            RecursionError) as error:
+        raise ResultsError(f"'{path}' is damaged and cannot be read ({error}); run its case again, "
+                           f"or look for '{path.name}.part'") from error
+
+
+def open_file(path: Path) -> h5py.File:
+    """Open a result file read-only, or say in a ResultsError why it is none."""
+    if not path.exists():
+        part = path.with_name(path.name + ".part")
+        more = f"; there is an unfinished '{part}'" if part.exists() else ""
+        raise ResultsError(f"there is no result file '{path}'{more}")
+    if not path.is_file():
+        raise ResultsError(f"'{path}' is no file, so it holds no results")
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(8)
+    except OSError as error:
+        raise ResultsError(f"cannot read '{path}': {error.strerror}") from error
+    if head != b"\x89HDF\r\n\x1a\n":
+        what = "is empty" if not head else "is no HDF5 file"
+        raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
+                           f"'ancf2d run CASE' writes one")
+    try:
+        file = h5py.File(path, "r", locking=False)
+    except (OSError, RuntimeError) as error:
+        cut = "truncated" in str(error)
+        what = "is cut off: it was not copied or written to its end" if cut else "is damaged"
+        raise ResultsError(f"'{path}' {what}; run its case again or copy it again") from error
+    try:
+        _check_format(path, file)
+    except ResultsError:
+        file.close()
+        raise
+    return file
+
+
+def _check_format(path: Path, file: h5py.File) -> None:
+    with damage(path):
+        found = attribute(file, "format")
+        version = attribute(file, "format_version")
+    if found != FORMAT:
+        raise ResultsError(f"'{path}' is an HDF5 file but no ancf2d result; "
+                           f"'ancf2d run CASE' writes one")
+    if not isinstance(version, int) or version < 1:
+        raise ResultsError(f"'{path}' is damaged: its format_version is {version!r}")
+    if version > FORMAT_VERSION:
+        raise ResultsError(f"'{path}' has results format {version}, newer than the "
+                           f"{FORMAT_VERSION} that this ancf2d reads; install a newer ancf2d")
+
+
+def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -> Any:
+    """Return an attribute as a plain number, string or list."""
+    if name not in node.attrs:
+        return default
+    value = node.attrs[name]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    return value
+
+
+def child(group: h5py.Group, name: str, kind: type) -> Any:
+    """Return a member that is really in this file (no link elsewhere) and of the wanted kind."""
+    link = group.get(name, getlink=True)
+    if link is None:
+        return None
+    if not isinstance(link, h5py.HardLink):
+        raise ValueError(f"{group.name}/{name} is a link")
+    node = group[name]
+    if not isinstance(node, kind):
+        raise ValueError(f"{group.name}/{name} is not a {kind.__name__.lower()}")
+    if kind is h5py.Dataset:
+        _check_storage(node)
+    return node
+
+
+def groups(group: h5py.Group | None) -> dict[str, h5py.Group]:
+    """Return the groups in a group, by their unescaped names, in the order of their making."""
+    return {} if group is None else {unescape(k): child(group, k, h5py.Group) for k in group}
+
+
+def _check_storage(dataset: h5py.Dataset) -> None:
+    """Raise ValueError for data kept elsewhere and shapes that the stored bytes cannot fill."""
+    name = dataset.name
+    if dataset.is_virtual or dataset.external:
+        raise ValueError(f"{name} keeps its data in another file")
+    if dataset.compression not in (None, "gzip") or dataset.dtype.kind not in "iufOS":
+        raise ValueError(f"{name} has an unknown compression or type")
+    if dataset.dtype.kind == "O" and h5py.check_string_dtype(dataset.dtype) is None:
+        raise ValueError(f"{name} holds objects that are no text")
+    if dataset.shape is None:
+        raise ValueError(f"{name} is empty")
+    declared = int(np.prod([int(n) for n in dataset.shape], dtype=object)) * dataset.dtype.itemsize
+    stored = dataset.id.get_storage_size()
+    if declared > DEFLATE_RATIO * stored:
+        raise ValueError(f"{name} declares {declared} bytes but stores {stored}")
+    if dataset.chunks:
+        chunk = int(np.prod([int(n) for n in dataset.chunks], dtype=object))
+        if chunk * dataset.dtype.itemsize > MAX_CHUNK:
+            raise ValueError(f"{name} has chunks of {chunk} entries")
+
+
+def numbers(group: h5py.Group, name: str, ndim: int, selection: Any = ()) -> np.ndarray:
+    """Return a numeric dataset, or a selection of it, of ``ndim`` dimensions."""
+    dataset = child(group, name, h5py.Dataset)
+    if dataset is None:
+        raise ValueError(f"{group.name}/{name} is missing")
+    if dataset.ndim != ndim or dataset.dtype.kind not in "iuf":
+        raise ValueError(f"{dataset.name} has shape {dataset.shape} and type {dataset.dtype}")
+    size = dataset.size if selection == () else dataset.size // max(1, len(dataset))
+    if size * dataset.dtype.itemsize > MAX_BYTES:
+        raise ValueError(f"{dataset.name} is too large")
+    return dataset[selection]
+
+
+def text(group: h5py.Group | None, name: str) -> str:
+    """Return a text dataset, or an empty text where there is none."""
+    dataset = None if group is None else child(group, name, h5py.Dataset)
+    if dataset is None:
+        return ""
+    if dataset.shape != () or dataset.dtype.kind not in "OS":
+        raise ValueError(f"{dataset.name} is no text")
+    value = dataset[()]
+    if len(value) > MAX_TEXT:
+        raise ValueError(f"{dataset.name} is too long")
+    return value.decode("utf-8", "replace")
+
+
+def strings(group: h5py.Group | None, name: str) -> list[str]:
+    """Return a list of texts, or an empty list where there is none."""
+    dataset = None if group is None else child(group, name, h5py.Dataset)
+    if dataset is None:
+        return []
+    if dataset.ndim != 1 or dataset.dtype.kind not in "OS" or dataset.size > MAX_TEXT // 8:
+        raise ValueError(f"{dataset.name} is no list of texts")
+    return [v.decode("utf-8", "replace") for v in dataset[()]]
+
+
+def json_object(content: str) -> dict[str, Any]:
+    """Return the JSON object in a text, or an empty one for an empty text."""
+    found = json.loads(content) if content else {}
+    if not isinstance(found, dict):
+        raise ValueError("the summary is no JSON object")
+    return found

@@ -1,0 +1,176 @@
+"""The file on disk: built as NAME.part under a lock, in place of NAME only when it is complete."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from pathlib import Path
+
+import h5py
+
+from ancf2d.errors import ResultsError
+from ancf2d.results.records import FORMAT
+
+try:
+    import fcntl
+except ImportError:  # no such locks here: the exclusive link below still tells runs apart
+    fcntl = None  # type: ignore[assignment]
+
+
+def part_path(path: str | os.PathLike[str]) -> Path:
+    """Return where an unfinished result stands while it is written: NAME.part beside NAME."""
+    path = Path(path)
+    return path.with_name(path.name + ".part")
+
+
+def is_ours(path: Path) -> bool:
+    """Whether the file is an ancf2d result, judged by its root attribute alone."""
+    try:
+        with h5py.File(path, "r", locking=False) as f:
+            mark = f.attrs.get("format")
+    except (OSError, RuntimeError, ValueError, TypeError):
+        return False
+    return (mark.decode("utf-8", "replace") if isinstance(mark, bytes) else mark) == FORMAT
+
+
+def check_folder(path: Path) -> None:
+    """Raise ResultsError where ``path`` cannot be written: no folder, no right, in the way."""
+    folder = path.parent
+    if not folder.is_dir():
+        what = "is not a folder" if folder.exists() else "does not exist"
+        raise ResultsError(f"cannot write '{path}': the folder '{folder}' {what}")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ResultsError(f"cannot write '{path}': no permission to write in '{folder}'")
+    for existing in (path, part_path(path)):
+        if existing.is_dir():
+            raise ResultsError(f"cannot write '{path}': the folder '{existing}' is in the way")
+        if existing.exists() and not existing.is_file():
+            raise ResultsError(f"cannot write '{path}': '{existing}' is a device, not a file")
+
+
+def check_replaceable(path: Path, force: bool) -> None:
+    """Raise ResultsError where ``path`` is a file that ancf2d did not write, unless ``force``."""
+    if os.path.lexists(path) and not force and not is_ours(path):
+        raise ResultsError(f"'{path}' exists and is no ancf2d result; choose another output file, "
+                           f"or replace it with --force")
+
+
+def _lock(descriptor: int) -> bool:
+    """Take the exclusive lock of an open file; False where another process holds it."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks: the exclusive link below still tells runs apart
+        return True
+    return True
+
+
+class Target:
+    """A result being written.
+
+    It appears as NAME.part with its readable beginning, grows there, and is renamed to NAME when
+    complete. The lock dies with the process, so a .part whose lock is free is what a killed run
+    left, and may be replaced.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        self.path = Path(path)
+        self.part = part_path(self.path)
+        self.force = force
+        check_folder(self.path)
+        self._descriptor = -1
+        self._old = self._claim_old_part()
+        try:
+            check_replaceable(self.path, force)
+            check_replaceable(self.part, force)
+        except ResultsError:
+            self.release()
+            raise
+
+    def _busy(self) -> ResultsError:
+        return ResultsError(f"another run is writing '{self.path}'; wait for it to end or choose "
+                            f"another output file")
+
+    def _claim_old_part(self) -> int | None:
+        """Lock what an earlier run left, so that only one new run replaces it."""
+        try:
+            descriptor = os.open(self.part, os.O_RDWR)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise ResultsError(f"cannot replace '{self.part}': {error.strerror}") from error
+        if not _lock(descriptor):
+            os.close(descriptor)
+            raise self._busy()
+        with contextlib.suppress(OSError):
+            if os.path.samestat(os.stat(self.part), os.fstat(descriptor)):
+                return descriptor
+        os.close(descriptor)  # its run completed in the moment between opening and locking
+        return self._claim_old_part()
+
+    def publish(self, image: bytes) -> None:
+        """Make ``image``, a readable HDF5 file, appear as NAME.part at once."""
+        private = None
+        try:
+            descriptor, name, private = self._unnamed_file()
+            self._descriptor = descriptor
+            _lock(descriptor)
+            rest = memoryview(image)
+            while rest:
+                rest = rest[os.write(descriptor, rest):]
+            if self._old is not None:
+                os.unlink(self.part)
+            # naming a directory descriptor makes Python use linkat, which alone follows /proc links
+            os.link(name, self.part, src_dir_fd=descriptor)
+        except FileExistsError:
+            raise self._busy() from None
+        finally:
+            self._forget_old()
+            if private is not None:
+                os.unlink(private)
+
+    def _unnamed_file(self) -> tuple[int, str, str | None]:
+        """Return descriptor and path of a new file without a name, or else with a private one."""
+        folder = self.path.parent.absolute()
+        try:
+            descriptor = os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o666)
+            return descriptor, f"/proc/self/fd/{descriptor}", None
+        except (AttributeError, OSError):  # not Linux, or not on this file system
+            name = str(folder / f".{self.path.name}.{os.getpid()}.{time.monotonic_ns()}.part")
+            return os.open(name, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666), name, name
+
+    def replace(self) -> None:
+        """Move the complete file in place of the target, durable on disk before it is visible."""
+        os.fsync(self._descriptor)
+        check_folder(self.path)
+        check_replaceable(self.path, self.force)  # it may have changed while the computation ran
+        os.replace(self.part, self.path)
+        self.release()
+
+    def keep(self) -> None:
+        """Leave the file as NAME.part."""
+        os.fsync(self._descriptor)
+        self.release()
+
+    def discard(self) -> None:
+        """Remove whatever was written."""
+        with contextlib.suppress(OSError):
+            if os.path.samestat(os.stat(self.part), os.fstat(self._descriptor)):
+                os.unlink(self.part)
+        self.release()
+
+    def _forget_old(self) -> None:
+        if self._old is not None:
+            os.close(self._old)
+            self._old = None
+
+    def release(self) -> None:
+        """Give up the lock."""
+        self._forget_old()
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
