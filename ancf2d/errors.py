@@ -63,7 +63,7 @@ class Ancf2dError(Exception):
 
 
 class CaseError(Ancf2dError):
-    """The case (or the command line) is wrong: ``problems`` lists everything found, in file order."""
+    """The case (or the command line) is wrong: ``problems`` lists all of it, in file order."""
 
     exit_code = 2
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ..errors import Problem
+from .declare import record
 from .nodes import Broken, Mark, Node, shorten
 from .units import SI, unit_label
 
@@ -27,9 +27,9 @@ class _Invalid:
 INVALID: Any = _Invalid()
 
 
-@dataclass(frozen=True)
+@record
 class Vocabulary:
-    """The names that other rooms define and a case may use; an empty tuple leaves them unchecked."""
+    """The names that other rooms define and a case may use; empty leaves them unchecked."""
 
     element_types: tuple[str, ...] = ()
     formulations: tuple[str, ...] = ()

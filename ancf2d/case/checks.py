@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .nodes import quoted
 from .records import walk
 from .schema import Case, Gravity, LimitPoints, Point, Prescribed, Stiffness
 from .source import Source
@@ -26,7 +27,8 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
 # what a goal names -> the solvers that can answer
 _GOALS = {"probe": PATHS, "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
           "load_factor": ("buckling",), "limit_point": ("static",)}
-_WHAT = {"bodies": "body", "probes": "probe", "reactions": "boundary condition named"}
+_WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
+         "reactions": ("boundary condition named", "boundary conditions with a name")}
 
 
 def check_case(case: Case, source: Source, binder: Binder) -> None:
@@ -61,7 +63,7 @@ class _Checker:
         if what == "bodies":
             return (set(case.bodies), True) if case.bodies is not INVALID else (set(), False)
         if what == "probes":
-            probes = INVALID if case.output is INVALID else case.output.probes
+            probes: Any = INVALID if case.output is INVALID else case.output.probes
             return (set(probes), True) if probes is not INVALID else (set(), False)
         if case.boundary_conditions is INVALID:
             return set(), False
@@ -73,7 +75,7 @@ class _Checker:
         """Check that every point, body, probe and reaction that is named exists."""
         for path, value, what in walk(self.case):
             if isinstance(value, Point):
-                path, value, what = path, value.body, "bodies"
+                value, what = value.body, "bodies"
             if what:
                 self.reference(path, value, what)
         initial = self.case.initial
@@ -86,11 +88,10 @@ class _Checker:
         if name in names or not complete:
             return
         near = nearest(name, names)
-        have = "" if near else (f"one of {listed(sorted(names))}" if names else
-                                f"there are no {'named boundary conditions' if what == 'reactions' else what}")
-        place = dotted(path)
-        expected, tail = (have, "") if names else ("", f"; {have}")
-        self.fail(path, f"{place}: there is no {_WHAT[what]} '{name}'{tail}", expected, near,
+        one, many = _WHAT[what]
+        expected = f"one of {listed(sorted(names))}" if names and not near else ""
+        none = "" if names else f"; there are no {many}"
+        self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near,
                   on_key)
 
     def names(self) -> None:
@@ -208,7 +209,8 @@ class _Checker:
 
     def steps(self) -> None:
         """Check what the solver needs of the rest: a time step, something to be accurate about."""
-        case, solver = self.case, self.case.solver
+        case = self.case
+        solver: Any = case.solver
         if ("solver",) not in self.failed and self.solver == "dynamic" and case.accuracy is None \
                 and solver.dt is None and solver.tolerance is None:
             self.fail(("solver",), "solver: neither dt nor tolerance is given",

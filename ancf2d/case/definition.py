@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 from ..errors import CaseError, Problem
 from .binder import Binder, Issue, Vocabulary
 from .compose import compose, read_text
+from .declare import key, record
 from .kinds import Known, ListOf, Name, Number, Text
 from .nodes import MapNode, Origin
-from .records import Record, bind_record, key
+from .records import Record, bind_record
 from .schema.body import QUADRATURE, SHEAR_FACTOR
 from .source import line_breaks
 
 
-@dataclass(frozen=True)
+@record
 class DefinitionNode:
     """A node of an element: its place, and the derivatives of r that are coordinates there."""
 
@@ -35,7 +35,7 @@ class DefinitionNode:
                 yield Issue(("coordinates", i), f"{{}}.coordinates: {name} is named twice")
 
 
-@dataclass(frozen=True)
+@record
 class ElementDefinition:
     """An element type described in a file."""
 
@@ -46,11 +46,12 @@ class ElementDefinition:
     nodes: tuple[DefinitionNode, ...] = key(
         ListOf(Record(DefinitionNode), "nodes {at, coordinates}", 1), "Nodes, in order along "
         "the element")
-    formulation: str | None = key(Known("formulations"), "How strains become elastic forces", None)
+    formulation: str | None = key(Known("formulations"), "How strains become elastic forces",
+                                  default=None)
     quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or {normal, shear}",
-                          None, example=[3, 2])
+                          default=None, example=[3, 2])
     shear_factor: float | str | None = key(SHEAR_FACTOR, "Shear correction: a number, timoshenko "
-                                           "or none", None)
+                                           "or none", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield nodes that are not in order, and functions that are given twice."""

@@ -101,7 +101,7 @@ class Integer(Kind):
         return f"a whole number {self.bounds('')}"
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
-        value = node.value if isinstance(node, Scalar) and node.shape == "number" else None
+        value: Any = node.value if isinstance(node, Scalar) and node.shape == "number" else None
         if value is None or not math.isfinite(value) or value != int(value):
             return binder.wrong(node, path, self.words(binder))
         if not self.least <= value <= self.most:

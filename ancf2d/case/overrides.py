@@ -105,8 +105,9 @@ def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
         if name is not None and isinstance(name.node, Scalar):
             names.setdefault(name.node.text, i)
     if part not in names:
-        raise CaseError(mark.problem(f"{where} has no item named {quoted(part)}",
-                                     expected="an index from 0 or a name", near=nearest(part, names)))
+        near = nearest(part, names)
+        raise CaseError(mark.problem(f"{where} has no item named {quoted(part)}", (),
+                                     "" if near else "an index from 0 or a name", near))
     return names[part]
 
 

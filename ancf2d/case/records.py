@@ -1,6 +1,6 @@
 """Records: a frozen dataclass per mapping of the format, and the choices between them.
 
-A field made with :func:`key` carries its kind and its meaning; reading, the JSON Schema, the
+Each field carries its kind and its meaning (see declare.py); reading, the JSON Schema, the
 reference and the completed text all follow from that.
 """
 
@@ -16,24 +16,6 @@ from .kinds import Book, JsonSchema, Kind
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
 _REQUIRED: Any = dataclasses.MISSING
-
-
-def key(kind: Kind, doc: str, default: Any = _REQUIRED, *, name: str = "", refers: str = "",
-        example: Any = None) -> Any:
-    """Declare a field of a record: its kind, its meaning, its default.
-
-    ``name`` is its key in the file where that is not the field's name, ``refers`` what its text
-    must be the name of (``bodies``, ``probes``), ``example`` a value for editors.
-    """
-    bounds = {k: v for k in ("gt", "ge", "lt", "le", "least", "most")
-              if (v := getattr(kind, k, None)) is not None}
-    metadata = {"kind": kind, "doc": doc, "name": name, "refers": refers, "example": example,
-                "unit": getattr(kind, "unit", ""), "choices": getattr(kind, "options", ()),
-                **bounds}
-    if isinstance(default, dict | list):
-        made = type(default)
-        return dataclasses.field(default_factory=made, metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
 
 
 class Key(NamedTuple):
@@ -54,7 +36,7 @@ class Key(NamedTuple):
 
 
 @cache
-def keys_of(cls: type) -> dict[str, Key]:
+def keys_of(cls: Any) -> dict[str, Key]:
     """Return the keys of a record by the names they have in a file (``from`` for ``from_``)."""
     result = {}
     for f in dataclasses.fields(cls):
@@ -62,7 +44,8 @@ def keys_of(cls: type) -> dict[str, Key]:
         if not m:
             continue
         name = m["name"] or f.name.rstrip("_")
-        default = f.default if f.default_factory is _REQUIRED else f.default_factory()
+        made: Any = f.default_factory
+        default = f.default if made is _REQUIRED else made()
         result[name] = Key(name, f.name, m["kind"], m["doc"], default, m["refers"], m["example"])
     return result
 

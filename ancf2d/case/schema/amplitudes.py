@@ -5,26 +5,25 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from ...errors import ComputationError
 from ..binder import INVALID, Binder, Issue, Path, dotted
+from ..declare import key, record
 from ..expression import Dual, ExpressionError, parse
 from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
-from ..records import key
 
 SCALE_DOC = "Factor on the whole"
 
 
-@dataclass(frozen=True)
+@record
 class Constant:
     """The same value at all times."""
 
     tag = "constant"
-    scale: float = key(Number(), SCALE_DOC, 1.0)
+    scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def value(self, t: float) -> float:
         """Return the amplitude at t."""
@@ -35,14 +34,14 @@ class Constant:
         return 0.0
 
 
-@dataclass(frozen=True)
+@record
 class Ramp:
     """Rises from 0 at t0 to 1 at t1 and stays there."""
 
     tag = "ramp"
-    t0: float = key(Number("s"), "Where it begins to rise", 0.0)
-    t1: float = key(Number("s"), "Where it has risen", 1.0)
-    scale: float = key(Number(), SCALE_DOC, 1.0)
+    t0: float = key(Number("s"), "Where it begins to rise", default=0.0)
+    t1: float = key(Number("s"), "Where it has risen", default=1.0)
+    scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:
         """Yield a ramp that does not run forward."""
@@ -59,7 +58,7 @@ class Ramp:
         return self.scale / (self.t1 - self.t0) if self.t0 <= t < self.t1 else 0.0
 
 
-@dataclass(frozen=True)
+@record
 class Table:
     """Values at times; before the first and after the last it stays constant."""
 
@@ -70,8 +69,8 @@ class Table:
                                     example=[0, 1, 0])
     smooth: bool = key(Flag(), "Monotone cubic pieces with continuous slope, level at both ends, "
                        "in place of straight ones; between two values it never leaves their range",
-                       False)
-    scale: float = key(Number(), SCALE_DOC, 1.0)
+                       default=False)
+    scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:
         """Yield lists of different lengths, and times that do not increase."""
@@ -122,14 +121,14 @@ class Table:
                 self.scale * (m0 + x * (2 * c2 + x * 3 * c3)) / h)
 
 
-@dataclass(frozen=True)
+@record
 class Sine:
     """sin(2 pi frequency t + phase)."""
 
     tag = "sine"
     frequency: float = key(Number("Hz", ge=0), "Frequency, in Hz", example=2)
-    phase: float = key(Number("rad"), "Phase", 0.0)
-    scale: float = key(Number(), SCALE_DOC, 1.0)
+    phase: float = key(Number("rad"), "Phase", default=0.0)
+    scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def value(self, t: float) -> float:
         """Return the amplitude at t."""
@@ -168,14 +167,14 @@ def place_inside(node: Node, column: int) -> Mark:
     return Mark(mark.origin, mark.line, start + column) if written.startswith(node.text) else mark
 
 
-@dataclass(frozen=True)
+@record
 class Expression:
     """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``."""
 
     tag = "expression"
     value_: str = key(ExpressionText(), "The formula",
                       example="sin(2*pi*t) if t < 0.5 else 0")
-    scale: float = key(Number(), SCALE_DOC, 1.0)
+    scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     @cached_property
     def function(self) -> Callable[[Any], Any]:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
-from ..records import ByKeys, ByShape, OneOf, Record, key
+from ..records import ByKeys, ByShape, OneOf, Record
 
 Vec2 = tuple[float, float]
 PLACE = Vector(Number("m"))
 SECTION_KEYS = ("EA", "kGA", "EI", "rhoA", "rhoI")
 
 
-@dataclass(frozen=True)
+@record
 class Line:
     """A straight reference axis."""
 
@@ -31,7 +31,7 @@ class Line:
             yield Issue(("end",), "{}: the line has no length, start and end are the same point")
 
 
-@dataclass(frozen=True)
+@record
 class Arc:
     """A circular reference axis, stress-free; the section's y axis points to the left of travel."""
 
@@ -52,7 +52,7 @@ class Arc:
                         "angles in rad, at most 2 pi = 6.2831853 apart")
 
 
-@dataclass(frozen=True)
+@record
 class Polyline:
     """A reference axis of straight pieces; its corners are welds with a node each."""
 
@@ -71,7 +71,7 @@ class Polyline:
 Geometry = Line | Arc | Polyline
 
 
-@dataclass(frozen=True)
+@record
 class Rectangle:
     """A rectangular section."""
 
@@ -79,7 +79,7 @@ class Rectangle:
     width: float = key(Number("m", gt=0), "Width, out of the plane", example=0.1)
 
 
-@dataclass(frozen=True)
+@record
 class AreaSection:
     """A section of any form, by its area and second moment of area."""
 
@@ -88,22 +88,23 @@ class AreaSection:
     height: float = key(Number("m", gt=0), "Height, in the plane, of the real section", example=2)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Stiffness:
     """A section by its stiffnesses, in place of section and material."""
 
     EA: float = key(Number("N", gt=0), "Axial stiffness", example=2.8e7)
-    kGA: float | None = key(Number("N", gt=0), "Shear stiffness, shear factor included", None,
+    kGA: float | None = key(Number("N", gt=0), "Shear stiffness, shear factor included",
+                            default=None,
                             example=1e7)
     EI: float = key(Number("N m^2", gt=0), "Bending stiffness", example=1.4e4)
-    rhoA: float | None = key(Number("kg/m", gt=0), "Mass per length", None)
-    rhoI: float | None = key(Number("kg m", ge=0), "Rotary inertia per length", None)
+    rhoA: float | None = key(Number("kg/m", gt=0), "Mass per length", default=None)
+    rhoI: float | None = key(Number("kg m", ge=0), "Rotary inertia per length", default=None)
 
 
 Section = Rectangle | AreaSection | Stiffness
 
 
-@dataclass(frozen=True)
+@record
 class MaterialDamping:
     """Damping of the material."""
 
@@ -111,21 +112,22 @@ class MaterialDamping:
                               "d eps/dt)", example=1e-4)
 
 
-@dataclass(frozen=True)
+@record
 class Material:
     """An isotropic elastic material."""
 
-    E: float | None = key(Number("Pa", gt=0), "Young's modulus", None, example=2.07e11)
-    nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", None, example=0.3)
-    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed where mass matters", None,
+    E: float | None = key(Number("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
+    nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
+    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed where mass matters",
+                            default=None,
                             example=7850)
-    damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", None)
+    damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
 
 
 POINTS_RULE = Vector(Integer(1, 20), "nx, ny")
 
 
-@dataclass(frozen=True)
+@record
 class Selective:
     """Different numbers of Gauss points for the normal strains and for the shear strain."""
 
@@ -140,32 +142,32 @@ SHEAR_FACTOR = ByShape(number=Number("", gt=0, le=10), text=Choice("timoshenko",
 ORDER = Vector(Integer(1, 8), "p, q")
 
 
-@dataclass(frozen=True)
+@record
 class Element:
     """The element type of a body; ``element: auto`` leaves the choice to the tool."""
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
-                    "user", example="2d2n")
+                    default="user", example="2d2n")
     count: int | None = key(Integer(1, 10**8), "Number of elements; a polyline needs one per piece "
-                            "at least", None, example=8)
+                            "at least", default=None, example=8)
     order: tuple[int, int] | None = key(
-        ORDER, "Degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", None,
+        ORDER, "Degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
         example=[2, 1])
     formulation: str | None = key(Known("formulations"), "How strains become elastic forces "
-                                  "(default: the one recommended for the type)", None)
+                                  "(default: the one recommended for the type)", default=None)
     quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or separately for "
-                          "{normal, shear}", None, example=[2, 2])
+                          "{normal, shear}", default=None, example=[2, 2])
     shear_factor: float | str | None = key(
         SHEAR_FACTOR, "Shear correction: a number, timoshenko for 10(1+nu)/(12+11nu), "
-        "none for 1", None)
+        "none for 1", default=None)
     preset: str | None = key(Choice("paper"), "paper: as in the paper (continuum, shear factor "
-                             "0.5, 2 x 2 Gauss points)", None)
+                             "0.5, 2 x 2 Gauss points)", default=None)
     definition: str | None = key(Text("the name of a file"), "File that describes an own element, "
-                                 "relative to the case", None)
+                                 "relative to the case", default=None)
     mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body, where it is not the "
-                             "section's", None)
+                             "section's", default=None)
     inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about "
-                                "its centre of mass, where it is not the section's", None)
+                                "its centre of mass, where it is not the section's", default=None)
 
     def written(self) -> Any:
         """Return ``auto`` alone where that is all."""
@@ -198,15 +200,15 @@ class Element:
                     yield Issue((k,), f"{{}}: {k} is for type rigid only, not for {self.type}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Body:
     """A beam, a cable or a rigid bar."""
 
     geometry: Geometry = key(OneOf(Geometry), "Reference axis")
     section: Section | None = key(
         ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Rectangle, ())),
-        "Cross-section", None)
-    material: Material | None = key(Record(Material), "Material", None)
+        "Cross-section", default=None)
+    material: Material | None = key(Record(Material), "Material", default=None)
     element: Element = key(Record(Element, short="type"), "Element type and mesh")
 
     def check(self) -> Iterator[Issue]:
@@ -214,8 +216,8 @@ class Body:
         pieces = len(self.geometry.points) - 1 if isinstance(self.geometry, Polyline) else 1
         count = self.element.count
         if count is not None and count < pieces:
-            yield Issue(("element", "count"), f"{{}}.element.count must be >= {pieces}, one element "
-                        f"for each of the {pieces} pieces of the polyline, got {count}")
+            yield Issue(("element", "count"), f"{{}}.element.count must be >= {pieces}, one "
+                        f"element for each piece of the polyline, got {count}")
         rigid = self.element.type == "rigid"
         if isinstance(self.section, Stiffness):
             for k in ("E", "nu", "rho"):

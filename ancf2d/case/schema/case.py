@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from ..binder import INVALID, Binder, Issue, Path, dotted, nearest
+from ..declare import key, record
 from ..kinds import Integer, ListOf, MapOf, Number, Text, Vector
 from ..nodes import Node, quoted
-from ..records import OneOf, Record, key
+from ..records import OneOf, Record
 from .body import Body
 from .joints import Joint, Mass, Spring
 from .loads import Load
@@ -34,23 +34,23 @@ class StartText(Text):
                            f"{quoted(text)}", near=nearest(text, ("rest", "static")))
 
 
-@dataclass(frozen=True)
+@record
 class RotationRate:
     """A rigid rotation: velocity omega x (r - about)."""
 
     omega: float = key(Number("rad/s"), "Angular velocity, counter-clockwise", example=6)
-    about: tuple[float, float] = key(PLACE, "Centre", (0.0, 0.0), example=[0, 0])
+    about: tuple[float, float] = key(PLACE, "Centre", default=(0.0, 0.0), example=[0, 0])
 
 
 VELOCITY = Vector(Number("m/s"), "vx, vy")
 
 
-@dataclass(frozen=True)
+@record
 class BodyInitial:
     """How one body starts, in place of what is said for all."""
 
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity", None)
-    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation", None)
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity", default=None)
+    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where nothing is said."""
@@ -58,40 +58,40 @@ class BodyInitial:
             yield Issue((), "{}: nothing is given", "velocity, rotation_rate or both")
 
 
-@dataclass(frozen=True)
+@record
 class Initial:
     """How a motion starts."""
 
     from_: str = key(StartText(), "State it starts from: rest (the reference), static (equilibrium "
-                     "under the loads), or a result file", "rest")
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything", None)
+                     "under the loads), or a result file", default="rest")
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything", default=None)
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of everything; added "
-                                             "to the velocity", None)
+                                             "to the velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),
-                                         "What single bodies do instead", {})
+                                         "What single bodies do instead", default={})
 
 
-@dataclass(frozen=True)
+@record
 class Rayleigh:
     """Damping alpha M + beta K."""
 
-    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix", 0.0)
-    beta: float = key(Number("s", ge=0), "Factor of the stiffness matrix", 0.0)
+    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix", default=0.0)
+    beta: float = key(Number("s", ge=0), "Factor of the stiffness matrix", default=0.0)
 
 
-@dataclass(frozen=True)
+@record
 class Damping:
     """Damping of the whole model."""
 
     rayleigh: Rayleigh = key(Record(Rayleigh), "Rayleigh damping")
 
 
-@dataclass(frozen=True)
+@record
 class SteadyRotation:
     """A frame that turns steadily; supports and dead loads stand in it."""
 
     omega: float = key(Number("rad/s"), "Angular velocity", example=5)
-    about: tuple[float, float] = key(PLACE, "Centre", (0.0, 0.0), example=[0, 0])
+    about: tuple[float, float] = key(PLACE, "Centre", default=(0.0, 0.0), example=[0, 0])
 
 
 class FormatNumber(Integer):
@@ -107,28 +107,32 @@ class FormatNumber(Integer):
         return "1, the one format that this version reads"
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Case:
     """A case: what is modelled, what is computed, what is wanted of it."""
 
-    format: int = key(FormatNumber(), "Version of this format", 1)
-    title: str = key(Text(number=True), "What the case is about", "")
-    units: Units = key(Record(Units), "Labels of the units that the numbers are in", Units())
+    format: int = key(FormatNumber(), "Version of this format", default=1)
+    title: str = key(Text(number=True), "What the case is about", default="")
+    units: Units = key(Record(Units), "Labels of the units that the numbers are in",
+                       default=Units())
     bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies by name")
     boundary_conditions: tuple[Support, ...] = key(
-        ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", ())
-    joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies", ())
-    springs: tuple[Spring, ...] = key(ListOf(OneOf(Spring), "springs"), "Springs and dampers", ())
-    masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", ())
-    loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", ())
-    initial: Initial | None = key(Record(Initial), "How the motion starts (dynamic)", None)
-    damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic)", None)
+        ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", default=())
+    joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies",
+                                    default=())
+    springs: tuple[Spring, ...] = key(ListOf(OneOf(Spring), "springs"), "Springs and dampers",
+                                      default=())
+    masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", default=())
+    loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", default=())
+    initial: Initial | None = key(Record(Initial), "How the motion starts (dynamic)", default=None)
+    damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic)",
+                                  default=None)
     steady_rotation: SteadyRotation | None = key(
-        Record(SteadyRotation), "Steady rotation of the frame (static, eigen)", None)
+        Record(SteadyRotation), "Steady rotation of the frame (static, eigen)", default=None)
     solver: Solver = key(OneOf(Solver), "What is computed")
-    goal: Goal | None = key(Record(Goal), "The value whose accuracy matters", None)
+    goal: Goal | None = key(Record(Goal), "The value whose accuracy matters", default=None)
     accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy that is wanted of the "
-                                 "goal", None, example=1e-4)
-    output: Output = key(Record(Output), "What is stored", Output())
+                                 "goal", default=None, example=1e-4)
+    output: Output = key(Record(Output), "What is stored", default=Output())
     expected: tuple[Expected, ...] = key(ListOf(Record(Expected), "known values"),
-                                         "Known values, for checking the result", ())
+                                         "Known values, for checking the result", default=())

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import ListOf, Name, Number, Vector
-from ..records import key
 from .points import POINT, SPRING_END, GroundPoint, Point
 
 NAME = Name()
@@ -21,33 +20,33 @@ def _same_twice(points: tuple[object, ...]) -> Iterator[Issue]:
             yield Issue(("between", i), "{}.between: the same point is named twice")
 
 
-@dataclass(frozen=True)
+@record
 class PinJoint:
     """Keeps points together; the bodies turn freely."""
 
     tag = "pin"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["crank@1", "rod@0"])
-    name: str | None = key(NAME, "Name", None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield points that are named twice."""
         return _same_twice(self.between)
 
 
-@dataclass(frozen=True)
+@record
 class WeldJoint:
     """Keeps points together and the angle between the bodies as it is in the reference."""
 
     tag = "weld"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])
-    name: str | None = key(NAME, "Name", None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield points that are named twice."""
         return _same_twice(self.between)
 
 
-@dataclass(frozen=True)
+@record
 class SliderJoint:
     """Keeps a point on a straight line of the ground."""
 
@@ -56,10 +55,10 @@ class SliderJoint:
     through: tuple[float, float] = key(Vector(Number("m")), "A point of the line", example=[0, 0])
     along: tuple[float, float] = key(Vector(Number(), nonzero=True),
                                      "Direction of the line, of any length", example=[1, 0])
-    name: str | None = key(NAME, "Name", None)
+    name: str | None = key(NAME, "Name", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class PrismaticJoint:
     """Keeps a point on the axis of a deforming body, along which it slides."""
 
@@ -67,7 +66,7 @@ class PrismaticJoint:
     point: Point = key(POINT, "Point that slides", example="slider@0")
     on: str = key(Name("the name of a body"), "Body along which it slides", refers="bodies",
                   example="beam")
-    name: str | None = key(NAME, "Name", None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where a body would slide along itself."""
@@ -87,35 +86,36 @@ def _spring_issues(ends: tuple[object, ...], stiffness: float, damping: float) -
         yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0")
 
 
-@dataclass(frozen=True)
+@record
 class TranslationalSpring:
     """A spring and damper along the line between two points."""
 
     tag = "translational"
     between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends",
                                                    example=["a@1", [0, 1]])
-    stiffness: float = key(Number("N/m", ge=0), "Stiffness", 0.0)
-    damping: float = key(Number("N s/m", ge=0), "Damping", 0.0)
+    stiffness: float = key(Number("N/m", ge=0), "Stiffness", default=0.0)
+    damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
     length: float | None = key(Number("m", ge=0), "Length without force (default: the distance "
-                               "in the reference)", None)
-    name: str | None = key(NAME, "Name", None)
+                               "in the reference)", default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
         return _spring_issues(self.between, self.stiffness, self.damping)
 
 
-@dataclass(frozen=True)
+@record
 class RotationalSpring:
     """A spring and damper on the angle between two sections."""
 
     tag = "rotational"
     between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends; [x, y] is the ground",
                                                    example=["a@1", "b@0"])
-    stiffness: float = key(Number("N m/rad", ge=0), "Stiffness", 0.0)
-    damping: float = key(Number("N m s/rad", ge=0), "Damping", 0.0)
-    angle: float = key(Number("rad"), "Relative rotation, second less first, without moment", 0.0)
-    name: str | None = key(NAME, "Name", None)
+    stiffness: float = key(Number("N m/rad", ge=0), "Stiffness", default=0.0)
+    damping: float = key(Number("N m s/rad", ge=0), "Damping", default=0.0)
+    angle: float = key(Number("rad"), "Relative rotation, second less first, without moment",
+                       default=0.0)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
@@ -125,11 +125,11 @@ class RotationalSpring:
 Spring = TranslationalSpring | RotationalSpring
 
 
-@dataclass(frozen=True)
+@record
 class Mass:
     """A point mass, with moment of inertia where it has one."""
 
     at: Point = key(POINT, "Where it sits", example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)
-    inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", 0.0)
-    name: str | None = key(NAME, "Name", None)
+    inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", default=0.0)
+    name: str | None = key(NAME, "Name", default=None)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import Choice, Flag, Name, Number, Vector
-from ..records import OneOf, key
+from ..records import OneOf
 from .amplitudes import Amplitude
 from .points import POINT, Point
 
@@ -18,19 +18,19 @@ SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"
 
 
-@dataclass(frozen=True)
+@record
 class Force:
     """A force whose direction stays."""
 
     tag = "force"
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
-    spread: str | None = key(SPREAD, SPREAD_DOC, None)
-    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
-    name: str | None = key(NAME, "Name", None)
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class FollowerForce:
     """A force that turns with the section it acts on."""
 
@@ -38,34 +38,34 @@ class FollowerForce:
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "tangential, normal"),
                                      "Force along the axes of the section", example=[0, -1000])
-    spread: str | None = key(SPREAD, SPREAD_DOC, None)
-    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
-    name: str | None = key(NAME, "Name", None)
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class Moment:
     """A moment, conjugate to the rotation of the section."""
 
     tag = "moment"
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: float = key(Number("N m"), "Moment, counter-clockwise", example=100)
-    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
-    name: str | None = key(NAME, "Name", None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class Gravity:
     """Gravity on everything that has mass."""
 
     tag = "gravity"
     value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
                                      example=[0, -9.81])
-    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
-    name: str | None = key(NAME, "Name", None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class Distributed:
     """A force per unit reference length on a body's axis."""
 
@@ -74,11 +74,11 @@ class Distributed:
     value: tuple[float, float] = key(
         Vector(Number("N/m"), "fx, fy"),
         "Force per length; [tangential, normal] with follower", example=[0, -500])
-    from_: float = key(Number("", ge=0, le=1), "S where it begins", 0.0)
-    to: float = key(Number("", ge=0, le=1), "S where it ends", 1.0)
-    follower: bool = key(Flag(), "Turns with the axis", False)
-    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, None)
-    name: str | None = key(NAME, "Name", None)
+    from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
+    to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
+    follower: bool = key(Flag(), "Turns with the axis", default=False)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield an extent that is empty or backward."""

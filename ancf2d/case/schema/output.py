@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
-from ..records import key
 from .points import PROBE, Probe
 
 PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
@@ -20,36 +19,37 @@ FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {k
 
 
 def _probe() -> Any:
-    return key(Name("the name of a probe"), "Probe that is looked at", None, refers="probes",
+    return key(Name("the name of a probe"), "Probe that is looked at",
+               default=None, refers="probes",
                example="mid")
 
 
 def _quantity() -> Any:
     return key(Choice(*PROBE_QUANTITIES, *REACTION_QUANTITIES, *CASE_QUANTITIES),
                "What of it: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
-               "reaction; strain_energy of the case", None, example="uy")
+               "reaction; strain_energy of the case", default=None, example="uy")
 
 
 def _reaction() -> Any:
     return key(Name("the name of a boundary condition"), "Boundary condition whose reaction is "
-               "looked at", None, refers="reactions", example="left")
+               "looked at", default=None, refers="reactions", example="left")
 
 
 def _kind() -> Any:
-    return key(Choice(*MODE_KINDS), "Kind of mode (eigen)", None, example="bending")
+    return key(Choice(*MODE_KINDS), "Kind of mode (eigen)", default=None, example="bending")
 
 
 def _number() -> Any:
-    return key(Integer(1, 10**5), "Which mode of that kind, counted from 1", None)
+    return key(Integer(1, 10**5), "Which mode of that kind, counted from 1", default=None)
 
 
 def _load_factor() -> Any:
-    return key(Integer(1, 10**5), "Which buckling load factor, counted from 1", None)
+    return key(Integer(1, 10**5), "Which buckling load factor, counted from 1", default=None)
 
 
 def _limit_point() -> Any:
     return key(Integer(1, 1000), "Which limit point of the path, counted from 1: its load factor, "
-               "or with probe and quantity where the probe is then", None)
+               "or with probe and quantity where the probe is then", default=None)
 
 
 def goal_issues(goal: Any) -> Iterator[Issue]:
@@ -81,7 +81,7 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
                Issue((), "{}.number is missing: which mode of that kind, counted from 1"))
 
 
-@dataclass(frozen=True)
+@record
 class Goal:
     """The value whose accuracy matters."""
 
@@ -94,14 +94,14 @@ class Goal:
     limit_point: int | None = _limit_point()
     model: str | None = key(Choice("beam", "continuum"), "With element: auto, what the error is "
                             "measured against: the geometrically exact beam (default), or the "
-                            "plane-stress continuum", None)
+                            "plane-stress continuum", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield where this is no goal."""
         return goal_issues(self)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Expected:
     """A value that is known, for checking the result."""
 
@@ -113,10 +113,10 @@ class Expected:
     load_factor: int | None = _load_factor()
     limit_point: int | None = _limit_point()
     value: float = key(Number(), "The known value", example=-9.6061e-5)
-    rtol: float | None = key(Number("", ge=0), "Allowed error relative to the value", None,
+    rtol: float | None = key(Number("", ge=0), "Allowed error relative to the value", default=None,
                              example=1e-4)
-    atol: float | None = key(Number("", ge=0), "Allowed error, absolute", None)
-    source: str | None = key(Text(number=True), "Where the value comes from", None)
+    atol: float | None = key(Number("", ge=0), "Allowed error, absolute", default=None)
+    source: str | None = key(Text(number=True), "Where the value comes from", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield where nothing known is named, or no tolerance."""
@@ -129,17 +129,17 @@ class Expected:
                         "atol > 0")
 
 
-@dataclass(frozen=True)
+@record
 class Output:
     """What is stored."""
 
     probes: dict[str, Probe] = key(MapOf(PROBE, "points by name"), "Points whose motion is "
                                    "recorded: BODY@S, or {at: BODY@S, y: distance from the axis}",
-                                   {}, example={"mid": "beam@0.5"})
-    every: int | None = key(Integer(), "Steps between stored states", None)
-    interval: float | None = key(Number("s", gt=0), "Time between stored states", None)
+                                   default={}, example={"mid": "beam@0.5"})
+    every: int | None = key(Integer(), "Steps between stored states", default=None)
+    interval: float | None = key(Number("s", gt=0), "Time between stored states", default=None)
     fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
-                                  "Further fields to store, such as stress or energy", ())
+                                  "Further fields to store, such as stress or energy", default=())
 
     def check(self) -> Iterator[Issue]:
         """Yield an interval that is given twice."""
@@ -148,10 +148,10 @@ class Output:
                         "one of every (steps) and interval (time)")
 
 
-@dataclass(frozen=True)
+@record
 class Units:
     """Labels of the consistent set of units that a case is written in."""
 
-    length: str = key(Text("the name of a unit"), "Unit of length", "m", example="mm")
-    force: str = key(Text("the name of a unit"), "Unit of force", "N", example="N")
-    time: str = key(Text("the name of a unit"), "Unit of time", "s", example="s")
+    length: str = key(Text("the name of a unit"), "Unit of length", default="m", example="mm")
+    force: str = key(Text("the name of a unit"), "Unit of force", default="N", example="N")
+    time: str = key(Text("the name of a unit"), "Unit of time", default="s", example="s")

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from ..binder import Binder, Path, dotted
+from ..declare import key, record
 from ..kinds import Book, JsonSchema, Kind, Number, Vector, good_name
 from ..nodes import Node, Scalar, quoted, resolve
-from ..records import ByShape, Record, key
+from ..records import ByShape, Record
 
 
-@dataclass(frozen=True)
+@record
 class Point:
     """A point of a body's axis: the body's name and S in [0, 1] along its arclength."""
 
@@ -24,7 +24,7 @@ class Point:
         return f"{self.body}@{self.s:.17g}" if self.s != int(self.s) else f"{self.body}@{self.s:g}"
 
 
-@dataclass(frozen=True)
+@record
 class GroundPoint:
     """A point that stands still."""
 
@@ -65,12 +65,12 @@ POINT = PointText()
 POSITION = Number("m")
 
 
-@dataclass(frozen=True)
+@record
 class Probe:
     """A place whose motion is recorded."""
 
     at: Point = key(POINT, "point of the axis", example="beam@0.5")
-    y: float = key(POSITION, "distance from the axis, along the section's y axis", 0.0)
+    y: float = key(POSITION, "distance from the axis, along the section's y axis", default=0.0)
 
     def written(self) -> Any:
         """Return the probe as a case has it: the point alone where it is on the axis."""

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import Choice, Integer, Known, Name, Number
-from ..records import ByKeys, key
+from ..records import ByKeys
 
 MOTIONS = ("x", "y", "ux", "uy", "theta")
 
 
-@dataclass(frozen=True)
+@record
 class LoadFactor:
     """Go until the load factor is reached."""
 
     value: float = key(Number(), "Load factor", name="load_factor", example=1)
 
 
-@dataclass(frozen=True)
+@record
 class LimitPoints:
     """Go until so many limit points have been passed."""
 
     count: int = key(Integer(1, 1000), "Number of limit points", name="limit_points", example=2)
 
 
-@dataclass(frozen=True)
+@record
 class ProbeReaches:
     """Go until a probe has come so far."""
 
@@ -35,29 +35,30 @@ class ProbeReaches:
     reaches: float = key(Number(), "Value at which to stop", example=-80)
 
 
-@dataclass(frozen=True)
+@record
 class LinearStatic:
     """Static equilibrium for small displacements."""
 
     tag = "linear_static"
 
 
-@dataclass(frozen=True)
+@record
 class Static:
     """Static equilibrium, or an equilibrium path, with large displacements."""
 
     tag = "static"
     steps: int | None = key(Integer(1, 10**7), "The load is raised by at most 1/steps of the whole "
-                            "at a time; with arc_length the most steps taken", None)
+                            "at a time; with arc_length the most steps taken", default=None)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative size of the last Newton "
-                                  "correction", None, example=1e-10)
-    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most", None)
+                                  "correction", default=None, example=1e-10)
+    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most",
+                                     default=None)
     method: str = key(Choice("newton", "arc_length", "displacement"), "How the path is followed",
-                      "newton")
+                      default="newton")
     until: LoadFactor | LimitPoints | ProbeReaches = key(
         ByKeys((LimitPoints, ("limit_points",)),
                (ProbeReaches, ("probe", "quantity", "reaches")), (LoadFactor, ())),
-        "Where the path ends (default: load factor 1)", LoadFactor(1.0),
+        "Where the path ends (default: load factor 1)", default=LoadFactor(1.0),
         example={"load_factor": 1})
 
     def check(self) -> Iterator[Issue]:
@@ -70,36 +71,37 @@ class Static:
                         "displacement", "method: arc_length or displacement")
 
 
-@dataclass(frozen=True)
+@record
 class Eigen:
     """Natural frequencies and modes."""
 
     tag = "eigen"
-    modes: int = key(Integer(1, 10**5), "Number of modes, the lowest ones", 10)
+    modes: int = key(Integer(1, 10**5), "Number of modes, the lowest ones", default=10)
     about: str = key(Choice("reference", "static"), "State that vibrates: the reference, or the "
-                     "static equilibrium under the loads", "reference")
+                     "static equilibrium under the loads", default="reference")
 
 
-@dataclass(frozen=True)
+@record
 class Buckling:
     """Load factors at which the linear static state buckles."""
 
     tag = "buckling"
-    modes: int = key(Integer(1, 10**5), "Number of load factors, the lowest ones", 4)
+    modes: int = key(Integer(1, 10**5), "Number of load factors, the lowest ones", default=4)
 
 
-@dataclass(frozen=True)
+@record
 class Dynamic:
     """Motion over time."""
 
     tag = "dynamic"
     t_end: float = key(Number("s", gt=0), "End of the motion", example=1)
-    dt: float | None = key(Number("s", gt=0), "Fixed time step", None, example=1e-3)
+    dt: float | None = key(Number("s", gt=0), "Fixed time step", default=None, example=1e-3)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative error for adaptive time steps",
-                                  None, example=1e-6)
+                                  default=None, example=1e-6)
     method: str | None = key(Known("integrators"), "Time integrator (default: the recommended "
-                             "one)", None)
-    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most", None)
+                             "one)", default=None)
+    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most",
+                                     default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a step that is given twice, or is longer than the motion."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ..binder import Issue
+from ..declare import key, record
 from ..kinds import Choice, Known, ListOf, Name, Number, Vector
-from ..records import ByShape, OneOf, key
+from ..records import ByShape, OneOf
 from .amplitudes import Amplitude
 from .points import POINT, Point
 
@@ -22,28 +22,28 @@ def motion(unit: str) -> ByShape:
     return ByShape(number=Number(unit), map=OneOf(Amplitude))
 
 
-@dataclass(frozen=True)
+@record
 class Pin:
     """Holds the position of a point."""
 
     tag = "pin"
     at: Point = key(POINT, "Point that is held", example="beam@0")
-    spread: str | None = key(SPREAD, SPREAD_DOC, None)
-    name: str | None = key(NAME, "Name, for its reaction", None)
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    name: str | None = key(NAME, "Name, for its reaction", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class Roller:
     """Holds one direction of a point's position."""
 
     tag = "roller"
     at: Point = key(POINT, "Point that is held", example="beam@1")
-    fixed: str | None = key(Choice("x", "y"), "Direction that is held", None, example="y")
+    fixed: str | None = key(Choice("x", "y"), "Direction that is held", default=None, example="y")
     normal: tuple[float, float] | None = key(
         Vector(Number(), "nx, ny", nonzero=True),
-        "Direction that is held, where it is neither x nor y; of any length", None)
-    spread: str | None = key(SPREAD, SPREAD_DOC, None)
-    name: str | None = key(NAME, "Name, for its reaction", None)
+        "Direction that is held, where it is neither x nor y; of any length", default=None)
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    name: str | None = key(NAME, "Name, for its reaction", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem unless exactly one of fixed and normal is given."""
@@ -54,7 +54,7 @@ class Roller:
                         "one of fixed: x, fixed: y, or normal: [nx, ny]")
 
 
-@dataclass(frozen=True)
+@record
 class Clamp:
     """Holds position and rotation of a section."""
 
@@ -64,11 +64,11 @@ class Clamp:
         Choice("all", "section", "breathe"),
         "all: every nodal coordinate; section: position and section rotation; breathe: position "
         "in the mean, section straight and in direction, free to stretch (default: the type's)",
-        None)
-    name: str | None = key(NAME, "Name, for its reaction", None)
+        default=None)
+    name: str | None = key(NAME, "Name, for its reaction", default=None)
 
 
-@dataclass(frozen=True)
+@record
 class Fix:
     """Holds single nodal coordinates of a node."""
 
@@ -77,7 +77,7 @@ class Fix:
     coordinates: tuple[str, ...] = key(
         ListOf(Known("nodal_coordinates"), "nodal coordinates", 1),
         "Nodal coordinates that are held", example=["x", "y", "ry_x"])
-    name: str | None = key(NAME, "Name, for its reaction", None)
+    name: str | None = key(NAME, "Name, for its reaction", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield coordinates that are named twice."""
@@ -86,19 +86,19 @@ class Fix:
                 yield Issue(("coordinates", i), f"{{}}.coordinates: {name} is named twice")
 
 
-@dataclass(frozen=True)
+@record
 class Prescribed:
     """Moves a point, or turns its section, as told."""
 
     tag = "prescribed"
     at: Point = key(POINT, "Point that is moved", example="beam@1")
-    x: float | Amplitude | None = key(motion("m"), "Position x", None)
-    y: float | Amplitude | None = key(motion("m"), "Position y", None)
-    ux: float | Amplitude | None = key(motion("m"), "Displacement in x", None)
-    uy: float | Amplitude | None = key(motion("m"), "Displacement in y", None)
+    x: float | Amplitude | None = key(motion("m"), "Position x", default=None)
+    y: float | Amplitude | None = key(motion("m"), "Position y", default=None)
+    ux: float | Amplitude | None = key(motion("m"), "Displacement in x", default=None)
+    uy: float | Amplitude | None = key(motion("m"), "Displacement in y", default=None)
     angle: float | Amplitude | None = key(motion("rad"), "Rotation of the section from the "
-                                          "reference", None)
-    name: str | None = key(NAME, "Name, for its reaction", None)
+                                          "reference", default=None)
+    name: str | None = key(NAME, "Name, for its reaction", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where nothing is prescribed, or the same thing twice."""
