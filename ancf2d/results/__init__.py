@@ -1,5 +1,12 @@
 """HDF5 results: written safely, read back checked, compared as numbers."""
 
+from ancf2d.results.compare import (
+    Difference,
+    compare_results,
+    comparison_text,
+    differences_json,
+)
+from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, Table, open_results
 from ancf2d.results.records import BodyRecord, Column, Units
 from ancf2d.results.target import part_path
@@ -8,10 +15,16 @@ from ancf2d.results.writer import ResultWriter
 __all__ = [
     "BodyRecord",
     "Column",
+    "Difference",
     "ResultWriter",
     "Results",
     "Table",
     "Units",
+    "compare_results",
+    "comparison_text",
+    "describe",
+    "describe_text",
+    "differences_json",
     "open_results",
     "part_path",
 ]

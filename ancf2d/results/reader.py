@@ -139,6 +139,13 @@ class Results:
             raise ValueError(f"{len(rows)} rows where {count} were stored")
         return rows[:count]
 
+    def holds(self, name: str) -> bool:
+        """Whether every stored state has ``name``: d, v or a."""
+        with safe.damage(self.path):
+            group = self._states
+            dataset = None if group is None else safe.child(group, name, h5py.Dataset)
+            return dataset is not None and len(dataset) >= self.nt
+
     def _row(self, name: str, i: int) -> np.ndarray:
         if not -self.nt <= i < self.nt:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")

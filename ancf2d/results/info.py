@@ -1,0 +1,111 @@
+"""What is in a result file, and where it came from."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from ancf2d.results.reader import open_results
+
+_UNFINISHED = {
+    "running": "unfinished: its run is still going, or was killed",
+    "interrupted": "interrupted: it holds what was reached",
+    "failed": "failed: it holds what was reached",
+}
+
+
+def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what ``ancf2d info --json`` prints about a result file."""
+    with open_results(path) as r:
+        return {
+            "file": str(r.path), "bytes": r.path.stat().st_size, "title": r.title,
+            "case": r.attrs.get("case_name", ""), "solver": r.solver, "status": r.status,
+            "made": {
+                "created": r.attrs.get("created", ""),
+                "command_line": r.attrs.get("command_line", ""),
+                "wall_time_s": r.attrs.get("wall_time_s"),
+                "platform": r.attrs.get("platform", ""),
+                "versions": {k.removeprefix("version_"): v for k, v in sorted(r.attrs.items())
+                             if k.startswith("version_")},
+                "case_sha256": r.attrs.get("case_sha256", ""), "overrides": r.overrides,
+            },
+            "units": {"length": r.units.length, "force": r.units.force, "time": r.units.time},
+            "bodies": {name: {"element": b.element_type, "formulation": b.formulation,
+                              "elements": len(b.dofs), "nodes": len(np.unique(b.nodes))}
+                       for name, b in r.bodies.items()},
+            "dofs": r.nq, "states": r.nt, "steps": r.history.rows,
+            "range": [float(r.t[0]), float(r.t[-1])] if r.nt else [],
+            "probes": {name: {q: {"value": float(v[-1]), "units": columns.units[q]}
+                              for q, v in columns.items() if len(v)}
+                       for name, columns in r.probes.items()},
+            "tables": {name: {"rows": t.rows, "columns": list(t)} for name, t in r.tables.items()},
+            "arrays": {name: list(a.shape) for name, a in r.arrays.items()},
+            "summary": r.summary,
+        }
+
+
+def describe_text(found: dict[str, Any]) -> str:
+    """Return what ``ancf2d info`` prints, from what ``describe`` found."""
+    made, units, lines = found["made"], found["units"], [found["title"] or found["case"]]
+    status = _UNFINISHED.get(found["status"], found["status"])
+    rows = [
+        ("file", f"{found['file']} ({_size(found['bytes'])})"),
+        ("solver", f"{found['solver']}, {status}"),
+        ("reason", str(found["summary"].get("reason", ""))),
+        ("made", f"{made['created']} on {made['platform']}"),
+        ("command", made["command_line"]),
+        ("overrides", ", ".join(made["overrides"])),
+        ("versions", ", ".join(f"{k} {v}" for k, v in made["versions"].items())),
+        ("units", ", ".join(units.values())),
+        ("size", f"{_many(found['dofs'], 'nodal coordinate')}, "
+                 f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}"),
+    ]
+    if found["range"]:
+        what = "time" if found["solver"] == "dynamic" else "factor"
+        rows.append((what, f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"))
+    rows += [(k, f"{found['summary'][k]}") for k in ("iterations", "wall_s")
+             if k in found["summary"]]
+    rows += _sections(found)
+    lines += [f"  {name:<11} {value}" for name, value in rows if value]
+    return "\n".join(lines)
+
+
+def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    for name, body in found["bodies"].items():
+        rows.append(("body", f"{name}: {_many(body['elements'], 'element')} {body['element']}, "
+                             f"{body['formulation']}, {_many(body['nodes'], 'node')}"))
+    for name, columns in found["probes"].items():
+        values = ", ".join(f"{q} = {v['value']:.9g}{_unit(v['units'])}" for q, v in columns.items())
+        rows.append(("probe", f"{name}: {values}"))
+    energy = found["summary"].get("energy")
+    if isinstance(energy, dict):
+        unit = f" {found['units']['force']}*{found['units']['length']}"
+        values = ", ".join(f"{k} = {v:.9g}{unit}" for k, v in energy.items()
+                           if isinstance(v, (int, float)))
+        rows.append(("energy", values))
+    for name, table in found["tables"].items():
+        rows.append(("table", f"{name}: {_many(table['rows'], 'row')} of "
+                              f"{', '.join(table['columns'])}"))
+    for name, shape in found["arrays"].items():
+        rows.append(("array", f"{name}: {' x '.join(map(str, shape))}"))
+    return rows
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _unit(units: str) -> str:
+    return "" if units == "1" else f" {units}"
+
+
+def _size(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} GB"
+
