@@ -2,12 +2,16 @@
 
 from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition
+from .json_schema import SCHEMA_FILE, definition_schema, json_schema, schema_comment
 from .load import LoadedCase, load_case, load_case_text
+from .reference import markdown_reference
 from .schema import *  # noqa: F403
 from .schema import __all__ as _schema
 from .source import Source
+from .templates import TEMPLATES, template
 
 __all__ = [
-    "DefinitionNode", "ElementDefinition", "LoadedCase", "Source", "Vocabulary", "load_case",
-    "load_case_text", "load_definition", *_schema,
+    "SCHEMA_FILE", "TEMPLATES", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",
+    "Vocabulary", "definition_schema", "json_schema", "load_case", "load_case_text",
+    "load_definition", "markdown_reference", "schema_comment", "template", *_schema,
 ]

@@ -12,6 +12,8 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
+# beyond so many names, the nearest one alone is shown
+_MANY = 6
 
 
 class _Invalid:
@@ -80,6 +82,17 @@ class Binder:
         message = (f"{dotted(path)} {what}" if what
                    else f"{dotted(path)} must be {wanted}, got {node.shown()}")
         return self.fail(node.mark, path, message, wanted if what else "", near)
+
+
+    def unknown(self, mark: Mark, path: Path, shown: str, names: Iterable[str],
+                near: str) -> Any:
+        """Report that a text is none of some names; return INVALID."""
+        names = list(names)
+        if near and len(names) > _MANY:
+            message = f"{dotted(path)}: {shown} is not known"
+        else:
+            message = f"{dotted(path)} must be {listed(names)}, got {shown}"
+        return self.fail(mark, path, message, near=near)
 
 
 def dotted(path: Path) -> str:

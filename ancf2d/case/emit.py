@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from typing import Any
 
@@ -21,7 +22,7 @@ def written(value: Any) -> Any:
     if short is not None:
         return written(short)
     if dataclasses.is_dataclass(value):
-        cls = type(value)
+        cls: Any = type(value)
         data = {"type": tag_of(cls)} if tag_of(cls) else {}
         for name, k in keys_of(cls).items():
             below = written(getattr(value, k.field))
@@ -45,18 +46,18 @@ def _block(value: Any, indent: int) -> list[str]:
     lines = []
     if isinstance(value, dict):
         for name, item in value.items():
-            head = f"{pad}{_text(name)}:"
-            flow = _flow(item)
-            if len(head) + len(flow) < _WIDTH or not isinstance(item, dict | list) or not item:
-                lines.append(f"{head} {flow}")
+            head = f"{pad}{text_scalar(name)}:"
+            line = flow(item)
+            if len(head) + len(line) < _WIDTH or not isinstance(item, dict | list) or not item:
+                lines.append(f"{head} {line}")
             else:
                 lines.append(head)
                 lines.extend(_block(item, indent + 2))
         return lines
     for item in value:
-        flow = _flow(item)
-        if indent + len(flow) < _WIDTH or not isinstance(item, dict | list) or not item:
-            lines.append(f"{pad}- {flow}")
+        line = flow(item)
+        if indent + len(line) < _WIDTH or not isinstance(item, dict | list) or not item:
+            lines.append(f"{pad}- {line}")
         else:
             below = _block(item, indent + 2)
             lines.append(f"{pad}- {below[0].lstrip()}")
@@ -64,19 +65,34 @@ def _block(value: Any, indent: int) -> list[str]:
     return lines
 
 
-def _flow(value: Any) -> str:
+def flow(value: Any) -> str:
+    """Return plain data as YAML on one line."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_text(k)}: {_flow(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{text_scalar(k)}: {flow(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(_flow(v) for v in value) + "]"
+        return "[" + ", ".join(flow(v) for v in value) + "]"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return f"{value:.0f}" if value == int(value) and abs(value) < 1e6 else repr(value)
-    return str(value) if isinstance(value, int) else _text(value)
+        return number_text(value)
+    return str(value) if isinstance(value, int) else text_scalar(value)
 
 
-def _text(text: str) -> str:
+def number_text(value: float) -> str:
+    """Return the shortest text that reads back as the same number: ``2.07e11``, ``0.1``, ``8``."""
+    if value == int(value) and abs(value) < 1e6:
+        return str(int(value)) if value or math.copysign(1, value) > 0 else "-0.0"
+    if 1e-4 <= abs(value) < 1e6:
+        return repr(value)
+    for digits in range(17):
+        text = f"{value:.{digits}e}"
+        if float(text) == value:
+            break
+    mantissa, exponent = text.split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def text_scalar(text: str) -> str:
     """Return a text as YAML: plain where that cannot be misread, else in double quotes."""
     if _PLAIN.fullmatch(text) and isinstance(resolve(text), str):
         return text

@@ -195,10 +195,8 @@ class Choice(Kind):
         if isinstance(node, Scalar) and node.shape in ("text", "number"):
             if node.text in names or (not names and node.shape == "text"):
                 return node.text
-            near = nearest(node.text, names)
-            wanted = self.words(binder)
-            return binder.fail(node.mark, path, f"{dotted(path)} must be {wanted}, "
-                               f"got {quoted(node.text)}", near=near)
+            return binder.unknown(node.mark, path, quoted(node.text), names,
+                                  nearest(node.text, names))
         return binder.wrong(node, path, self.words(binder))
 
     def schema(self, book: Book) -> JsonSchema:

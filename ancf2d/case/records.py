@@ -7,7 +7,7 @@ reference and the completed text all follow from that.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -110,11 +110,10 @@ class OneOf(Kind):
             return INVALID
         tag = entry.node.text if isinstance(entry.node, Scalar) else ""
         if tag not in self.options:
-            wanted = listed(self.options)
             shown = quoted(tag) if tag else entry.node.shown()
-            return binder.fail(entry.node.mark, (*path, "type"), f"{dotted(path)}.type must be "
-                               f"{wanted}, got {shown}", near=nearest(tag, self.options))
-        return bind_record(self.options[tag], node, path, binder)
+            return binder.unknown(entry.node.mark, (*path, "type"), shown, self.options,
+                                  nearest(tag, self.options))
+        return bind_record(self.options[tag], node, path, binder, self.options)
 
     def schema(self, book: Book) -> JsonSchema:
         return {"oneOf": [define(cls, book) for cls in self.options.values()]}
@@ -161,11 +160,15 @@ class ByShape(Kind):
         return {"anyOf": [kind.schema(book) for kind in self.kinds.values()]}
 
 
-def bind_record(cls: type, node: MapNode, path: Path, binder: Binder) -> Any:
-    """Return a record whose invalid fields hold INVALID; report all that is wrong with it."""
+def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
+                others: Mapping[str, type] | None = None) -> Any:
+    """Return a record whose invalid fields hold INVALID; report all that is wrong with it.
+
+    ``others`` are the records that another ``type`` would have meant.
+    """
     before = len(binder.problems) + binder.unreported
     keys = keys_of(cls)
-    misspelt = unknown_keys(cls, node, path, binder)
+    misspelt = unknown_keys(cls, node, path, binder, others or {})
     values = {}
     for name, k in keys.items():
         entry = node.entries.get(name)
@@ -188,7 +191,8 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder) -> Any:
     return record
 
 
-def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder) -> set[str]:
+def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
+                 others: Mapping[str, type]) -> set[str]:
     """Report the keys that a record does not know; return those they were probably meant for."""
     keys = keys_of(cls)
     tag = tag_of(cls)
@@ -200,8 +204,11 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder) -> set[st
         near = nearest(name, free) or nearest(name, keys)
         meant.add(near)
         where = f" in {dotted(path)}" if path else ""
-        of = f" (type {tag})" if tag else ""
-        wanted = "" if near else listed(keys) if keys else "no further keys"
+        of = f" of type {tag}" if tag else ""
+        owners = [] if near else [t for t, other in others.items() if name in keys_of(other)]
+        if owners:
+            of += f"; it belongs to type {listed(owners)}"
+        wanted = "" if near or owners else listed(keys) if keys else "no key but type"
         binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
                     wanted, near)
     return meant
@@ -264,7 +271,8 @@ def walk(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any, str]]:
     """Yield every value of a case below ``value``: its path, itself, what its text refers to."""
     yield path, value, ""
     if dataclasses.is_dataclass(value):
-        for name, k in keys_of(type(value)).items():
+        cls: Any = type(value)
+        for name, k in keys_of(cls).items():
             below = getattr(value, k.field)
             if k.refers and isinstance(below, str):
                 yield (*path, name), below, k.refers

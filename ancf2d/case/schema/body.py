@@ -40,7 +40,7 @@ class Arc:
     radius: float = key(Number("m", gt=0), "Radius", example=1)
     from_: float = key(Number("rad"), "Angle from the x axis to where S = 0 is", example=0)
     to: float = key(Number("rad"), "Angle from the x axis to where S = 1 is; the axis turns "
-                    "counter-clockwise where it is larger than 'from'", example=1.5707963267948966)
+                    "counter-clockwise where it is larger than 'from'", example=1.5708)
 
     def check(self) -> Iterator[Issue]:
         """Yield what is wrong with the sweep: zero, or more than a full turn."""
@@ -148,7 +148,7 @@ class Element:
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
-    count: int | None = key(Integer(1, 10**8), "Number of elements; a polyline needs one per piece "
+    count: int | None = key(Integer(), "Number of elements; a polyline needs one per piece "
                             "at least", default=None, example=8)
     order: tuple[int, int] | None = key(
         ORDER, "Degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,

@@ -40,15 +40,15 @@ def _kind() -> Any:
 
 
 def _number() -> Any:
-    return key(Integer(1, 10**5), "Which mode of that kind, counted from 1", default=None)
+    return key(Integer(), "Which mode of that kind, counted from 1", default=None)
 
 
 def _load_factor() -> Any:
-    return key(Integer(1, 10**5), "Which buckling load factor, counted from 1", default=None)
+    return key(Integer(), "Which buckling load factor, counted from 1", default=None)
 
 
 def _limit_point() -> Any:
-    return key(Integer(1, 1000), "Which limit point of the path, counted from 1: its load factor, "
+    return key(Integer(), "Which limit point of the path, counted from 1: its load factor, "
                "or with probe and quantity where the probe is then", default=None)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..binder import Binder, Path, dotted
 from ..declare import key, record
+from ..emit import number_text
 from ..kinds import Book, JsonSchema, Kind, Number, Vector, good_name
 from ..nodes import Node, Scalar, quoted, resolve
 from ..records import ByShape, Record
@@ -21,7 +22,7 @@ class Point:
 
     def written(self) -> str:
         """Return the point as a case has it: ``BODY@S``."""
-        return f"{self.body}@{self.s:.17g}" if self.s != int(self.s) else f"{self.body}@{self.s:g}"
+        return f"{self.body}@{number_text(self.s)}"
 
 
 @record
@@ -55,7 +56,7 @@ class PointText(Kind):
         if not (math.isfinite(s) and 0 <= s <= 1):
             return binder.fail(node.mark, path,
                                f"{dotted(path)}: S must be in [0, 1], got {quoted(node.text)}")
-        return Point(body, float(s))
+        return Point(body, abs(float(s)))
 
     def schema(self, book: Book) -> JsonSchema:
         return {"type": "string", "pattern": r"^[^@./=\[\]]+@[-+0-9.eE]+$"}

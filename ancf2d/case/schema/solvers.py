@@ -23,7 +23,7 @@ class LoadFactor:
 class LimitPoints:
     """Go until so many limit points have been passed."""
 
-    count: int = key(Integer(1, 1000), "Number of limit points", name="limit_points", example=2)
+    count: int = key(Integer(), "Number of limit points", name="limit_points", example=2)
 
 
 @record
@@ -47,11 +47,11 @@ class Static:
     """Static equilibrium, or an equilibrium path, with large displacements."""
 
     tag = "static"
-    steps: int | None = key(Integer(1, 10**7), "The load is raised by at most 1/steps of the whole "
+    steps: int | None = key(Integer(), "The load is raised by at most 1/steps of the whole "
                             "at a time; with arc_length the most steps taken", default=None)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative size of the last Newton "
                                   "correction", default=None, example=1e-10)
-    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most",
+    max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
                                      default=None)
     method: str = key(Choice("newton", "arc_length", "displacement"), "How the path is followed",
                       default="newton")
@@ -76,7 +76,7 @@ class Eigen:
     """Natural frequencies and modes."""
 
     tag = "eigen"
-    modes: int = key(Integer(1, 10**5), "Number of modes, the lowest ones", default=10)
+    modes: int = key(Integer(), "Number of modes, the lowest ones", default=10)
     about: str = key(Choice("reference", "static"), "State that vibrates: the reference, or the "
                      "static equilibrium under the loads", default="reference")
 
@@ -86,7 +86,7 @@ class Buckling:
     """Load factors at which the linear static state buckles."""
 
     tag = "buckling"
-    modes: int = key(Integer(1, 10**5), "Number of load factors, the lowest ones", default=4)
+    modes: int = key(Integer(), "Number of load factors, the lowest ones", default=4)
 
 
 @record
@@ -100,7 +100,7 @@ class Dynamic:
                                   default=None, example=1e-6)
     method: str | None = key(Known("integrators"), "Time integrator (default: the recommended "
                              "one)", default=None)
-    max_iterations: int | None = key(Integer(1, 10**4), "Newton iterations per step at most",
+    max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
                                      default=None)
 
     def check(self) -> Iterator[Issue]:

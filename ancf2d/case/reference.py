@@ -1,0 +1,144 @@
+"""The reference of the case format in Markdown; made from the same records that read cases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .binder import Binder, Vocabulary
+from .emit import flow
+from .kinds import Choice, Kind, ListOf, MapOf
+from .records import ByKeys, ByShape, Key, OneOf, Record, keys_of, tag_of, title_of
+from .schema import Case
+
+_INTRO = """\
+# Case files
+
+A case file is YAML. A number may be written `1e3`, `1.0e3` or `1000`; `on`, `yes` and dates are
+text; anchors, aliases, merge keys and tags are not used. Units are SI unless `units` says
+otherwise, angles are in radians, x points to the right, y up, positive rotation is
+counter-clockwise. A point is written `BODY@S` with S in [0, 1] along the body's arclength.
+
+Every value can be overridden on the command line: `--set bodies.beam.element.count=32`,
+`--set loads.0.value.1=-500`; items of lists are named by index or by their `name`.
+"""
+
+
+def markdown_reference(vocabulary: Vocabulary | None = None) -> str:
+    """Return the reference of every key of a case file: its value, default and meaning."""
+    writer = _Writer(Binder(vocabulary))
+    writer.lines = [_INTRO, "## The case", ""]
+    writer.anchors = {k.kind.cls: k.name for k in keys_of(Case).values()
+                      if isinstance(k.kind, Record)}
+    writer.table(Case)
+    for k in keys_of(Case).values():
+        records = _records(k.kind)
+        if not records:
+            continue
+        writer.lines += [f"## {k.name}", ""]
+        if not isinstance(k.kind, Record):
+            writer.lines.append(f"{k.doc}.")
+        if isinstance(k.kind, OneOf) or isinstance(getattr(k.kind, "item", None), OneOf):
+            writer.lines += ["", "`type` says which:", ""]
+            writer.lines += [f"* `{tag_of(c)}`: {title_of(c)}" for c in records]
+        if writer.lines[-1]:
+            writer.lines.append("")
+        if isinstance(k.kind, Record):
+            # the section of the key is the section of its record
+            writer.record(k.kind.cls, level=2)
+        else:
+            for cls in records:
+                writer.record(cls, level=3)
+    return "\n".join(writer.lines).rstrip() + "\n"
+
+
+def _records(kind: Any) -> list[type]:
+    """Return the records that a kind is made of, at its surface."""
+    if isinstance(kind, Record):
+        return [kind.cls]
+    if isinstance(kind, OneOf):
+        return list(kind.options.values())
+    if isinstance(kind, ByKeys):
+        return [cls for cls, _ in kind.options]
+    if isinstance(kind, ListOf | MapOf):
+        return _records(kind.item)
+    if isinstance(kind, ByShape):
+        return [cls for below in kind.kinds.values() for cls in _records(below)]
+    return []
+
+
+class _Writer:
+    """Lines of Markdown; each record is described once, where it is first met."""
+
+    def __init__(self, binder: Binder) -> None:
+        self.binder = binder
+        self.lines: list[str] = []
+        self.seen: set[type] = set()
+        # records that are described under the key of the case that holds them
+        self.anchors: dict[type, str] = {}
+
+    def record(self, cls: type, level: int) -> None:
+        """Describe a record and, below it, the records that its keys hold."""
+        if cls in self.seen:
+            return
+        self.seen.add(cls)
+        if cls not in self.anchors:
+            self.lines += [f"{'#' * level} {heading(cls)}", ""]
+        self.lines += [title_of(cls), ""]
+        if keys_of(cls):
+            self.table(cls)
+        for k in keys_of(cls).values():
+            for below in _records(k.kind):
+                self.record(below, min(level + 1, 5))
+
+    def table(self, cls: type) -> None:
+        """Write the table of a record's keys."""
+        self.lines += ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
+        self.lines += [self.row(k) for k in keys_of(cls).values()]
+        self.lines.append("")
+
+    def row(self, k: Key) -> str:
+        value = self.value(k.kind)
+        if k.example is not None:
+            value += f", such as `{_short(k.example)}`"
+        default = "**required**" if k.required else _default(k)
+        return f"| `{k.name}` | {value} | {default} | {k.doc} |"
+
+    def link(self, cls: type) -> str:
+        """Return a link to where a record is described."""
+        text = self.anchors.get(cls) or heading(cls)
+        anchor = "".join(c for c in text.lower() if c.isalnum() or c in " -_")
+        return f"[{tag_of(cls) or cls.__name__}](#{anchor.replace(' ', '-')})"
+
+    def value(self, kind: Kind) -> str:
+        """Return what a value may be, with links to records."""
+        if isinstance(kind, OneOf):
+            return " or ".join(self.link(cls) for cls in _records(kind))
+        if isinstance(kind, Record | ByKeys):
+            short = getattr(kind, "short", "")
+            links = " or ".join(self.link(cls) for cls in _records(kind))
+            return f"{self.value(keys_of(kind.cls)[short].kind)}, or {links}" if (
+                isinstance(kind, Record) and short) else links
+        if isinstance(kind, ByShape):
+            return ", or ".join(self.value(below) for below in kind.kinds.values())
+        if isinstance(kind, ListOf | MapOf) and _records(kind):
+            return kind.words(self.binder)
+        if isinstance(kind, Choice):
+            return ", ".join(f"`{name}`" for name in kind.names(self.binder)) or "text"
+        return kind.words(self.binder)
+
+
+def heading(cls: type) -> str:
+    """Return the heading of a record."""
+    return f"{cls.__name__} (`type: {tag_of(cls)}`)" if tag_of(cls) else cls.__name__
+
+
+def _short(value: Any) -> str:
+    return value if isinstance(value, str) else flow(value)
+
+
+def _default(k: Key) -> str:
+    if isinstance(k.default, bool | int | float | str) and k.default != "":
+        return f"`{_short(k.default)}`"
+    if isinstance(k.default, tuple) and k.default:
+        return f"`{flow(list(k.default))}`"
+    return "none" if isinstance(k.default, tuple | dict) else ""
