@@ -1,0 +1,111 @@
+"""What an element type is: a polynomial basis and nodal coordinates, nothing else."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from .polynomial import Polynomial, parse
+
+_GRADIENT = re.compile(r"r(?:_(x*)(y*))?")
+
+
+def derivative_order(coordinate: str) -> tuple[int, int]:
+    """Return (i, j) of the nodal coordinate d^(i+j) r / dx^i dy^j: ``r_xy`` gives (1, 1).
+
+    Raises ValueError for a name that is no derivative of r.
+    """
+    match = _GRADIENT.fullmatch(coordinate)
+    if match is None or coordinate == "r_":
+        raise ValueError(f"'{coordinate}' is no nodal coordinate; expected r, r_x, r_y, r_xy, r_yy, ... or theta")
+    return len(match[1] or ""), len(match[2] or "")
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of an element: its place in [0, 1] along the element and its nodal coordinates."""
+
+    at: float
+    coordinates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ElementType:
+    """An element of the family r(x, y) = sum_k s_k(x, y) e_k, given by its basis and nodal coordinates.
+
+    ``quadrature`` maps a formulation to the (nx, ny) Gauss points that this type is recommended with
+    (formulations know a rule for every type; an entry here overrides it). ``shear_factor`` is
+    ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or a number. ``preset`` maps the option
+    ``preset: paper`` to the seed paper's choices; empty where the paper has none.
+    """
+
+    name: str
+    basis: tuple[str, ...]
+    nodes: tuple[NodeSpec, ...]
+    formulation: str
+    source: str
+    quadrature: dict[str, tuple[int, int]] = field(default_factory=dict)
+    shear_factor: str | float = "timoshenko"
+    preset: dict[str, object] = field(default_factory=dict)
+    note: str = ""
+
+    @cached_property
+    def polynomials(self) -> tuple[Polynomial, ...]:
+        """The parsed basis; raises ValueError for text that is no polynomial."""
+        return tuple(parse(b) for b in self.basis)
+
+    @property
+    def has_theta(self) -> bool:
+        """Whether the section rotation is a coordinate of its own (geometrically exact beams)."""
+        return any("theta" in n.coordinates for n in self.nodes)
+
+    @property
+    def components(self) -> int:
+        """Components per shape function: x, y, and theta where it is a coordinate."""
+        return 3 if self.has_theta else 2
+
+    @cached_property
+    def functionals(self) -> tuple[tuple[int, str], ...]:
+        """(node, coordinate) of every shape function, node by node."""
+        return tuple((i, c) for i, n in enumerate(self.nodes) for c in n.coordinates if c != "theta")
+
+    @property
+    def n_shape(self) -> int:
+        """Number of shape functions."""
+        return len(self.functionals)
+
+    @property
+    def n_dof(self) -> int:
+        """Number of element coordinates."""
+        return self.n_shape * self.components
+
+    @property
+    def degree_x(self) -> int:
+        """Highest power of x in the basis."""
+        return max(p.degree_x for p in self.polynomials)
+
+    @property
+    def degree_y(self) -> int:
+        """Highest power of y in the basis: 0 for a curve, 1 for a section that stays straight."""
+        return max(p.degree_y for p in self.polynomials)
+
+    @property
+    def common_coefficients(self) -> bool:
+        """Whether some basis function ties powers of y to powers of x."""
+        return any(len({(t.i, t.j) for t in p.terms}) > 1 for p in self.polynomials)
+
+    @property
+    def section_kind(self) -> str:
+        """How a cross-section follows from the coordinates: interpolated, tangent (normal to r_x) or theta."""
+        if self.has_theta:
+            return "theta"
+        return "interpolated" if self.degree_y > 0 else "tangent"
+
+
+def coordinate_components(coordinate: str, theta: bool) -> tuple[str, ...]:
+    """Return the case-file names of the components of a nodal coordinate: r -> x, y; r_y -> ry_x, ry_y."""
+    if coordinate == "r":
+        return ("x", "y", "theta") if theta else ("x", "y")
+    stem = coordinate.replace("_", "")
+    return (f"{stem}_x", f"{stem}_y")

@@ -1,0 +1,103 @@
+"""What a formulation is: strains of a few gradient fields, with a constant stiffness between them.
+
+Every elastic energy of this project is U = sum_s 1/2 eps_s^T D_s eps_s over sampling stations s, with
+strains eps(u) of the fields u = B d, d the element's displacements from its reference in the element's
+own frame. A formulation states B, the strain function with its Jacobian, and its second derivatives;
+one kernel does the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..definition import ElementType
+from ..section import Section
+from ..shape import Array, ShapeFunctions, gauss
+
+
+class Law(NamedTuple):
+    """The sampled law of one formulation; each formulation has a subclass-like type of its own.
+
+    B : (classes, stations, fields, n_dof); ref : (classes, stations, any); D : (classes, stations, n_eps, n_eps),
+    quadrature weight and volume included.
+    """
+
+    B: Array
+    ref: Array
+    D: Array
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Quadrature: Gauss points (along, across) for the normal strains and for shear (usually the same)."""
+
+    normal: tuple[int, int]
+    shear: tuple[int, int]
+
+    @property
+    def uniform(self) -> bool:
+        """Whether one rule serves both."""
+        return self.normal == self.shear
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """What a formulation samples: shape functions, section and the element's reference in its own frame.
+
+    ``e0`` is (n_shape, components): the reference nodal coordinates turned so that the element starts
+    along x.
+    """
+
+    shape: ShapeFunctions
+    e0: Array
+    section: Section
+
+    def derivative(self, xi: Array, eta: Array, i: int, j: int) -> Array:
+        """Return d^(i+j) S/dx^i dy^j at points (points, n_shape)."""
+        return self.shape(xi, eta, i, j)
+
+    def spread(self, S: Array, component: int) -> Array:
+        """Return shape-function rows (points, n_shape) as rows on the element coordinates of a component."""
+        nc = self.e0.shape[1]
+        out = np.zeros((len(S), S.shape[1] * nc))
+        out[:, component::nc] = S
+        return out
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """A selectable form of the elastic forces.
+
+    ``refuse(element)`` gives the reason why it makes no sense for a type, or None. ``rule(element)`` is
+    its default quadrature; ``exact(element)`` the rule that integrates a straight element exactly, or
+    None where no finite rule does. ``sample(sampler, rule)`` returns (B, ref, D) of one element class.
+    ``strain(law, c, s, u, eps, J)`` and ``geometric(law, c, s, u, sigma, H)`` are compiled by the kernels.
+    ``forces`` names the section forces that its D eps per station are, where they are.
+    """
+
+    name: str
+    law: type
+    refuse: Callable[[ElementType], str | None]
+    rule: Callable[[ElementType], tuple[int, int]]
+    exact: Callable[[ElementType], tuple[int, int] | None]
+    sample: Callable[[Sampler, Rule], tuple[Array, Array, Array]]
+    strain: Callable[..., Any]
+    geometric: Callable[..., Any]
+    source: str
+    doc: str
+
+
+def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest."""
+    x, wx = gauss(rule[0])
+    y, wy = gauss(rule[1])
+    return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the planar cross products a x b of rows."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

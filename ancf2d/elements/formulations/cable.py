@@ -1,0 +1,155 @@
+"""Euler-Bernoulli formulations of the gradient-deficient cable: engineering and Green axial strain."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..definition import ElementType
+from ..shape import Array
+from .base import Formulation, Rule, Sampler, rule_points
+
+
+class Cable(NamedTuple):
+    """Law with engineering axial strain. Fields: u_,s, u_,ss (x, y each); ref: r_s, r_ss of the reference."""
+
+    B: Array
+    ref: Array
+    D: Array
+
+
+class GreenCable(NamedTuple):
+    """Law with Green axial strain and spatial curvature; fields and ref as in Cable."""
+
+    B: Array
+    ref: Array
+    D: Array
+
+
+def strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+    """Strains |r_s| and dtheta/ds = r_s x r_ss/|r_s|^2, less those of the reference (Gerstmayr & Irschik 2008)."""
+    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
+    ax, ay, bx, by = u[0], u[1], u[2], u[3]
+    fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
+    LL0, LL = px * px + py * py, fx * fx + fy * fy
+    L = np.sqrt(LL)
+    dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
+    k0 = (px * qy - py * qx) / LL0
+    eps[0] = dLL / (L + np.sqrt(LL0))
+    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - k0 * dLL) / LL
+    k = k0 + eps[1]
+    J[0, 0], J[0, 1] = fx / L, fy / L
+    J[1, 0], J[1, 1] = (gy - 2.0 * k * fx) / LL, (-gx - 2.0 * k * fy) / LL
+    J[1, 2], J[1, 3] = -fy / LL, fx / LL
+
+
+def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+    """Add sum_i sigma_i d2 eps_i/du2."""
+    fx, fy = law.ref[c, s, 0] + u[0], law.ref[c, s, 1] + u[1]
+    gx, gy = law.ref[c, s, 2] + u[2], law.ref[c, s, 3] + u[3]
+    LL = fx * fx + fy * fy
+    N, M = sigma[0] / np.sqrt(LL), sigma[1] / LL
+    k = (fx * gy - fy * gx) / LL
+    ex, ey = fx / LL, fy / LL
+    H[0, 0] += N * (1.0 - fx * ex) + M * (-4.0 * gy * ex - k * (2.0 - 8.0 * fx * ex))
+    H[1, 1] += N * (1.0 - fy * ey) + M * (4.0 * gx * ey - k * (2.0 - 8.0 * fy * ey))
+    mixed = -N * fx * ey + M * (2.0 * gx * ex - 2.0 * gy * ey + 8.0 * k * fx * ey)
+    H[0, 1] += mixed
+    H[1, 0] += mixed
+    h02, h03 = M * 2.0 * fy * ex, M * (1.0 - 2.0 * fx * ex)
+    h12, h13 = -M * (1.0 - 2.0 * fy * ey), -M * 2.0 * fx * ey
+    H[0, 2] += h02
+    H[2, 0] += h02
+    H[0, 3] += h03
+    H[3, 0] += h03
+    H[1, 2] += h12
+    H[2, 1] += h12
+    H[1, 3] += h13
+    H[3, 1] += h13
+
+
+def green_strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+    """Strains r_s.r_s/2 and r_s x r_ss/|r_s|^3, less those of the reference (Berzeri & Shabana 2000)."""
+    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
+    ax, ay, bx, by = u[0], u[1], u[2], u[3]
+    fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
+    LL0, LL = px * px + py * py, fx * fx + fy * fy
+    L, L0 = np.sqrt(LL), np.sqrt(LL0)
+    dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
+    c0 = px * qy - py * qx
+    dL = dLL / (L + L0)
+    L3, L30 = LL * L, LL0 * L0
+    eps[0] = 0.5 * dLL
+    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - c0 / L30 * dL * (LL + L * L0 + LL0)) / L3
+    k = c0 / L30 + eps[1]
+    J[0, 0], J[0, 1] = fx, fy
+    J[1, 0], J[1, 1] = gy / L3 - 3.0 * k * fx / LL, -gx / L3 - 3.0 * k * fy / LL
+    J[1, 2], J[1, 3] = -fy / L3, fx / L3
+
+
+def green_geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+    """Add sum_i sigma_i d2 eps_i/du2."""
+    fx, fy = law.ref[c, s, 0] + u[0], law.ref[c, s, 1] + u[1]
+    gx, gy = law.ref[c, s, 2] + u[2], law.ref[c, s, 3] + u[3]
+    LL = fx * fx + fy * fy
+    M = sigma[1] / (LL * np.sqrt(LL))
+    w = fx * gy - fy * gx
+    ex, ey = fx / LL, fy / LL
+    H[0, 0] += sigma[0] + M * (-6.0 * gy * ex - 3.0 * w / LL * (1.0 - 5.0 * fx * ex))
+    H[1, 1] += sigma[0] + M * (6.0 * gx * ey - 3.0 * w / LL * (1.0 - 5.0 * fy * ey))
+    mixed = M * (3.0 * gx * ex - 3.0 * gy * ey + 15.0 * w / LL * fx * ey)
+    H[0, 1] += mixed
+    H[1, 0] += mixed
+    h02, h03 = M * 3.0 * fy * ex, M * (1.0 - 3.0 * fx * ex)
+    h12, h13 = -M * (1.0 - 3.0 * fy * ey), -M * 3.0 * fx * ey
+    H[0, 2] += h02
+    H[2, 0] += h02
+    H[0, 3] += h03
+    H[3, 0] += h03
+    H[1, 2] += h12
+    H[2, 1] += h12
+    H[1, 3] += h13
+    H[3, 1] += h13
+
+
+def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[Array, Array, Array]:
+    xi, _, w = rule_points((n, 1))
+    zero = np.zeros_like(xi)
+    Sx, Sxx = sampler.derivative(xi, zero, 1, 0), sampler.derivative(xi, zero, 2, 0)
+    rx, rxx = Sx @ sampler.e0, Sxx @ sampler.e0
+    j0 = np.hypot(rx[:, 0], rx[:, 1])[:, None]
+    # d/ds = (1/j0) d/dx along a reference whose interpolated |r_x| is not quite 1
+    dj0 = np.sum(rx * rxx, axis=1, keepdims=True) / j0
+    fields = (Sx / j0, Sxx / j0**2 - Sx * dj0 / j0**3)
+    B = np.stack([sampler.spread(S, k) for S in fields for k in (0, 1)], axis=1)
+    ref = np.hstack([S @ sampler.e0 for S in fields])
+    ds = w * j0[:, 0] * sampler.shape.l
+    return B, ref, ds[:, None, None] * np.diag(weights)
+
+
+def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Sample EA and EI with one rule (the axial strain's: ``normal``, the curvature's: ``shear``)."""
+    s = sampler.section
+    if rule.uniform:
+        return _stations(sampler, rule.normal[0], (s.EA, s.EI))
+    parts = (_stations(sampler, rule.normal[0], (s.EA, 0.0)), _stations(sampler, rule.shear[0], (0.0, s.EI)))
+    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return B, ref, D
+
+
+def _refuse(element: ElementType) -> str | None:
+    if element.has_theta or element.degree_y > 0:
+        return f"{element.name} can shear: this form is for elements whose section stays normal to r_x"
+    if not any("r_x" in n.coordinates for n in element.nodes):
+        return f"{element.name} has no r_x at its nodes: its slope would jump between elements"
+    return None
+
+
+FORMULATIONS = (
+    Formulation("cable", Cable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain, geometric,
+                "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear"),
+    Formulation("green", GreenCable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, green_strain,
+                green_geometric, "Berzeri & Shabana 2000",
+                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear"),
+)

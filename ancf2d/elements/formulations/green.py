@@ -1,0 +1,175 @@
+"""Continuum formulations in Green-Lagrange strain: full, enhanced and strain split.
+
+One strain function serves them all; they differ by the constant matrix between the sampled strains.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..definition import ElementType
+from ..section import Section
+from ..shape import Array, gauss
+from .base import Formulation, Rule, Sampler, cross, rule_points
+
+
+class Green(NamedTuple):
+    """Law of the Green-Lagrange family. Fields per point: u_,t (x, y), u_,n (x, y); ref: t, n per point."""
+
+    B: Array
+    ref: Array
+    D: Array
+
+
+def strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+    """Green-Lagrange strain (eps_tt, eps_nn, 2 eps_tn) from the displacement gradient, point by point.
+
+    With a = u_,t and b = u_,n: eps_tt = t.a + a.a/2 and so on; written in displacements, small strain of
+    stiff beams keeps its digits.
+    """
+    for p in range(len(eps) // 3):
+        ax, ay, bx, by = u[4 * p], u[4 * p + 1], u[4 * p + 2], u[4 * p + 3]
+        tx, ty = law.ref[c, s, 4 * p], law.ref[c, s, 4 * p + 1]
+        nx, ny = law.ref[c, s, 4 * p + 2], law.ref[c, s, 4 * p + 3]
+        i, k = 3 * p, 4 * p
+        eps[i] = tx * ax + ty * ay + 0.5 * (ax * ax + ay * ay)
+        eps[i + 1] = nx * bx + ny * by + 0.5 * (bx * bx + by * by)
+        eps[i + 2] = tx * bx + ty * by + nx * ax + ny * ay + (ax * bx + ay * by)
+        J[i, k], J[i, k + 1] = tx + ax, ty + ay
+        J[i + 1, k + 2], J[i + 1, k + 3] = nx + bx, ny + by
+        J[i + 2, k], J[i + 2, k + 1] = nx + bx, ny + by
+        J[i + 2, k + 2], J[i + 2, k + 3] = tx + ax, ty + ay
+
+
+def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+    """Add sigma : d2 eps/du2, constant for Green-Lagrange strain."""
+    for p in range(len(sigma) // 3):
+        i, k = 3 * p, 4 * p
+        for q in range(2):
+            H[k + q, k + q] += sigma[i]
+            H[k + 2 + q, k + 2 + q] += sigma[i + 1]
+            H[k + q, k + 2 + q] += sigma[i + 2]
+            H[k + 2 + q, k + q] += sigma[i + 2]
+
+
+def elasticity(section: Section) -> tuple[Array, Array]:
+    """Return plane-stress D and D0 = diag(E, E, k_s mu) for (eps_tt, eps_nn, 2 eps_tn).
+
+    physics: lambda = E nu/(1 - nu^2); the shear energy is 2 mu k_s eps_xy^2 = k_s mu gamma^2/2.
+    """
+    E, nu = section.E, section.nu
+    c = E / (1.0 - nu * nu)
+    D = np.diag([c, c, section.mu_k])
+    D[0, 1] = D[1, 0] = nu * c
+    return D, np.diag([E, E, section.mu_k])
+
+
+def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Array]:
+    """Return B (points, 4, n_dof), ref (points, 4) and det J0 (points) at points of an element."""
+    Sx, Sy = sampler.derivative(xi, eta, 1, 0), sampler.derivative(xi, eta, 0, 1)
+    rx, ry = Sx @ sampler.e0, Sy @ sampler.e0
+    det = cross(rx, ry)
+    t = rx / np.hypot(rx[:, 0], rx[:, 1])[:, None]
+    n = np.stack([-t[:, 1], t[:, 0]], axis=1)
+    # grad s = J0^-T (s_x, s_y); its components along t and n
+    st = (Sx * cross(t, ry)[:, None] + Sy * cross(rx, t)[:, None]) / det[:, None]
+    sn = (Sx * cross(n, ry)[:, None] + Sy * cross(rx, n)[:, None]) / det[:, None]
+    rows = [sampler.spread(S, k) for S in (st, sn) for k in (0, 1)]
+    return np.stack(rows, axis=1), np.hstack([t, n]), det
+
+
+def _stations(sampler: Sampler, rule: tuple[int, int], D: Array) -> tuple[Array, Array, Array]:
+    xi, eta, w = rule_points(rule)
+    B, ref, det = _points(sampler, xi, eta)
+    volume = w * det * sampler.shape.l * sampler.section.height * sampler.section.width
+    return B, ref, volume[:, None, None] * D
+
+
+def _join(*parts: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return B, ref, D
+
+
+def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has points of its own."""
+    D, _ = elasticity(sampler.section)
+    if rule.uniform:
+        return _stations(sampler, rule.normal, D)
+    shear = np.diag([0.0, 0.0, D[2, 2]])
+    return _join(_stations(sampler, rule.normal, D - shear), _stations(sampler, rule.shear, shear))
+
+
+def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Sample the enhanced form: D0 over the volume, D - D0 on the axis only."""
+    D, D0 = elasticity(sampler.section)
+    axis = _stations(sampler, (rule.normal[0], 1), D - D0)
+    if rule.uniform:
+        return _join(_stations(sampler, rule.normal, D0), axis)
+    shear = np.diag([0.0, 0.0, D0[2, 2]])
+    return _join(_stations(sampler, rule.normal, D0 - shear), _stations(sampler, rule.shear, shear), axis)
+
+
+def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Sample the strain split: U = 1/2 int (e^T D0 e + e_c^T (D - D0) e) dV, e_c the strain on the axis.
+
+    This is Patel & Shabana's energy with its symmetric part: points that share x form one station.
+    """
+    D, D0 = elasticity(sampler.section)
+    nx, ny = rule.normal
+    (x, wx), (y, wy) = gauss(nx), gauss(ny)
+    xi, eta = np.repeat(x, ny + 1), np.tile(np.concatenate([[0.0], 2 * y - 1]), nx)
+    B, ref, det = _points(sampler, xi, eta)
+    section = sampler.section
+    volume = (np.outer(wx, np.concatenate([[0.0], wy])).ravel() * det).reshape(nx, ny + 1)
+    volume *= sampler.shape.l * section.height * section.width
+    n_dof = B.shape[-1]
+    DD = np.zeros((nx, 3 * (ny + 1), 3 * (ny + 1)))
+    for i in range(nx):
+        for p in range(1, ny + 1):
+            block = slice(3 * p, 3 * p + 3)
+            DD[i, block, block] = volume[i, p] * D0
+            DD[i, :3, block] = DD[i, block, :3] = 0.5 * volume[i, p] * (D - D0)
+    return B.reshape(nx, 4 * (ny + 1), n_dof), ref.reshape(nx, 4 * (ny + 1)), DD
+
+
+def _needs_body(element: ElementType) -> str | None:
+    if element.has_theta or element.degree_y == 0:
+        return f"{element.name} is a curve: it has no body to integrate a stress over"
+    return None
+
+
+def _refuse_split(element: ElementType) -> str | None:
+    if element.common_coefficients:
+        return (f"the y^2 of {element.name} is tied to x^2: without Poisson coupling over the section it would "
+                "add the bending stiffness once more")
+    return _needs_body(element)
+
+
+def _default_rule(element: ElementType) -> tuple[int, int]:
+    return element.degree_x, element.degree_y + 1
+
+
+def _exact(element: ElementType) -> tuple[int, int]:
+    """Return the rule exact for the quartic energy of a straight element."""
+    terms = [t for p in element.polynomials for t in p.terms]
+    dx = max([t.i - 1 for t in terms if t.i > 0] + [t.i for t in terms if t.j > 0])
+    dy = max([t.j for t in terms if t.i > 0] + [t.j - 1 for t in terms if t.j > 0])
+    return 2 * dx + 1, 2 * dy + 1
+
+
+def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
+    return _exact(element)
+
+
+FORMULATIONS = tuple(
+    Formulation(name, Green, refuse, _default_rule, _exact_no_split, sample, strain, geometric, source, doc)
+    for name, refuse, sample, source, doc in (
+        ("continuum", _needs_body, sample_continuum, "Omar & Shabana 2001",
+         "Green-Lagrange strain, plane stress over the whole section"),
+        ("enhanced", _refuse_split, sample_enhanced, "Sopanen & Mikkola 2003; Gerstmayr, Matikainen & Mikkola 2008",
+         "D0 = diag(E, E, k_s mu) over the volume, the Poisson coupling on the axis only"),
+        ("strain_split", _refuse_split, sample_strain_split, "Patel & Shabana 2018",
+         "Poisson coupling with the axis strain only; symmetric part of the split stress"),
+    ))

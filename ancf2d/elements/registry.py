@@ -1,0 +1,102 @@
+"""The one place where element types are listed: each is a few lines of data."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from .definition import ElementType, NodeSpec
+
+
+def _nodes(places: tuple[float, ...], *coordinates: str) -> tuple[NodeSpec, ...]:
+    return tuple(NodeSpec(at, coordinates) for at in places)
+
+
+ENDS = (0.0, 1.0)
+THREE = (0.0, 0.5, 1.0)
+_R_RX_RY = _nodes(ENDS, "r", "r_x", "r_y")
+_PAPER = {"formulation": "continuum", "shear_factor": 0.5, "quadrature": (2, 2)}
+_SEED = "two-dimensional shear deformable ANCF elements by common coefficients"
+
+_TYPES = (
+    ElementType("omar", ("1", "x", "y", "x*y", "x^2", "x^3"), _R_RX_RY,
+                formulation="enhanced", quadrature={"enhanced": (4, 2)}, preset=_PAPER,
+                source="Omar & Shabana 2001"),
+    ElementType("kerkkanen", ("1", "x", "y", "x*y"), _nodes(ENDS, "r", "r_y"),
+                formulation="structural", source="Kerkkanen, Sopanen & Mikkola 2005"),
+    ElementType("vallejo", ("1", "x", "y", "x*y", "x^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
+                formulation="enhanced", source="Garcia-Vallejo, Mikkola & Escalona 2007"),
+    ElementType("li", ("1", "x", "x^2", "x^3", "y", "x*y", "x^2*y", "x^3*y"),
+                _nodes(ENDS, "r", "r_x", "r_y", "r_xy"),
+                formulation="enhanced", source="Li, Gantoi & Shabana 2011",
+                note="x^2 y^2 vanishes in r, r_x, r_y, r_xy on y = 0, so these coordinates cannot carry "
+                     "it; the basis is what they determine"),
+    ElementType("patel", ("1", "x", "y", "x*y", "x^2", "x^3", "y^2", "x*y^2"),
+                _nodes(ENDS, "r", "r_x", "r_y", "r_yy"),
+                formulation="continuum", source="Patel & Shabana 2018"),
+    ElementType("2d2n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^3"), _R_RX_RY,
+                formulation="continuum", preset=_PAPER, source=f"{_SEED}, Eqs. (24)-(25)",
+                note="not symmetric under reversal of x; on an arc it curves the reference sections"),
+    ElementType("2d3n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
+                formulation="continuum", preset=_PAPER, source=f"{_SEED}, Eqs. (26)-(28)",
+                note="on an arc it curves the reference sections"),
+    ElementType("2d2n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"), _R_RX_RY,
+                formulation="continuum", source="2d2n with the Poisson-consistent coefficient",
+                note="on an arc it curves the reference sections"),
+    ElementType("2d3n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
+                formulation="continuum", source="2d3n with the Poisson-consistent coefficient",
+                note="on an arc it curves the reference sections"),
+    ElementType("cable", ("1", "x", "x^2", "x^3"), _nodes(ENDS, "r", "r_x"),
+                formulation="cable", source="Berzeri & Shabana 2000; Gerstmayr & Irschik 2008"),
+    ElementType("reissner2", ("1", "x"), _nodes(ENDS, "r", "theta"),
+                formulation="geometrically_exact", source="Simo & Vu-Quoc 1986"),
+    ElementType("reissner3", ("1", "x", "x^2"), _nodes(THREE, "r", "theta"),
+                formulation="geometrically_exact", source="Simo & Vu-Quoc 1986"),
+)
+ELEMENTS: dict[str, ElementType] = {t.name: t for t in _TYPES}
+FAMILY = "ancf"
+MAX_ORDER = (8, 5)
+
+
+def _lobatto(n: int) -> tuple[float, ...]:
+    """Return the n Gauss-Lobatto points in [0, 1]: the ends and the roots of the derivative of P_(n-1)."""
+    import numpy as np
+
+    if n == 2:
+        return ENDS
+    roots = np.sort(np.polynomial.legendre.Legendre.basis(n - 1).deriv().roots().real)
+    inner = 0.5 + 0.25 * (roots - roots[::-1])
+    return (0.0, *(float(x) for x in inner), 1.0)
+
+
+@cache
+def ancf(p: int, q: int) -> ElementType:
+    """Return the member [p, q] of the family: basis x^i y^j (i <= p, j <= q), r, r_y, ... at p + 1 nodes.
+
+    The nodes are the Gauss-Lobatto points (equidistant for p <= 2). [1, 1] is kerkkanen, [2, 1] vallejo.
+    Raises ValueError outside 1 <= p <= 8, 1 <= q <= 5.
+    """
+    if not (1 <= p <= MAX_ORDER[0] and 1 <= q <= MAX_ORDER[1]):
+        raise ValueError(f"order [{p}, {q}] is outside [1, 1] to [{MAX_ORDER[0]}, {MAX_ORDER[1]}]")
+    basis = tuple(f"x^{i}*y^{j}" for j in range(q + 1) for i in range(p + 1))
+    coordinates = ("r", *("r_" + "y" * j for j in range(1, q + 1)))
+    return ElementType(
+        f"{FAMILY}[{p},{q}]", basis, _nodes(_lobatto(p + 1), *coordinates),
+        formulation="enhanced" if q == 1 else "continuum",
+        shear_factor="timoshenko" if q <= 2 else "none",
+        source="the family of Garcia-Vallejo et al. 2007 with orders p along and q across")
+
+
+def element_type(name: str, order: tuple[int, int] | None = None) -> ElementType:
+    """Return the element type of a case file's ``type`` (and ``order`` for the family ``ancf``).
+
+    Raises KeyError for an unknown name, ValueError for an order out of range.
+    """
+    if name == FAMILY:
+        p, q = order or (2, 1)
+        return ancf(int(p), int(q))
+    return ELEMENTS[name]
+
+
+def names() -> tuple[str, ...]:
+    """Return every name that a case file may use as a flexible ``element.type``."""
+    return (*ELEMENTS, FAMILY)

@@ -1,0 +1,118 @@
+"""Shape functions of any element of the family, from its basis and nodal coordinates."""
+
+from __future__ import annotations
+
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .definition import ElementType, derivative_order
+
+Array = NDArray[np.float64]
+
+
+class UnsolvableBasis(ValueError):
+    """The nodal coordinates do not determine the polynomial coefficients."""
+
+
+def _monomials(degree: int, t: NDArray, derivative: int) -> NDArray:
+    """Return d^k/dt^k of t^0 .. t^degree: (len(t), degree + 1), in the precision of t."""
+    out = np.zeros((t.size, degree + 1), dtype=t.dtype)
+    for i in range(derivative, degree + 1):
+        out[:, i] = t.dtype.type(factorial(i) // factorial(i - derivative)) * t ** (i - derivative)
+    return out
+
+
+def _solve(A: NDArray, B: NDArray) -> NDArray:
+    """Gauss elimination with partial pivoting in extended precision, rows scaled to 1 first.
+
+    High orders lose their digits in double; numpy's solve knows no longer type.
+    """
+    scale = 1 / np.abs(A).max(axis=1, keepdims=True)
+    A, B = A * scale, B * scale
+    n = len(A)
+    for k in range(n):
+        p = k + int(np.argmax(np.abs(A[k:, k])))
+        if abs(A[p, k]) < 1e-13 * n:
+            raise UnsolvableBasis(f"rank {k} of {n}: some combination of the basis vanishes in every "
+                                  "nodal coordinate")
+        A[[k, p]], B[[k, p]] = A[[p, k]], B[[p, k]]
+        f = A[k + 1:, k] / A[k, k]
+        A[k + 1:] -= np.outer(f, A[k])
+        B[k + 1:] -= np.outer(f, B[k])
+    X = np.zeros_like(B)
+    for k in range(n - 1, -1, -1):
+        X[k] = (B[k] - A[k, k + 1:] @ X[k + 1:]) / A[k, k]
+    return X
+
+
+def _reduced(basis: NDArray) -> NDArray:
+    """Return a basis of the same span, reduced by Gauss-Jordan in the monomials of xi and eta.
+
+    Powers of x counted from the first node are nearly parallel on the element; powers of xi are not.
+    """
+    rows = basis.reshape(len(basis), -1).copy()
+    for k in range(len(rows)):
+        p, c = np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape)
+        rows[[k, k + p]] = rows[[k + p, k]]
+        if abs(rows[k, c]) < 1e-12:
+            raise UnsolvableBasis("the basis functions are not independent")
+        rows[k] /= rows[k, c]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, c], rows[k])
+    return rows.reshape(basis.shape)
+
+
+class ShapeFunctions:
+    """The shape functions s_k(x, y) of one element type for one length, height and Poisson ratio.
+
+    s = C^T m with the monomials m in xi = 2 x/l - 1 and eta = 2 y/h; C is the inverse of the matrix of the
+    nodal coordinates applied to the basis (seed paper, Sec. 2.1). Everything is computed in extended
+    precision and rounded once.
+
+    Raises UnsolvableBasis where the nodal coordinates do not determine the basis.
+    """
+
+    def __init__(self, element: ElementType, l: float, h: float, nu: float) -> None:
+        self.element, self.l, self.h = element, float(l), float(h)
+        half = np.longdouble(h) / 2
+        expanded = [p.coefficients(nu, l, float(half)) for p in element.polynomials]
+        self._dx = max(p.degree_x for p in element.polynomials)
+        self._dy = max(p.degree_y for p in element.polynomials)
+        basis = np.zeros((len(expanded), self._dx + 1, self._dy + 1), dtype=np.longdouble)
+        for b, terms in enumerate(expanded):
+            for (i, j), c in terms.items():
+                basis[b, i, j] = c
+            basis[b] /= np.abs(basis[b]).max()
+        if len(expanded) != element.n_shape:
+            raise UnsolvableBasis(f"{len(expanded)} basis functions for {element.n_shape} nodal coordinates")
+        basis = _reduced(basis)
+        rows = []
+        for node, name in element.functionals:
+            i, j = derivative_order(name)
+            xi = np.array([2 * np.longdouble(element.nodes[node].at) - 1])
+            rows.append(self._basis_values(basis, xi, np.zeros(1, np.longdouble), i, j)[0])
+        A = np.array(rows)
+        inverse = _solve(A, np.eye(len(A), dtype=np.longdouble))
+        self._coefficients = np.einsum("bk,bij->kij", inverse, basis)
+
+    def _basis_values(self, basis: NDArray, xi: NDArray, eta: NDArray, i: int, j: int) -> NDArray:
+        mx = _monomials(self._dx, xi, i) * (2 / np.longdouble(self.l)) ** i
+        my = _monomials(self._dy, eta, j) * (2 / np.longdouble(self.h)) ** j
+        return np.einsum("pi,bij,pj->pb", mx, basis, my)
+
+    def __call__(self, xi01: Array, eta: Array, i: int = 0, j: int = 0) -> Array:
+        """Return d^(i+j) s_k / dx^i dy^j at points: (points, n_shape), in 1/m^(i+j).
+
+        ``xi01`` runs from 0 to 1 along the element, ``eta = 2 y/h`` from -1 to 1 across.
+        """
+        xi = 2 * np.atleast_1d(np.asarray(xi01, dtype=np.longdouble)) - 1
+        eta = np.broadcast_to(np.asarray(eta, dtype=np.longdouble), xi.shape)
+        return self._basis_values(self._coefficients, xi, eta, i, j).astype(np.float64)
+
+
+def gauss(n: int) -> tuple[Array, Array]:
+    """Return the n Gauss points in [0, 1] and their weights (sum 1)."""
+    x, w = np.polynomial.legendre.leggauss(n)
+    return (1 + x) / 2, w / 2

@@ -1,0 +1,237 @@
+"""Element kernels, generic in the element type and the formulation.
+
+With u = B d (d: the element's displacements in its own frame), eps = eps(u), sigma = D eps:
+U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J = d eps/du.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .jit import kernel
+from .laws import geometric, strain
+from .matrix import scatter
+
+
+class Group(NamedTuple):
+    """Elements of one type and formulation, as the kernels see them.
+
+    law : sampled law; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2) cosine and sine of the
+    element frame; dofs : (ne, n_dof) coordinates; size : a tuple whose length is n_dof, so that the
+    compiler knows it, or empty.
+    """
+
+    law: Any
+    cls: Any
+    turn: Any
+    dofs: Any
+    components: int
+    size: Any
+
+
+@kernel
+def gather(group, ie, d, out):  # type: ignore[no-untyped-def]
+    """Copy the displacements of element ie, turned into its frame."""
+    nc = group.components
+    t = group.turn[ie if len(group.turn) > 1 else 0]
+    c, s = t[0], t[1]
+    dofs = group.dofs[ie]
+    for k in range(0, len(dofs), nc):
+        x, y = d[dofs[k]], d[dofs[k + 1]]
+        out[k] = c * x + s * y
+        out[k + 1] = c * y - s * x
+        for m in range(2, nc):
+            out[k + m] = d[dofs[k + m]]
+
+
+@kernel
+def _turn_rows(A, nc, c, s):  # type: ignore[no-untyped-def]
+    for k in range(0, len(A), nc):
+        for b in range(A.shape[1]):
+            x, y = A[k, b], A[k + 1, b]
+            A[k, b] = c * x - s * y
+            A[k + 1, b] = c * y + s * x
+
+
+@kernel
+def _turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
+    for a in range(len(A)):
+        for k in range(0, A.shape[1], nc):
+            x, y = A[a, k], A[a, k + 1]
+            A[a, k] = c * x - s * y
+            A[a, k + 1] = c * y + s * x
+
+
+@kernel
+def _station(law, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
+    """Fill u, eps, sigma and J of one station; return its energy."""
+    B, D = law.B[c, s], law.D[c, s]
+    for i in range(len(u)):
+        v = 0.0
+        for a in range(len(de)):
+            v += B[i, a] * de[a]
+        u[i] = v
+    strain(law, c, s, u, eps, J)
+    energy = 0.0
+    for i in range(len(eps)):
+        v = 0.0
+        for j in range(len(eps)):
+            v += D[i, j] * eps[j]
+        sigma[i] = v
+        energy += 0.5 * v * eps[i]
+    return energy
+
+
+@kernel
+def _element_force(group, c, de, u, eps, sigma, J, g, Qe):  # type: ignore[no-untyped-def]
+    """Fill Q_e in the element frame; return the strain energy."""
+    law = group.law
+    Qe[:] = 0.0
+    energy = 0.0
+    for s in range(law.B.shape[1]):
+        energy += _station(law, c, s, de, u, eps, sigma, J)
+        B = law.B[c, s]
+        for i in range(len(u)):
+            v = 0.0
+            for j in range(len(eps)):
+                v += J[j, i] * sigma[j]
+            g[i] = v
+            for a in range(len(Qe)):
+                Qe[a] += v * B[i, a]
+    return energy
+
+
+@kernel
+def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type: ignore[no-untyped-def]
+    """Fill Q_e and K in the element frame; return the strain energy."""
+    law = group.law
+    n = len(group.size) if len(group.size) > 0 else len(de)
+    Qe[:] = 0.0
+    Ke[:] = 0.0
+    energy = 0.0
+    nu, ns = len(u), len(eps)
+    for s in range(law.B.shape[1]):
+        energy += _station(law, c, s, de, u, eps, sigma, J)
+        B, D = law.B[c, s], law.D[c, s]
+        for i in range(nu):
+            g[i] = 0.0
+            for j in range(nu):
+                H[i, j] = 0.0
+        for p in range(ns):
+            for q in range(ns):
+                dpq = D[p, q]
+                if dpq != 0.0:
+                    for i in range(nu):
+                        v = dpq * J[p, i]
+                        if v != 0.0:
+                            for j in range(nu):
+                                H[i, j] += v * J[q, j]
+            for i in range(nu):
+                g[i] += J[p, i] * sigma[p]
+        geometric(law, c, s, u, sigma, H)
+        for i in range(nu):
+            for a in range(n):
+                Qe[a] += g[i] * B[i, a]
+            for a in range(n):
+                HB[i, a] = 0.0
+            for j in range(nu):
+                h = H[i, j]
+                if h != 0.0:
+                    for a in range(n):
+                        HB[i, a] += h * B[j, a]
+        for i in range(nu):
+            for a in range(n):
+                b = B[i, a]
+                if b != 0.0:
+                    for k in range(n):
+                        Ke[a, k] += b * HB[i, k]
+    return energy
+
+
+@kernel
+def force(group, d, Q):  # type: ignore[no-untyped-def]
+    """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
+    law, nc = group.law, group.components
+    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
+    energy = 0.0
+    for ie in range(len(group.dofs)):
+        gather(group, ie, d, de)
+        energy += _element_force(group, group.cls[ie], de, u, eps, sigma, J, g, Qe[:, 0])
+        t = group.turn[ie if len(group.turn) > 1 else 0]
+        _turn_rows(Qe, nc, t[0], t[1])
+        for a in range(n):
+            Q[group.dofs[ie, a]] += Qe[a, 0]
+    return energy
+
+
+@kernel
+def force_tangent(group, d, Q, Qabs, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add Q_e to Q, |Q_e| to Qabs and K to the matrix of the unknowns; return the strain energy."""
+    law, nc = group.law, group.components
+    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
+    H, HB, Ke = np.zeros((nu, nu)), np.zeros((nu, n)), np.zeros((n, n))
+    energy = 0.0
+    for ie in range(len(group.dofs)):
+        gather(group, ie, d, de)
+        energy += _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe[:, 0], Ke)
+        t = group.turn[ie if len(group.turn) > 1 else 0]
+        if t[1] != 0.0 or t[0] != 1.0:
+            _turn_rows(Qe, nc, t[0], t[1])
+            _turn_rows(Ke, nc, t[0], t[1])
+            _turn_columns(Ke, nc, t[0], t[1])
+        for a in range(n):
+            Q[group.dofs[ie, a]] += Qe[a, 0]
+            Qabs[group.dofs[ie, a]] += abs(Qe[a, 0])
+        scatter(matrix, Ke, group.dofs[ie], place, indptr, index, value)
+    return energy
+
+
+@kernel
+def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
+    """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components."""
+    law, nc = group.law, group.components
+    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
+    H, HB = np.zeros((nu, nu)), np.zeros((nu, n))
+    for m in range(len(Q)):
+        ie = first + m
+        gather(group, ie, d, de)
+        _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe[:, 0], K[m])
+        t = group.turn[ie if len(group.turn) > 1 else 0]
+        _turn_rows(Qe, nc, t[0], t[1])
+        _turn_rows(K[m], nc, t[0], t[1])
+        _turn_columns(K[m], nc, t[0], t[1])
+        Q[m] = Qe[:, 0]
+
+
+@kernel
+def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
+    """Add K(d) v, summed over elements in full coordinates, to ``out``."""
+    n = group.law.B.shape[3]
+    Q, K = np.zeros((1, n)), np.zeros((1, n, n))
+    for ie in range(len(group.dofs)):
+        element_matrices(group, d, ie, Q, K)
+        for a in range(n):
+            s = 0.0
+            for b in range(n):
+                s += K[0, a, b] * v[group.dofs[ie, b]]
+            out[group.dofs[ie, a]] += s
+
+
+@kernel
+def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
+    """Fill the strains and D eps at every station: (ne, stations, n_eps) each."""
+    law = group.law
+    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
+    de, u, J = np.zeros(n), np.zeros(nu), np.zeros((ns, nu))
+    for ie in range(len(group.dofs)):
+        gather(group, ie, d, de)
+        for s in range(law.B.shape[1]):
+            _station(law, group.cls[ie], s, de, u, eps_out[ie, s], sigma_out[ie, s], J)

@@ -1,0 +1,70 @@
+"""How kernels are compiled: one preset, and a cache that can never serve stale machine code."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_KEEP_SECONDS = 30 * 24 * 3600
+
+
+def _source_hash() -> str:
+    """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for room in ("kernels", "elements"):
+        for path in sorted((_PACKAGE / room).rglob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _cache_root() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(base) / "ancf2d"
+
+
+def _prepare_cache() -> Path | None:
+    """Point numba's cache to a folder named by the sources' hash; drop folders unused for 30 days.
+
+    Returns the folder, or None where the user chose one (NUMBA_CACHE_DIR) or none can be written.
+    """
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return None
+    root = _cache_root()
+    folder = root / _source_hash()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for other in root.iterdir():
+            if other != folder and other.is_dir() and time.time() - other.stat().st_mtime > _KEEP_SECONDS:
+                _drop(other)
+    except OSError:
+        return None
+    config.CACHE_DIR = str(folder)
+    return folder
+
+
+def _drop(folder: Path) -> None:
+    import shutil
+
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+CACHE = _prepare_cache()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
+    return numba.njit(cache=True, error_model="numpy")(function)
+
+
+def cache_is_cold() -> bool:
+    """Whether this machine has compiled no kernel of this version yet (the first run takes longer)."""
+    return CACHE is not None and not any(CACHE.rglob("*.nbi"))

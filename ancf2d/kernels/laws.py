@@ -1,0 +1,31 @@
+"""Compiled strain functions: the type of a law selects its formulation, also in cached kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import overload
+
+from ..elements.formulations import FORMULATIONS
+
+_BY_LAW = {f.law: f for f in FORMULATIONS.values()}
+
+
+def strain(law: Any, c: int, s: int, u: Any, eps: Any, J: Any) -> None:
+    """Fill eps and J = d eps/du at station s of class c (J's zeros must be zero on entry)."""
+    _BY_LAW[type(law)].strain(law, c, s, u, eps, J)
+
+
+def geometric(law: Any, c: int, s: int, u: Any, sigma: Any, H: Any) -> None:
+    """Add sigma . d2 eps/du2 to H."""
+    _BY_LAW[type(law)].geometric(law, c, s, u, sigma, H)
+
+
+@overload(strain)
+def _strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+    return _BY_LAW[law.instance_class].strain
+
+
+@overload(geometric)
+def _geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+    return _BY_LAW[law.instance_class].geometric

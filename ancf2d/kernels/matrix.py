@@ -1,0 +1,120 @@
+"""Where element matrices go: symmetric band, general band or compressed rows, chosen by type."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from .jit import kernel
+
+
+class SymBand(NamedTuple):
+    """Lower half, row by row: values[i, bw + j - i], j <= i (kernels.band)."""
+
+    values: Any
+
+
+class Band(NamedTuple):
+    """General band, column by column as LAPACK's gbtrf wants it transposed: values[j, 2 bw + i - j]."""
+
+    values: Any
+
+
+class Csr(NamedTuple):
+    """Compressed rows with sorted column indices."""
+
+    values: Any
+    indptr: Any
+    indices: Any
+
+
+def _add_symband(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    if j <= i:
+        matrix.values[i, matrix.values.shape[1] - 1 + j - i] += v
+
+
+def _add_band(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    bw = (matrix.values.shape[1] - 1) // 3
+    matrix.values[j, 2 * bw + i - j] += v
+
+
+def _add_csr(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    low, high = matrix.indptr[i], matrix.indptr[i + 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if matrix.indices[middle] > j:
+            high = middle
+        else:
+            low = middle
+    matrix.values[low] += v
+
+
+_ADD = {SymBand: _add_symband, Band: _add_band, Csr: _add_csr}
+
+
+def add(matrix: Any, i: int, j: int, v: float) -> None:
+    """Add v to entry (i, j)."""
+    _ADD[type(matrix)](matrix, i, j, v)
+
+
+@overload(add)
+def _add(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    return _ADD[matrix.instance_class]
+
+
+@kernel
+def scatter(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add T^T Ke T of one element to the matrix.
+
+    ``place[i]`` of a coordinate: its unknown (>= 0), -1 where it is held, or -2 - k where it is the
+    combination k of unknowns, ``index[indptr[k]:indptr[k + 1]]`` with factors ``value``.
+    """
+    n = len(dofs)
+    for a in range(n):
+        i = place[dofs[a]]
+        if i == -1:
+            continue
+        for b in range(n):
+            j = place[dofs[b]]
+            if j == -1:
+                continue
+            v = Ke[a, b]
+            if i >= 0 and j >= 0:
+                add(matrix, i, j, v)
+            elif i >= 0:
+                for q in range(indptr[-2 - j], indptr[-1 - j]):
+                    add(matrix, i, index[q], v * value[q])
+            elif j >= 0:
+                for p in range(indptr[-2 - i], indptr[-1 - i]):
+                    add(matrix, index[p], j, v * value[p])
+            else:
+                for p in range(indptr[-2 - i], indptr[-1 - i]):
+                    for q in range(indptr[-2 - j], indptr[-1 - j]):
+                        add(matrix, index[p], index[q], v * value[p] * value[q])
+
+
+@kernel
+def scatter_patches(matrix, Ks, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add the matrices (m, n, n) of loads, springs and constraints at their coordinates (m, n)."""
+    for m in range(len(dofs)):
+        scatter(matrix, Ks[m], dofs[m], place, indptr, index, value)
+
+
+@kernel
+def symband_product(values, x):  # type: ignore[no-untyped-def]
+    """Return (K x, |K| |x|) of a symmetric band matrix."""
+    n, w = values.shape
+    bw = w - 1
+    y, z = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for j in range(max(0, i - bw), i):
+            k = values[i, bw + j - i]
+            y[i] += k * x[j]
+            y[j] += k * x[i]
+            z[i] += abs(k * x[j])
+            z[j] += abs(k * x[i])
+        y[i] += values[i, bw] * x[i]
+        z[i] += abs(values[i, bw] * x[i])
+    return y, z

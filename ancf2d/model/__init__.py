@@ -1,0 +1,1 @@
+"""From a case to arrays: bodies, meshes, numbering, constraints and loads."""

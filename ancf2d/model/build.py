@@ -1,0 +1,201 @@
+"""Case -> Model, collecting every problem on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..case import Case, GroundPoint, LinearStatic, LoadedCase, Point, Static
+from ..elements.shape import Array
+from ..errors import CaseError, Problem
+from .constraints import Equations
+from .elimination import Elimination, eliminate, inconsistent
+from .joints import JOINTS, weld_corners
+from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
+from .mechanism import free_motions
+from .mesh import BodyMesh
+from .model import Model
+from .numbering import number
+from .order import coordinate_weights
+from .plan import plan_bodies, reference_extent, warnings_of
+from .points import PointRef, point_ref
+from .springs import SPRINGS
+from .supports import SUPPORTS, SupportError
+
+
+def ramp(t: float) -> float:
+    """Return the default amplitude of static cases: the load factor itself."""
+    return t
+
+
+def one(t: float) -> float:
+    """Return the default amplitude of everything else."""
+    return 1.0
+
+
+def default_amplitude(case: Case) -> Callable[[float], float]:
+    """Return what a load without an amplitude follows."""
+    return ramp if isinstance(case.solver, LinearStatic | Static) else one
+
+
+def support_names(case: Case) -> list[str]:
+    """Return the name of each support, its point where it has none, made unique."""
+    names: list[str] = []
+    for support in case.boundary_conditions:
+        name = base = support.name or f"{support.at.body}@{support.at.s:g}"
+        k = 2
+        while name in names:
+            name, k = f"{base} ({k})", k + 1
+        names.append(name)
+    return names
+
+
+class _Builder:
+    """Collects meshes, equations, loads and problems of one case."""
+
+    def __init__(self, loaded: LoadedCase) -> None:
+        self.loaded, self.case = loaded, loaded.case
+        self.plans, self.problems = plan_bodies(loaded)
+        if self.problems:
+            raise CaseError(self.problems)
+        self.meshes: dict[str, BodyMesh] = {}
+        dof = node = 0
+        for name, plan in self.plans.items():
+            mesh = BodyMesh(plan, dof, node)
+            dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
+            self.meshes[name] = mesh
+        self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
+        self.extent = reference_extent(self.plans)
+        self.equations = Equations()
+        self.loads = LoadSet()
+        self.springs: list[Patch] = []
+        self.supports: list[tuple[str, PointRef]] = []
+        self.amplitude = default_amplitude(self.case)
+        self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
+
+    def point(self, at: Point) -> PointRef:
+        return point_ref(self.meshes[at.body], at.s)
+
+    def report(self, path: tuple[Any, ...], message: str, expected: str = "", near: str = "") -> None:
+        self.problems.append(self.loaded.source.problem(path, message, expected=expected or None, near=near or None))
+
+    def add_supports(self) -> None:
+        for i, (support, name) in enumerate(zip(self.case.boundary_conditions, support_names(self.case), strict=True)):
+            point = self.point(support.at)
+            self.supports.append((name, point))
+            try:
+                SUPPORTS[type(support)](support, point, name, self.amplitude, self.equations)
+            except SupportError as error:
+                self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
+
+    def add_joints(self) -> None:
+        for mesh in self.meshes.values():
+            weld_corners(mesh, self.equations)
+        for i, joint in enumerate(self.case.joints):
+            path = ("joints", i)
+            if type(joint) not in JOINTS:
+                self.report(path, f"joints.{i}: a {_kind(joint)} joint is not available in static cases yet",
+                            "pin or weld")
+                continue
+            points = [self.point(p) for p in joint.between]
+            where = [np.asarray(self.plans[p.mesh.plan.name].position(p.s)[0]) for p in points]
+            for k, r in enumerate(where[1:], start=1):
+                gap = float(np.hypot(*(r - where[0])))
+                if gap > 1e-6 * self.extent:
+                    self.report((*path, "between", k),
+                                f"joints.{i}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
+                                f"{points[0].label} at ({where[0][0]:.6g}, {where[0][1]:.6g})",
+                                "points that coincide in the reference")
+            JOINTS[type(joint)](points, joint.name or f"joints.{i}", self.equations)
+
+    def add_springs(self) -> None:
+        for spring in self.case.springs:
+            ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
+            self.springs.append(SPRINGS[type(spring)](spring, ends, self.e0))
+
+    def add_loads(self) -> None:
+        for load in self.case.loads:
+            given = load.amplitude
+            context = LoadContext(self.meshes, self.point, self.amplitude if given is None else given.value,
+                                  given is None)
+            LOADS[type(load)](load, context, self.loads)
+            if hasattr(load, "value") and type(load).__name__ == "Gravity":
+                self._weigh_masses(load.value, context)
+
+    def _weigh_masses(self, g: tuple[float, float], context: LoadContext) -> None:
+        for mass in self.case.masses:
+            for (coords, weights), a in zip(self.point(mass.at).position(), g, strict=True):
+                self.loads.dead.append(DeadLoad(coords, weights * a * mass.mass, context.amplitude, context.scaled,
+                                                gravity=True))
+
+    def check_starts(self) -> None:
+        """A prescribed position that does not begin where the body is would tear it at the first step."""
+        if not isinstance(self.case.solver, Static):
+            return
+        for row in self.equations.rows:
+            if row.signal is not None and abs(row.value(0.0)) > 1e-9 * self.extent and row.holds in ("x", "y"):
+                i = [n for n, _ in self.supports].index(row.owner)
+                self.report(("boundary_conditions", i, row.holds),
+                            f"{row.owner}: the prescribed {row.holds} begins {row.value(0.0):.6g} away from where the "
+                            "point is", f"a position that starts in the reference, or u{row.holds} for a displacement")
+
+    def check_equations(self, elimination: Elimination) -> None:
+        names = [n for n, _ in self.supports]
+        for number_ in inconsistent(elimination, self.equations.rows, np.linspace(0.0, 1.0, 11)):
+            row = self.equations.rows[number_]
+            path = ("boundary_conditions", names.index(row.owner)) if row.owner in names else ("joints",)
+            self.report(path, f"{row.owner}: {row.holds} contradicts what other supports and joints hold",
+                        "supports that can all be met")
+        owners = sorted({f"{self.equations.rows[n].owner} ({self.equations.rows[n].holds})"
+                         for n, _ in elimination.redundant})
+        if owners:
+            self.warnings.append("held twice: " + ", ".join(owners) + "; the reactions are shared with least norm")
+
+    def check_mechanism(self) -> None:
+        if not isinstance(self.case.solver, LinearStatic | Static):
+            return
+        motions = free_motions(list(self.meshes.values()), self.equations.rows, self.equations.constraints,
+                               self.springs, self.e0)
+        for motion in motions:
+            self.report(("boundary_conditions",), f"a mechanism: {motion}",
+                        "supports, joints or springs that hold every body")
+
+
+def _kind(item: Any) -> str:
+    return type(item).__name__.removesuffix("Joint").lower()
+
+
+def build_model(loaded: LoadedCase) -> Model:
+    """Return the model of a case; raises CaseError with every problem that the model shows.
+
+    numpy only: nothing is compiled here.
+    """
+    b = _Builder(loaded)
+    b.add_supports()
+    b.add_joints()
+    b.add_springs()
+    if b.problems:
+        raise CaseError(b.problems)
+    weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
+    elimination = eliminate(b.equations.rows, lambda c: 1.0 / weights[c])
+    b.check_starts()
+    b.check_equations(elimination)
+    b.check_mechanism()
+    if b.problems:
+        raise CaseError(b.problems)
+    b.add_loads()
+    numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
+                       [*b.springs, *b.loads.patches], len(b.e0))
+    return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
+                 b.springs, b.supports, b.extent, b.warnings)
+
+
+def check_model(loaded: LoadedCase) -> tuple[list[Problem], list[str]]:
+    """Return (problems, warnings) of a case beyond its format, without solving."""
+    try:
+        model = build_model(loaded)
+    except CaseError as error:
+        return error.problems, []
+    return [], model.warnings

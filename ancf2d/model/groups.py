@@ -1,0 +1,29 @@
+"""Bodies as kernel groups: sampled laws with element classes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..kernels.elements import Group
+from .mesh import BodyMesh
+
+STATIC_SIZES = 16
+
+
+def make_group(mesh: BodyMesh) -> Group:
+    """Return the kernel group of one body; sizes up to 16 are known to the compiler."""
+    plan = mesh.plan
+    samples = [plan.formulation.sample(c.sampler, plan.rule) for c in mesh.classes]
+    B, ref, D = (np.ascontiguousarray(np.stack(part)) for part in zip(*samples, strict=True))
+    n = plan.element.n_dof
+    size: tuple[int, ...] = (0,) * n if n <= STATIC_SIZES else ()
+    return Group(plan.formulation.law(B, ref, D), np.ascontiguousarray(mesh.cls, dtype=np.int64),
+                 np.ascontiguousarray(mesh.turn), np.ascontiguousarray(mesh.dofs, dtype=np.int64),
+                 plan.element.components, size)
+
+
+def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:
+    """Return the groups of all bodies."""
+    return [make_group(m) for m in meshes.values()]

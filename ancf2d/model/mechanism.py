@@ -1,0 +1,98 @@
+"""Rigid motions that nothing holds, found without solving."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..elements.shape import Array
+from .constraints import Constraint, Row
+from .loads import Patch
+from .mesh import BodyMesh, Index
+
+
+def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Array:
+    """Return the rates (n, 3) of coordinates for unit translation in x, in y and rotation about ``centre``.
+
+    ``e`` are the current nodal coordinates (full vector).
+    """
+    kinds = mesh.kinds[coords - mesh.first_dof]
+    out = np.zeros((len(coords), 3))
+    for k, (c, kind) in enumerate(zip(coords.tolist(), kinds.tolist(), strict=True)):
+        if kind == 0:
+            out[k] = 1.0, 0.0, -(e[c + 1] - centre[1])
+        elif kind == 1:
+            out[k] = 0.0, 1.0, e[c - 1] - centre[0]
+        elif kind == 2:
+            out[k, 2] = 1.0
+        else:
+            out[k, 2] = -e[c + 1] if kind == 3 else e[c - 1]
+    return out
+
+
+def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Patch],
+          e0: Array, centres: list[Array], sizes: list[float]) -> Array:
+    """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""
+    first = np.array([m.first_dof for m in meshes])
+    zero = np.zeros_like(e0)
+    found = [(r.coords, r.coefs) for r in rows]
+    found += [(c.dofs, c.evaluate(e0, zero, 0.0)[1]) for c in constraints]
+    for spring in springs:
+        _, _, K = spring.evaluate(e0, zero, 0.0)
+        values, vectors = np.linalg.eigh(K[0])
+        keep = values > 1e-9 * max(abs(values).max(), 1e-300)
+        found += [(spring.dofs[0], v) for v in vectors.T[keep]]
+    out = np.zeros((len(found), 3 * len(meshes)))
+    for i, (coords, coefs) in enumerate(found):
+        owner = np.searchsorted(first, coords, side="right") - 1
+        for b in np.unique(owner):
+            part = owner == b
+            seen = coefs[part] @ rigid_motion(meshes[b], coords[part], e0, centres[b])
+            out[i, 3 * b:3 * b + 3] = seen * [1.0, 1.0, 1.0 / sizes[b]]
+    norm = np.abs(out).max(axis=1, keepdims=True)
+    return out[norm[:, 0] > 0] / norm[norm[:, 0] > 0]
+
+
+def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes: list[float]) -> str:
+    words = []
+    scale = np.abs(motion).max()
+    for b, mesh in enumerate(meshes):
+        tx, ty, phi = motion[3 * b:3 * b + 3] / scale
+        if max(abs(tx), abs(ty), abs(phi)) < 1e-6:
+            continue
+        if abs(phi) > 1e-6:
+            rate = phi / sizes[b]
+            x, y = centres[b][0] - ty / rate, centres[b][1] + tx / rate
+            x, y = (0.0 if abs(v) < 1e-9 * sizes[b] else v for v in (x, y))
+            words.append(f"{mesh.plan.name} can turn about ({x:.6g}, {y:.6g})")
+        else:
+            n = math.hypot(tx, ty)
+            dx, dy = (0.0 if abs(v) < 1e-9 else v for v in (tx / n, ty / n))
+            words.append(f"{mesh.plan.name} can move along ({dx:.4g}, {dy:.4g})")
+    return " while ".join(words)
+
+
+def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Patch],
+                 e0: Array) -> list[str]:
+    """Return a sentence for each independent rigid motion that no support, joint or spring resists."""
+    centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
+    sizes = [m.plan.length for m in meshes]
+    held = _held(meshes, rows, constraints, springs, e0, centres, sizes)
+    n = 3 * len(meshes)
+    if len(held):
+        _, s, vt = np.linalg.svd(held)
+        rank = int((s > 1e-9 * s[0]).sum())
+        null = vt[rank:]
+    else:
+        null = np.eye(n)
+    # reduced row echelon form: one body's motion at a time, as far as they are independent
+    null = null.copy()
+    for k in range(len(null)):
+        p, c = np.unravel_index(np.argmax(np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()), null[k:].shape)
+        null[[k, k + p]] = null[[k + p, k]]
+        null[k] /= null[k, c]
+        for m in range(len(null)):
+            if m != k:
+                null[m] -= null[m, c] * null[k]
+    return [_describe(meshes, v, centres, sizes) for v in null]

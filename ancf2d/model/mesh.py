@@ -1,0 +1,190 @@
+"""Bodies as arrays: nodes, coordinates, reference values and element classes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..elements.definition import coordinate_components, derivative_order
+from ..elements.formulations import Sampler
+from ..elements.formulations.base import cross, rule_points
+from ..elements.shape import Array, ShapeFunctions
+from .curve import Piece
+from .plan import BodyPlan
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ElementClass:
+    """Elements that share their shape functions and reference up to a rotation: same length and curvature."""
+
+    sampler: Sampler
+
+    @property
+    def shape(self) -> ShapeFunctions:
+        """Shape functions of the class."""
+        return self.sampler.shape
+
+
+def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool) -> Array:
+    """Return the reference coordinates (n_shape, components) of an element that starts at 0 along x."""
+    local = Piece((0.0, 0.0), 0.0, piece.length, piece.kappa, 0.0, piece.count)
+    rows = []
+    for at, name in element_nodes:
+        r, angle = local.position(at * piece.l)
+        i, j = derivative_order(name)
+        value = r if (i, j) == (0, 0) else local.derivative(angle, i, j)
+        rows.append([*value, float(angle)] if theta else list(value))
+    return np.array(rows)
+
+
+class BodyMesh:
+    """The mesh of one body.
+
+    Elements of a piece share end nodes; each piece of a polyline has nodes of its own, welded at the
+    corners. Coordinates run node by node. ``dofs`` is (ne, n_dof), ``cls`` (ne,), ``turn`` (ne or 1, 2),
+    ``e0`` the reference values (n_dofs,) of the coordinates first_dof, first_dof + 1, ...
+    """
+
+    def __init__(self, plan: BodyPlan, first_dof: int, first_node: int) -> None:
+        self.plan, self.first_dof, self.first_node = plan, first_dof, first_node
+        element = plan.element
+        nc = element.components
+        self.node_sizes = [nc * sum(c != "theta" for c in n.coordinates) for n in element.nodes]
+        self.stride = sum(self.node_sizes[:-1])
+        self.classes: list[ElementClass] = []
+        keys: dict[tuple[float, float], int] = {}
+        dofs, cls, turn, nodes, e0 = [], [], [], [], []
+        dof, node = first_dof, first_node
+        self.piece_first: list[int] = []
+        count = 0
+        for piece in plan.pieces:
+            key = (float(f"{piece.l:.13e}"), piece.kappa)
+            if key not in keys:
+                keys[key] = len(self.classes)
+                self.classes.append(self._class(piece))
+            n = piece.count
+            self.piece_first.append(count)
+            count += n
+            dofs.append(dof + self.stride * np.arange(n)[:, None] + np.arange(element.n_dof))
+            nodes.append(node + (len(element.nodes) - 1) * np.arange(n)[:, None] + np.arange(len(element.nodes)))
+            cls.append(np.full(n, keys[key]))
+            angle = piece.angle + piece.kappa * piece.l * np.arange(n)
+            turn.append(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            e0.append(self._reference_values(piece))
+            dof += self.stride * n + self.node_sizes[-1]
+            node += (len(element.nodes) - 1) * n + 1
+        self.dofs: Index = np.concatenate(dofs)
+        self.nodes: Index = np.concatenate(nodes)
+        self.cls: Index = np.concatenate(cls)
+        directions = np.concatenate(turn)
+        straight = len(plan.pieces) == 1 and plan.pieces[0].kappa == 0.0
+        self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
+        self.e0: Array = np.concatenate(e0)
+        self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
+
+    def _class(self, piece: Piece) -> ElementClass:
+        plan = self.plan
+        shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
+        named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
+        return ElementClass(Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section))
+
+    def _reference_values(self, piece: Piece) -> Array:
+        """Return e0 of one piece, node by node."""
+        element, n, nc = self.plan.element, piece.count, self.plan.element.components
+        out = np.zeros(self.stride * n + self.node_sizes[-1])
+        offset = 0
+        for k, spec in enumerate(element.nodes):
+            if k == len(element.nodes) - 1:
+                break
+            s = piece.l * (np.arange(n + 1 if k == 0 else n) + spec.at)
+            r, theta = piece.position(s)
+            for c in spec.coordinates:
+                if c == "theta":
+                    continue
+                i, j = derivative_order(c)
+                value = r if (i, j) == (0, 0) else piece.derivative(theta, i, j)
+                for m in range(nc):
+                    out[offset + m::self.stride][:len(s)] = theta if m == 2 else value[:, m]
+                offset += nc
+        return out
+
+    def tile(self, pattern: list[float]) -> Array:
+        """Repeat a value per element coordinate over the body's coordinates (n_dofs,), shared nodes once."""
+        parts = []
+        for piece in self.plan.pieces:
+            parts += [np.tile(pattern[:self.stride], piece.count), np.asarray(pattern[-self.node_sizes[-1]:])]
+        return np.concatenate(parts)
+
+    @cached_property
+    def kinds(self) -> NDArray[np.int8]:
+        """What each coordinate is (n_dofs,): 0, 1 for x, y of r; 2 for theta; 3, 4 for x, y of a gradient."""
+        nc = self.plan.element.components
+        pattern = [m if name == "r" else m + 3 for _, name in self.plan.element.functionals for m in range(nc)]
+        return self.tile(pattern).astype(np.int8)
+
+    @cached_property
+    def coordinate_names(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the coordinates of each node of an element."""
+        element = self.plan.element
+        return tuple(tuple(name for c in n.coordinates if c != "theta"
+                           for name in coordinate_components(c, element.has_theta)) for n in element.nodes)
+
+    def element_at(self, s: float) -> tuple[int, float, float]:
+        """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arclength."""
+        k, sigma = self.plan.locate(s)
+        piece = self.plan.pieces[k]
+        ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)
+        xi = min(max(sigma / piece.l - ie, 0.0), 1.0)
+        for spec in self.plan.element.nodes:
+            if abs(xi - spec.at) < 1e-9:
+                xi = spec.at
+        return self.piece_first[k] + ie, xi, float(piece.angle + piece.kappa * sigma)
+
+    def node_dofs(self, ie: int, k: int) -> Index:
+        """Return the coordinates of node k of element ie."""
+        start = sum(self.node_sizes[:k])
+        return self.dofs[ie, start:start + self.node_sizes[k]]
+
+    @property
+    def corners(self) -> list[tuple[int, int, float]]:
+        """Return (element before, element after, turn of the reference) of each corner of a polyline."""
+        pieces = self.plan.pieces
+        return [(self.piece_first[k + 1] - 1, self.piece_first[k + 1], pieces[k + 1].angle - pieces[k].angle)
+                for k in range(len(pieces) - 1)]
+
+
+def _over_body(sampler: Sampler) -> tuple[Array, Array]:
+    """Return S (points, n_shape) and the weights dV/A (points,) that integrate S^T S over an element."""
+    element = sampler.shape.element
+    xi, eta, w = rule_points((element.degree_x + 2, element.degree_y + 2))
+    rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
+    if element.degree_y == 0:
+        density = np.hypot(rx[:, 0], rx[:, 1])
+    else:
+        density = cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
+    return sampler.derivative(xi, eta, 0, 0), w * density * sampler.shape.l
+
+
+def volume_weights(sampler: Sampler) -> Array:
+    """Return int s_k dV/A of one element (n_shape,) [m]."""
+    S, dv = _over_body(sampler)
+    return dv @ S
+
+
+def mass_matrix(sampler: Sampler) -> Array:
+    """Return the consistent mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
+
+    Beams with theta carry rhoA at r and rhoI at theta; the cable has no rotary inertia.
+    """
+    element, section, nc = sampler.shape.element, sampler.section, sampler.e0.shape[1]
+    S, dv = _over_body(sampler)
+    m = (S * dv[:, None]).T @ S
+    M = np.zeros((element.n_dof, element.n_dof))
+    for k in range(nc):
+        M[k::nc, k::nc] = m * (section.rhoI if k == 2 else section.rhoA)
+    return M

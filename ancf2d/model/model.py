@@ -1,0 +1,162 @@
+"""A case as arrays: everything that a solver needs, and nothing that the scene does not require."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..case import Case, Point
+from ..elements.shape import Array
+from .constraints import Constraint, Row
+from .elimination import Elimination
+from .loads import DeadLoad, LoadSet, Patch
+from .mesh import BodyMesh, Index
+from .points import PointRef, point_ref
+
+
+@dataclass(frozen=True)
+class Numbering:
+    """Which full coordinates are unknown, held or dependent, and where the unknowns stand in the matrix.
+
+    Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint.
+    ``place`` (n_full,): position of an unknown, -1 where held, -2 - k for dependent k, whose unknowns are
+    ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at
+    each position. ``held``: coordinates that follow right-hand sides alone.
+    """
+
+    n_q: int
+    n_multipliers: int
+    place: Index
+    indptr: Index
+    index: Index
+    value: Array
+    free: Index
+    dependent: Index
+    half_bandwidth: int
+    largest_element: int
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns, multipliers included."""
+        return len(self.free)
+
+    def reduce(self, full: Array) -> Array:
+        """Return T^T applied to full forces: (n_unknowns,)."""
+        out = full[self.free]
+        if len(self.dependent):
+            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
+            np.add.at(out, self.index, self.value * full[self.dependent[owner]])
+        return out
+
+    def expand(self, z: Array, out: Array) -> None:
+        """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
+        out[self.free] = z
+        if len(self.dependent):
+            sums = np.zeros(len(self.dependent))
+            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
+            np.add.at(sums, owner, self.value * z[self.index])
+            out[self.dependent] = sums
+
+
+@dataclass
+class Model:
+    """Bodies, connections, loads and numbering of one case.
+
+    ``e0`` (n_q,) are the reference nodal coordinates; nodal coordinates are e0 + d.
+    """
+
+    case: Case
+    meshes: dict[str, BodyMesh]
+    e0: Array
+    rows: list[Row]
+    constraints: list[Constraint]
+    elimination: Elimination
+    numbering: Numbering
+    loads: LoadSet
+    springs: list[Patch]
+    supports: list[tuple[str, PointRef]]
+    extent: float
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def n_q(self) -> int:
+        """Number of nodal coordinates before elimination."""
+        return len(self.e0)
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements of all bodies."""
+        return sum(m.plan.count for m in self.meshes.values())
+
+    def point(self, at: Point, y: float = 0.0) -> PointRef:
+        """Return the reference to a point of the case."""
+        return point_ref(self.meshes[at.body], at.s, y)
+
+    @cached_property
+    def groups(self) -> list[Any]:
+        """The element groups as the kernels take them (imports numba)."""
+        from .groups import make_groups
+
+        return make_groups(self.meshes)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
+        from .order import coordinate_weights
+
+        return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is symmetric (follower forces have no potential)."""
+        return all(p.symmetric for p in self.loads.patches)
+
+    def prescribed(self, t: float, out: Array) -> None:
+        """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``."""
+        values: dict[int, float] = {}
+        for coord, dependent in self.elimination.dependents.items():
+            for r, factor in dependent.rhs.items():
+                if self.rows[r].signal is not None:
+                    if r not in values:
+                        values[r] = self.rows[r].value(t)
+                    out[coord] += factor * values[r]
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether some linear row prescribes a motion."""
+        return any(r.signal is not None for r in self.rows)
+
+    def displacements(self, z: Array, t: float) -> Array:
+        """Return the full coordinates (n_full,) of unknowns z at load factor or time t."""
+        out = np.zeros(len(self.numbering.place))
+        self.numbering.expand(z, out)
+        if self.moves:
+            self.prescribed(t, out)
+        return out
+
+    def external(self, t: float) -> Array:
+        """Return the dead loads Q_k (n_full,) at t."""
+        out = np.zeros(len(self.numbering.place))
+        for load in self.loads.dead:
+            _add_load(out, load, load.amplitude(t))
+        return out
+
+    def gravity_potential(self, d: Array, t: float) -> float:
+        """Return the potential of gravity, measured from the reference."""
+        return -sum(float(load.values @ d[load.dofs]) * load.amplitude(t)
+                    for load in self.loads.dead if load.gravity)
+
+    @property
+    def patches(self) -> list[Patch]:
+        """Everything that depends on the configuration beside the elements."""
+        return [*self.springs, *self.loads.patches]
+
+
+def _add_load(out: Array, load: DeadLoad, factor: float) -> None:
+    if factor != 0.0:
+        np.add.at(out, load.dofs, load.values * factor)
+
+

@@ -1,0 +1,85 @@
+"""Unknowns, dependents and multipliers: which coordinate stands where in the matrix."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .constraints import Constraint
+from .elimination import Elimination, as_columns
+from .loads import Patch
+from .mesh import BodyMesh, Index
+from .model import Numbering
+from .order import half_bandwidth, order_unknowns
+
+
+def _meeting(mesh: BodyMesh, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
+    """Return which unknowns meet in the elements of a body, dependents expanded."""
+    rows = natural[mesh.dofs]
+    sets = [np.where(rows >= 0, rows, -1)]
+    for ie in np.flatnonzero((rows <= -2).any(axis=1)):
+        reached = {int(i) for i in rows[ie] if i >= 0}
+        for coord in mesh.dofs[ie][rows[ie] <= -2].tolist():
+            reached.update(terms[coord])
+        if reached:
+            sets.append(np.array([sorted(reached)], dtype=np.int64))
+    return sets
+
+
+def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[int]:
+    out: set[int] = set()
+    for c in coords.tolist():
+        if natural[c] >= 0:
+            out.add(int(natural[c]))
+        elif natural[c] <= -2:
+            out.update(terms[c])
+    return sorted(out)
+
+
+def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) -> Index:
+    """Return the positions of unknowns and multipliers, each multiplier right behind two of its coordinates.
+
+    LDL^T without pivoting then meets a multiplier only after something it acts on.
+    """
+    keys = position.astype(float)
+    extra = []
+    for reached in multipliers:
+        places = sorted(int(position[i]) for i in reached)
+        extra.append(places[min(1, len(places) - 1)] + 0.5 if places else float(n))
+    order = np.argsort(np.concatenate([keys, extra]), kind="stable")
+    final = np.empty(len(order), dtype=np.int64)
+    final[order] = np.arange(len(order))
+    return final
+
+
+def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
+           n_q: int) -> Numbering:
+    """Return the numbering of a model; reorders only where the natural order is not already the narrowest."""
+    dependents = sorted(elimination.dependents)
+    natural = np.zeros(n_q, dtype=np.int64)
+    held = [c for c in dependents if not elimination.dependents[c].terms]
+    natural[dependents] = -2
+    natural[held] = -1
+    free = np.flatnonzero(natural == 0)
+    natural[free] = np.arange(len(free))
+    terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
+    sets = [s for mesh in meshes for s in _meeting(mesh, natural, terms)]
+    multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
+    for reached in [*multipliers, *(_expand(row, natural, terms) for p in patches for row in p.dofs)]:
+        if reached:
+            sets.append(np.array([reached], dtype=np.int64))
+    largest = max(m.plan.element.n_dof for m in meshes)
+    position, _ = order_unknowns(len(free), sets, largest - 1)
+    final = _after_coordinates(position, multipliers, len(free)) if constraints else position
+    for k, reached in enumerate(multipliers):
+        sets.append(np.array([[*reached, len(free) + k]], dtype=np.int64))
+    place = np.full(n_q + len(constraints), -1, dtype=np.int64)
+    place[free] = final[:len(free)]
+    place[n_q:] = final[len(free):]
+    everything = np.concatenate([free, n_q + np.arange(len(constraints))])
+    at = np.empty(len(everything), dtype=np.int64)
+    at[final] = everything
+    place[dependents] = -2 - np.arange(len(dependents))
+    place[held] = -1
+    indptr, index, value = as_columns(elimination, place)
+    return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
+                     half_bandwidth(final, sets), largest)

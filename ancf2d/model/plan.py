@@ -1,0 +1,171 @@
+"""Each body of a case resolved: its element type, formulation, quadrature, section and pieces (no arrays yet)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..case import Body, Element, ElementDefinition, LoadedCase, Selective
+from ..elements import registry
+from ..elements.definition import ElementType, NodeSpec, derivative_order
+from ..elements.formulations import FORMULATIONS, Formulation, Rule
+from ..elements.section import Section
+from ..elements.shape import ShapeFunctions, UnsolvableBasis
+from ..errors import CaseError, Problem
+from .curve import Array, Piece, pieces_of
+from .section import SectionError, is_axis_type, resolve_section
+
+
+@dataclass(frozen=True)
+class BodyPlan:
+    """A body with everything chosen that a mesh needs."""
+
+    name: str
+    element: ElementType
+    formulation: Formulation
+    rule: Rule
+    section: Section
+    pieces: tuple[Piece, ...]
+
+    @property
+    def length(self) -> float:
+        """Total arclength."""
+        return self.pieces[-1].s0 + self.pieces[-1].length
+
+    @property
+    def count(self) -> int:
+        """Number of elements."""
+        return sum(p.count for p in self.pieces)
+
+    def locate(self, s: float) -> tuple[int, float]:
+        """Return (piece, arclength within it) of the point at fraction s of the body's arclength."""
+        sigma = s * self.length
+        for k, piece in enumerate(self.pieces):
+            if sigma <= piece.s0 + piece.length * (1 + 1e-12) or k == len(self.pieces) - 1:
+                return k, min(max(sigma - piece.s0, 0.0), piece.length)
+        raise AssertionError("a body has at least one piece")
+
+    def position(self, s: float) -> tuple[Array, float]:
+        """Return the reference point (2,) and tangent angle at fraction s of the arclength."""
+        k, sigma = self.locate(s)
+        r, theta = self.pieces[k].position(sigma)
+        return r, float(theta)
+
+
+class Refused(ValueError):
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
+        super().__init__(message)
+        self.key, self.expected, self.near = key, expected, near
+
+
+def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
+    nodes = tuple(NodeSpec(float(n.at), tuple(n.coordinates)) for n in definition.nodes)
+    curve = all("y" not in b for b in definition.basis)
+    default = definition.formulation or ("cable" if curve else "continuum")
+    element = ElementType(definition.name, tuple(definition.basis), nodes, default,
+                          source=str(spec.definition), shear_factor=definition.shear_factor or "timoshenko",
+                          quadrature={default: tuple(definition.quadrature)}
+                          if isinstance(definition.quadrature, tuple) else {})
+    try:
+        for node in nodes:
+            for c in node.coordinates:
+                if c != "theta":
+                    derivative_order(c)
+        if nodes[0].at != 0.0 or nodes[-1].at != 1.0 or nodes[0].coordinates != nodes[-1].coordinates:
+            raise ValueError("the first and last node must lie at 0 and 1 and have the same coordinates, so that "
+                             "neighbours can share them")
+        if "r" not in nodes[0].coordinates:
+            raise ValueError("the end nodes need the coordinate r")
+        ShapeFunctions(element, 1.0, 0.5, 0.3)
+    except (ValueError, UnsolvableBasis) as error:
+        raise Refused(("element", "definition"), f"element {definition.name} in {spec.definition}: {error}") from error
+    return element
+
+
+def _element_type(spec: Element, definition: ElementDefinition | None) -> ElementType:
+    if definition is not None:
+        return _user_element(spec, definition)
+    if spec.type in ("auto", "rigid"):
+        raise Refused(("element", "type"), f"element type {spec.type} is not available yet",
+                       "one of " + ", ".join(registry.names()))
+    return registry.element_type(spec.type, spec.order)
+
+
+def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
+    formulation = FORMULATIONS[name]
+    reason = formulation.refuse(element)
+    if reason is not None:
+        offered = [f.name for f in FORMULATIONS.values() if f.refuse(element) is None]
+        raise Refused(("element", "formulation"), f"{element.name} has no formulation {name}: {reason}",
+                       "one of " + ", ".join(offered))
+    return formulation
+
+
+def _rule(chosen: object, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
+    if isinstance(chosen, Selective):
+        if formulation.name not in ("continuum", "enhanced", "structural", "geometrically_exact"):
+            raise Refused(("element", "quadrature"), f"formulation {formulation.name} has one rule for all strains",
+                           "[nx, ny]")
+        return Rule(tuple(chosen.normal), tuple(chosen.shear))
+    if chosen == "exact":
+        rule = formulation.exact(element)
+        if rule is None or curved:
+            why = "on an arc" if curved else f"for formulation {formulation.name}"
+            raise Refused(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
+        return Rule(rule, rule)
+    if chosen is None:
+        chosen = element.quadrature.get(formulation.name, formulation.rule(element))
+    return Rule(tuple(chosen), tuple(chosen))
+
+
+def plan_body(name: str, body: Body, definition: ElementDefinition | None = None) -> BodyPlan:
+    """Resolve one body. Raises Refused, SectionError or CaseError with the reason."""
+    spec = body.element
+    element = _element_type(spec, definition)
+    preset = element.preset if spec.preset == "paper" else {}
+    if spec.preset == "paper" and not preset:
+        offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
+        raise Refused(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
+    formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
+    curved = any(p.kappa != 0.0 for p in pieces_of(body.geometry, spec.count))
+    rule = _rule(spec.quadrature or preset.get("quadrature"), element, formulation, curved)
+    k = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
+    if spec.shear_factor is not None and element.section_kind == "tangent":
+        raise Refused(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
+                       "no shear_factor")
+    section = resolve_section(body, element, formulation, k)
+    return BodyPlan(name, element, formulation, rule, section, pieces_of(body.geometry, spec.count))
+
+
+def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:
+    """Resolve every body of a case; return the plans that could be made and all problems found."""
+    plans, problems = {}, []
+    for name, body in loaded.case.bodies.items():
+        try:
+            plans[name] = plan_body(name, body, loaded.definitions.get(name))
+        except (Refused, SectionError) as error:
+            path = ("bodies", name, *error.key)
+            problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
+        except CaseError as error:
+            problems.extend(error.problems)
+    return plans, problems
+
+
+def warnings_of(plan: BodyPlan) -> list[str]:
+    """Return what a user of this body should know but need not change."""
+    out = []
+    if is_axis_type(plan.element) or plan.formulation.name == "structural":
+        ny = {plan.rule.normal[1], plan.rule.shear[1]}
+        if ny != {1}:
+            out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
+                       "the points across have no effect")
+    if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
+        out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
+    return out
+
+
+def reference_extent(plans: dict[str, BodyPlan]) -> float:
+    """Return the size of the scene: the largest body length or distance between points."""
+    points = np.array([p.position(s)[0] for p in plans.values() for s in (0.0, 0.25, 0.5, 0.75, 1.0)])
+    return float(max(np.ptp(points, axis=0).max(), max(p.length for p in plans.values())))

@@ -1,0 +1,92 @@
+"""A point of a body in terms of its coordinates: position, section direction, rotation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..elements.shape import Array, gauss
+from .mesh import BodyMesh, Index
+
+
+@dataclass(frozen=True)
+class PointRef:
+    """The point at fraction ``s`` of a body, on the axis unless ``eta`` = 2 y/h says otherwise.
+
+    ``node`` is the index of the element's node there, or None between nodes; ``angle`` the reference angle
+    of the tangent.
+    """
+
+    mesh: BodyMesh
+    s: float
+    ie: int
+    xi: float
+    angle: float
+    node: int | None
+    eta: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """The point as case files write it."""
+        return f"{self.mesh.plan.name}@{self.s:g}"
+
+    def shape_row(self, i: int = 0, j: int = 0, spread: str | None = None) -> Array:
+        """Return d^(i+j) s_k/dx^i dy^j (n_shape,) here, or its mean over the section with ``spread``."""
+        shape = self.mesh.classes[self.mesh.cls[self.ie]].shape
+        if spread is None:
+            row = shape(np.array([self.xi]), np.array([self.eta]), i, j)[0]
+        else:
+            y, w = gauss(6)
+            eta = 2 * y - 1
+            weight = w if spread == "uniform" else 1.5 * w * (1 - eta**2)
+            row = weight @ shape(np.full(6, self.xi), eta, i, j)
+        row[np.abs(row) < 1e-14 * np.abs(row).max()] = 0.0
+        return row
+
+    def _columns(self, row: Array, component: int) -> tuple[Index, Array]:
+        nc = self.mesh.plan.element.components
+        used = np.flatnonzero(row)
+        return self.mesh.dofs[self.ie, used * nc + component], row[used]
+
+    def position(self, spread: str | None = None) -> list[tuple[Index, Array]]:
+        """Return (coordinates, weights) of x and of y."""
+        row = self.shape_row(spread=spread)
+        return [self._columns(row, 0), self._columns(row, 1)]
+
+    @property
+    def turns_by_theta(self) -> bool:
+        """Whether the section rotation is a coordinate."""
+        return self.mesh.plan.element.has_theta
+
+    def theta(self) -> tuple[Index, Array]:
+        """Return (coordinates, weights) of the section rotation where it is a coordinate."""
+        return self._columns(self.shape_row(), 2)
+
+    def director(self) -> tuple[list[tuple[Index, Array]], float]:
+        """Return (coordinates, weights) of x and y of the vector that turns with the section, and its reference angle.
+
+        r_y where there is one, r_x for the cable.
+        """
+        across = self.mesh.plan.element.section_kind == "interpolated"
+        row = self.shape_row(0, 1) if across else self.shape_row(1, 0)
+        return [self._columns(row, 0), self._columns(row, 1)], self.angle + (0.5 * math.pi if across else 0.0)
+
+    def dofs(self) -> Index:
+        """Return all coordinates of the node here, or of the element where it is no node."""
+        if self.node is not None:
+            return self.mesh.node_dofs(self.ie, self.node)
+        return self.mesh.dofs[self.ie]
+
+
+def point_ref(mesh: BodyMesh, s: float, y: float = 0.0) -> PointRef:
+    """Return the reference to the point at fraction s of a body's arclength, y off its axis."""
+    ie, xi, angle = mesh.element_at(s)
+    node = next((k for k, n in enumerate(mesh.plan.element.nodes) if n.at == xi), None)
+    return PointRef(mesh, s, ie, xi, angle, node, 2.0 * y / mesh.plan.section.height)
+
+
+def dot(columns: tuple[Index, Array], e: Array) -> float:
+    """Return sum of weight * coordinate."""
+    return float(columns[1] @ e[columns[0]])

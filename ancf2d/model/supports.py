@@ -1,0 +1,128 @@
+"""Each kind of support: what it holds, as equations. A further kind is one function and one entry below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ..case import Clamp, Fix, Pin, Prescribed, Roller
+from .constraints import Equations, Row, Signal, along, combine, hold_rotation, prescribe_rotation
+from .points import PointRef
+
+
+class SupportError(ValueError):
+    """A support that its point cannot have; ``key`` names the entry."""
+
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
+        super().__init__(message)
+        self.key, self.expected, self.near = key, expected, near
+
+
+def _position_rows(point: PointRef, owner: str, spread: str | None = None) -> list[Row]:
+    return [Row(*combine((1.0, c)), owner, axis)
+            for c, axis in zip(point.position(spread), "xy", strict=True)]
+
+
+def _pin(support: Pin, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+    out.rows += _position_rows(point, owner, support.spread)
+
+
+def _roller(support: Roller, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+    columns = point.position(support.spread)
+    if support.normal is not None:
+        nx, ny = support.normal
+        length = math.hypot(nx, ny)
+        coords, coefs = along(columns, nx / length, ny / length)
+        out.rows.append(Row(coords, coefs, owner, f"position along ({nx:g}, {ny:g})"))
+    else:
+        out.rows.append(Row(*combine((1.0, columns["xy".index(support.fixed)])), owner, support.fixed))
+
+
+def default_hold(point: PointRef) -> str:
+    """Return the clamp that a type is held with: ``section`` for the cable, else ``all``."""
+    return "section" if point.mesh.plan.element.section_kind == "tangent" else "all"
+
+
+def _clamp(support: Clamp, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+    hold = support.hold or default_hold(point)
+    element = point.mesh.plan.element
+    if hold == "breathe":
+        _breathe(support, point, owner, out)
+    elif hold == "section" or element.has_theta:
+        out.rows += _position_rows(point, owner)
+        hold_rotation(point, owner, out)
+    elif point.node is not None:
+        names = point.mesh.coordinate_names[point.node]
+        for dof, name in zip(point.dofs().tolist(), names, strict=True):
+            out.rows.append(Row(*_single(dof), owner, name))
+    else:
+        out.rows += _position_rows(point, owner)
+        if element.section_kind == "tangent":
+            hold_rotation(point, owner, out)
+        else:
+            columns, _ = point.director()
+            out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("ry_x", "ry_y"), strict=True)]
+
+
+def _single(dof: int) -> Any:
+    import numpy as np
+
+    return np.array([dof], dtype=np.int64), np.ones(1)
+
+
+def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> None:
+    """Hold the mean position and keep the section straight and in direction, free to stretch."""
+    element = point.mesh.plan.element
+    if element.section_kind != "interpolated":
+        raise SupportError(("hold",), f"the section of {element.name} is rigid: it cannot breathe", "section or all")
+    tx, ty = math.cos(point.angle), math.sin(point.angle)
+    axis = point.position()
+    out.rows.append(Row(*along(axis, tx, ty), owner, "axial position"))
+    out.rows.append(Row(*along(point.position(support.spread or "uniform"), -ty, tx), owner, "mean transverse position"))
+    for j in range(1, element.degree_y + 1):
+        row = point.shape_row(0, j)
+        columns = [point._columns(row, 0), point._columns(row, 1)]
+        coords, coefs = along(columns, tx, ty)
+        if len(coords):
+            out.rows.append(Row(coords, coefs, owner, "section direction" if j == 1 else "section warping"))
+
+
+def _fix(support: Fix, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+    if point.node is None:
+        raise SupportError(("at",), f"fix names coordinates of a node, and {point.label} is none",
+                           "the place of a node, or pin, roller, clamp")
+    names = point.mesh.coordinate_names[point.node]
+    for k, name in enumerate(support.coordinates):
+        if name not in names:
+            raise SupportError(("coordinates", k), f"{point.mesh.plan.element.name} has no coordinate '{name}' at "
+                               f"{point.label}", "one of " + ", ".join(names))
+        out.rows.append(Row(*_single(int(point.dofs()[names.index(name)])), owner, name))
+
+
+def _prescribed(support: Prescribed, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+    columns = point.position()
+    reference = point.mesh.plan.position(point.s)[0]
+    for k, axis in enumerate("xy"):
+        position, displacement = getattr(support, axis), getattr(support, "u" + axis)
+        if position is not None:
+            start = float(reference[k])
+            signal = amplitude_signal(position, default, start)
+            out.rows.append(Row(*combine((1.0, columns[k])), owner, axis, lambda t, s=signal, x=start: s(t) - x))
+        if displacement is not None:
+            out.rows.append(Row(*combine((1.0, columns[k])), owner, "u" + axis,
+                                amplitude_signal(displacement, default, 0.0)))
+    if support.angle is not None:
+        prescribe_rotation(point, amplitude_signal(support.angle, default, 0.0), owner, out)
+
+
+def amplitude_signal(value: Any, default: Signal, start: float) -> Signal:
+    """Return the value over t: an amplitude as it is; a number is reached from ``start`` by the default amplitude."""
+    if isinstance(value, int | float):
+        return lambda t: start + (float(value) - start) * default(t)
+    return value.value
+
+
+SUPPORTS: dict[type, Callable[[Any, PointRef, str, Signal, Equations], None]] = {
+    Pin: _pin, Roller: _roller, Clamp: _clamp, Fix: _fix, Prescribed: _prescribed,
+}

@@ -1,0 +1,1 @@
+"""Solvers: they take a model and yield states; they know nothing of files or terminals."""

@@ -1,0 +1,218 @@
+"""The tangent matrix: band where the mesh is a chain, compressed rows where it is not; factors and pivots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..kernels.band import ldl_factor, ldl_solve
+from ..kernels.matrix import Band, Csr, SymBand, symband_product
+from ..model.model import Model, Numbering
+
+# a pivot below this share of the terms it is the difference of is round-off
+SINGULAR = 4e-16
+# beyond this multiple of an element's own width, general sparse factors are cheaper than a band
+WIDE_BAND = 4
+
+
+@dataclass(frozen=True)
+class Pivots:
+    """What a factorisation tells: the unknown where it broke (or -1), negative and smallest relative pivots."""
+
+    bad: int
+    negative: int
+    smallest: float
+
+
+class TangentMatrix(Protocol):
+    """A matrix that kernels add to, and that can be factored and solved."""
+
+    target: Any
+
+    def clear(self) -> None:
+        """Set every entry to zero."""
+        ...
+
+    def product(self, x: Array) -> tuple[Array, Array]:
+        """Return K x and |K| |x|; only before ``factor``."""
+        ...
+
+    def factor(self) -> Pivots:
+        """Factor in place."""
+        ...
+
+    def solve(self, b: Array) -> Array:
+        """Return K^-1 b."""
+        ...
+
+
+class SymmetricBand:
+    """Symmetric band with our own LDL^T; the pivot signs give the inertia."""
+
+    def __init__(self, n: int, bw: int) -> None:
+        self.values = np.zeros((n, bw + 1))
+        self.target = SymBand(self.values)
+
+    def clear(self) -> None:
+        """Set every entry to zero."""
+        self.values.fill(0.0)
+
+    def product(self, x: Array) -> tuple[Array, Array]:
+        """Return K x and |K| |x|."""
+        return symband_product(self.values, x)
+
+    def factor(self) -> Pivots:
+        """Factor in place: K = L D L^T."""
+        return Pivots(*ldl_factor(self.values, SINGULAR))
+
+    def solve(self, b: Array) -> Array:
+        """Return K^-1 b."""
+        x = b.copy()
+        ldl_solve(self.values, x)
+        return x
+
+    def null_vector(self, bad: int) -> Array:
+        """Return the motion that the bad pivot leaves without stiffness."""
+        x = np.zeros(len(self.values))
+        x[bad] = 1.0
+        bw = self.values.shape[1] - 1
+        # L^T x = e_bad over the rows already factored; rows still hold L D where the factorisation broke
+        first = max(0, bad - bw)
+        x[first:bad] = -self.values[bad, bw + first - bad:bw]
+        for i in range(bad - 1, -1, -1):
+            j0 = max(0, i - bw)
+            x[j0:i] -= self.values[i, bw + j0 - i:bw] * x[i]
+        return x
+
+
+class GeneralBand:
+    """Unsymmetric band (follower forces), LAPACK's pivoted LU."""
+
+    def __init__(self, n: int, bw: int) -> None:
+        self.bw = bw
+        self.values = np.zeros((n, 3 * bw + 1))
+        self.target = Band(self.values)
+
+    def clear(self) -> None:
+        """Set every entry to zero."""
+        self.values.fill(0.0)
+
+    def product(self, x: Array) -> tuple[Array, Array]:
+        """Return K x and |K| |x|."""
+        n, bw = len(x), self.bw
+        y, z = np.zeros(n), np.zeros(n)
+        for k in range(-bw, bw + 1):
+            j = np.arange(max(0, -k), min(n, n - k))
+            v = self.values[j, 2 * bw + k] * x[j]
+            y[j + k] += v
+            z[j + k] += np.abs(v)
+        return y, z
+
+    def factor(self) -> Pivots:
+        """Factor: P K = L U."""
+        from scipy.linalg.lapack import dgbtrf
+
+        scale = np.abs(self.values[:, 2 * self.bw])
+        self.lu, self.piv, info = dgbtrf(self.values.T, self.bw, self.bw)
+        pivots = self.lu[2 * self.bw]
+        ratio = np.abs(pivots) / np.where(scale > 0, scale, 1.0)
+        bad = int(np.argmin(ratio)) if info > 0 or not ratio.min() > SINGULAR else -1
+        swaps = int((self.piv != np.arange(len(self.piv))).sum())
+        return Pivots(bad, (int((pivots < 0).sum()) + swaps) % 2, float(ratio.min()))
+
+    def solve(self, b: Array) -> Array:
+        """Return K^-1 b."""
+        from scipy.linalg.lapack import dgbtrs
+
+        x, _ = dgbtrs(self.lu, self.bw, self.bw, b, self.piv)
+        return x
+
+
+class GeneralSparse:
+    """Compressed rows with SuperLU, for wide bands."""
+
+    def __init__(self, n: int, rows: Array, columns: Array) -> None:
+        from scipy.sparse import coo_matrix
+
+        pattern = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n, n)).tocsr()
+        pattern.sum_duplicates()
+        pattern.sort_indices()
+        self.shape = pattern.shape
+        self.values = np.zeros(pattern.nnz)
+        self.indptr = pattern.indptr.astype(np.int64)
+        self.indices = pattern.indices.astype(np.int64)
+        self.target = Csr(self.values, self.indptr, self.indices)
+
+    def _matrix(self) -> Any:
+        from scipy.sparse import csr_matrix
+
+        return csr_matrix((self.values, self.indices, self.indptr), shape=self.shape)
+
+    def clear(self) -> None:
+        """Set every entry to zero."""
+        self.values.fill(0.0)
+
+    def product(self, x: Array) -> tuple[Array, Array]:
+        """Return K x and |K| |x|."""
+        K = self._matrix()
+        return K @ x, abs(K) @ np.abs(x)
+
+    def factor(self) -> Pivots:
+        """Factor: P_r K P_c = L U, with diagonal pivots preferred so that their signs tell the inertia."""
+        from scipy.sparse.linalg import splu
+
+        K = self._matrix().tocsc()
+        scale = np.abs(K.diagonal())
+        try:
+            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.001, options={"SymmetricMode": True})
+        except RuntimeError:
+            return Pivots(int(np.argmin(scale)), 0, 0.0)
+        u = self.lu.U.diagonal()
+        original = scale[self.lu.perm_c.argsort()]
+        ratio = np.abs(u) / np.where(original > 0, original, 1.0)
+        k = int(np.argmin(ratio))
+        bad = int(self.lu.perm_c.argsort()[k]) if not ratio[k] > SINGULAR else -1
+        return Pivots(bad, int((u < 0).sum()), float(ratio[k]))
+
+    def solve(self, b: Array) -> Array:
+        """Return K^-1 b."""
+        return self.lu.solve(b)
+
+
+def _pattern(model: Model) -> tuple[Array, Array]:
+    """Return the row and column of every entry that an element or patch can touch."""
+    num = model.numbering
+    rows, columns = [], []
+    sets = [m.dofs for m in model.meshes.values()] + [p.dofs for p in model.patches]
+    sets += [np.append(c.dofs, num.n_q + k)[None, :] for k, c in enumerate(model.constraints)]
+    for dofs in sets:
+        place = num.place[dofs]
+        plain = (place >= -1).all(axis=1)
+        a = np.repeat(place[plain], place.shape[1], axis=1).ravel()
+        b = np.tile(place[plain], (1, place.shape[1])).ravel()
+        used = (a >= 0) & (b >= 0)
+        rows.append(a[used])
+        columns.append(b[used])
+        for line in place[~plain]:
+            reached = np.unique(np.concatenate([_terms(num, int(i)) for i in line]))
+            rows.append(np.repeat(reached, len(reached)))
+            columns.append(np.tile(reached, len(reached)))
+    return np.concatenate(rows), np.concatenate(columns)
+
+
+def _terms(num: Numbering, i: int) -> Array:
+    if i >= -1:
+        return np.array([i] if i >= 0 else [], dtype=np.int64)
+    return num.index[num.indptr[-2 - i]:num.indptr[-1 - i]]
+
+
+def make_matrix(model: Model) -> TangentMatrix:
+    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry."""
+    num = model.numbering
+    n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
+    if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
+        return SymmetricBand(n, bw) if model.symmetric else GeneralBand(n, bw)
+    return GeneralSparse(n, *_pattern(model))

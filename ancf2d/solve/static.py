@@ -1,0 +1,235 @@
+"""Static equilibrium: one linear solve, or Newton with load steps that adapt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.model import Model
+from .system import Balance, System
+
+TOLERANCE = 1e-9
+MAX_ITERATIONS = 30
+STEPS = 10
+# a residual within this multiple of the round-off floor cannot be told from zero
+FLOOR = 16.0
+# a step that moves this much further than the one before has left the branch
+JUMP = 8.0
+SMALLEST_STEP = 2.0**-24
+
+
+@dataclass
+class State:
+    """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.
+
+    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates.
+    """
+
+    t: float
+    d: Array
+    Q: Array
+    F: Array
+    energy: float
+    linear: bool = False
+    history: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass
+class NewtonResult:
+    """A converged state of Newton's method."""
+
+    d: Array
+    balance: Balance
+    iterations: int
+    increments: list[float]
+    negative_pivots: int
+    at_floor: bool
+
+
+def solve_linear(model: Model) -> Iterator[State]:
+    """Yield the one state of linear statics: K(0) d = Q_k with every load at its full factor.
+
+    Moments and follower loads act in the reference directions; their load stiffness is no linear theory.
+    """
+    system, num = System(model), model.numbering
+    zero = np.zeros(len(num.place))
+    start = system.assemble(zero, 1.0, load_stiffness=False)
+    pivots = system.factor({"solver": "linear_static"})
+    d = model.displacements(np.zeros(num.n_unknowns), 1.0)
+    R0 = start.Q - start.F
+    moved, size = zero, np.inf
+    for _ in range(4):
+        R = num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
+        z = -system.matrix.solve(R)
+        change = system.norm(z)
+        if not np.isfinite(change):
+            raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
+                                   advice="check loads and stiffnesses for extreme values")
+        if change >= 0.5 * size:
+            break
+        num.expand(d[num.free] + z, moved := d.copy())
+        if model.moves:
+            model.prescribed(1.0, moved)
+        d, size = moved, change
+        if change <= 1e-15 * system.norm(d[num.free]):
+            break
+    elastic = system.action(zero, d, 1.0)
+    energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
+    history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.free]),
+               "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
+    yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history)
+
+
+def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium at t from the state d of t_old. Raises ComputationError when it does not converge.
+
+    Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
+    displacements; or that no residual exceeds its round-off floor, or has stopped falling close to it.
+    """
+    num = system.model.numbering
+    d = d.copy()
+    at = {"factor": f"{t:.6g}"}
+    increments: list[float] = []
+    residuals: list[float] = []
+    best = np.inf
+    for iteration in range(max_iterations + 1):
+        first_move = iteration == 0 and system.model.moves and t != t_old
+        balance = system.assemble(d, t_old if first_move else t)
+        if first_move:
+            balance = _with_motion(system, d, balance, t)
+        residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
+        if not np.isfinite(residuals[-1]):
+            raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
+        above = float(np.max(np.abs(balance.R) / np.where(balance.floor > 0, balance.floor, np.inf), initial=0.0))
+        settled = not first_move and (above <= FLOOR or (above <= 64 * FLOOR and above > 0.5 * best))
+        if settled or iteration == max_iterations:
+            if not settled:
+                raise ComputationError("Newton's method did not converge", at=at, history=residuals)
+            pivots = system.factor(at)
+            return NewtonResult(d, balance, iteration, increments, pivots.negative - num.n_multipliers, True)
+        best = min(best, above)
+        pivots = system.factor(at)
+        z = -system.matrix.solve(balance.R)
+        d = _advance(system, d, z, t)
+        increments.append(system.norm(z))
+        if _converged(increments, system.norm(d[num.free]), tolerance):
+            negative = pivots.negative - num.n_multipliers
+            return NewtonResult(d, system.forces(d, t), iteration + 1, increments, negative, False)
+        _check_divergence(increments, system.model.extent, at, residuals)
+    raise AssertionError("the loop returns or raises")
+
+
+def _with_motion(system: System, d: Array, balance: Balance, t: float) -> Balance:
+    """Return the residual of the linear predictor for motion prescribed between the old and the new factor."""
+    model = system.model
+    moved = model.displacements(d[model.numbering.free], t)
+    loads = system.forces(d, t)
+    R = model.numbering.reduce(loads.Q - loads.F + system.action(d, moved - d, t))
+    return Balance(loads.Q, loads.F, R, balance.floor, balance.energy)
+
+
+def _advance(system: System, d: Array, z: Array, t: float) -> Array:
+    return system.model.displacements(d[system.model.numbering.free] + z, t)
+
+
+def _converged(increments: list[float], size: float, tolerance: float) -> bool:
+    last = increments[-1]
+    if last == 0.0:
+        return True
+    if len(increments) < 2:
+        return False
+    contraction = last / increments[-2]
+    return contraction < 0.5 and last * contraction <= tolerance * size
+
+
+def _check_divergence(increments: list[float], extent: float, at: dict[str, str], residuals: list[float]) -> None:
+    grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
+    if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
+        raise ComputationError("Newton's method diverges", at=at, history=residuals)
+
+
+@dataclass
+class _Path:
+    """The equilibrium path so far, for extrapolation."""
+
+    t: list[float]
+    d: list[Array]
+
+    def extrapolate(self, t: float) -> Array:
+        """Return the polynomial through the last states (at most quadratic) at t."""
+        k = min(3, len(self.t))
+        ts, ds = self.t[-k:], self.d[-k:]
+        out = np.zeros_like(ds[0])
+        for i in range(k):
+            weight = 1.0
+            for j in range(k):
+                if j != i:
+                    weight *= (t - ts[j]) / (ts[i] - ts[j])
+            out += weight * ds[i]
+        return out
+
+    def push(self, t: float, d: Array) -> None:
+        self.t, self.d = [*self.t[-2:], t], [*self.d[-2:], d]
+
+
+def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
+                 max_iterations: int | None = None, end: float = 1.0) -> Iterator[State]:
+    """Yield a state per load step, from the reference (factor 0) to ``end``.
+
+    The factor grows by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
+    Raises ComputationError where the path cannot be followed.
+    """
+    system = System(model)
+    tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
+    largest = end / (steps or STEPS)
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    path = _Path([0.0], [d])
+    t, h, cutbacks, number, negative = 0.0, largest, 0, 0, 0
+    moved = np.inf
+    while t < end * (1 - 1e-12):
+        target = end if t + h * (1 + 1e-9) >= end else t + h
+        try:
+            result = newton(system, path.extrapolate(target), target if len(path.t) > 1 else t, target, tolerance,
+                            max_iterations)
+            rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
+            if rate > JUMP * moved:
+                raise ComputationError("the state jumps to another branch", at={"factor": f"{target:.6g}"})
+        except ComputationError as error:
+            h, cutbacks = 0.5 * (target - t), cutbacks + 1
+            if h < SMALLEST_STEP * end:
+                raise _stuck(error, t, number, negative) from error
+            continue
+        moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
+        number += 1
+        path.push(target, result.d)
+        yield _state(system, result, target, number, cutbacks, negative)
+        negative = result.negative_pivots
+        h = largest if cutbacks == 0 else min(largest, 2 * (target - t))
+        t, cutbacks = target, 0
+
+
+def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, negative: int) -> State:
+    residual = float(np.max(np.abs(result.balance.R), initial=0.0))
+    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": residual,
+               "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
+               "energy": result.balance.energy, "negative_pivots": result.negative_pivots}
+    warnings = []
+    if result.negative_pivots != negative:
+        warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
+                        f"instead of {negative}; equilibrium beyond it may be unstable")
+    return State(t, result.d, result.balance.Q, result.balance.F, result.balance.energy, history=history,
+                 warnings=warnings)
+
+
+def _stuck(error: ComputationError, t: float, number: int, negative: int) -> ComputationError:
+    f = error.failure
+    return ComputationError(
+        f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
+        history=f.history,
+        advice="a limit point of the load is likely (method: arc_length follows it); else more steps, or supports "
+               "that leave no mechanism")

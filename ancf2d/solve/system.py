@@ -1,0 +1,154 @@
+"""Residual and tangent of a model at a state: elements, patches, constraints and dead loads together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..kernels.elements import force, force_tangent, tangent_action
+from ..kernels.matrix import scatter_patches
+from ..model.model import Model
+from .linear import Pivots, make_matrix
+
+UNIT_ROUNDOFF = 2.0**-53
+
+
+@dataclass
+class Balance:
+    """Forces at a state. ``Q`` (n_full,): elastic and patch forces; ``F``: dead loads; ``R`` = Q - F on the unknowns.
+
+    ``floor`` (n_unknowns,): what round-off alone can leave of R.
+    """
+
+    Q: Array
+    F: Array
+    R: Array
+    floor: Array
+    energy: float
+
+
+class System:
+    """A model with its tangent matrix; one object per solve."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.matrix = make_matrix(model)
+        n = model.numbering
+        self.tables = (n.place, n.indptr, n.index, n.value)
+        self.weights = np.zeros(n.n_unknowns)
+        coordinates = n.free < n.n_q
+        self.weights[coordinates] = model.weights[n.free[coordinates]]
+        self.factorisations = 0
+        self.evaluations = 0
+
+    def _patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Array]]:
+        """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
+        model, n_q = self.model, self.model.n_q
+        e = model.e0 + d[:n_q]
+        out = []
+        for patch in model.springs:
+            out.append((*patch.evaluate(e, d, t), patch.dofs))
+        for patch in [] if elastic else model.loads.patches:
+            out.append((*patch.evaluate(e, d, t), patch.dofs))
+        for k, constraint in enumerate(model.constraints):
+            g, G, H = constraint.evaluate(e, d, t)
+            n, multiplier = len(G), d[n_q + k]
+            K = np.zeros((1, n + 1, n + 1))
+            K[0, :n, :n] = multiplier * H
+            K[0, n, :n] = K[0, :n, n] = G
+            Q = np.append(multiplier * G, g)[None, :]
+            out.append((0.0, Q, K, np.append(constraint.dofs, n_q + k)[None, :]))
+        return out
+
+    def assemble(self, d: Array, t: float, load_stiffness: bool = True) -> Balance:
+        """Return the forces at d (n_full,) and fill the tangent matrix.
+
+        ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory).
+        """
+        model = self.model
+        self.evaluations += 1
+        self.matrix.clear()
+        Q, magnitude = np.zeros(len(d)), np.zeros(len(d))
+        energy = 0.0
+        for group in model.groups:
+            energy += force_tangent(group, d, Q, magnitude, self.matrix.target, *self.tables)
+        for u, q, K, dofs in self._patches(d, t, elastic=not load_stiffness):
+            energy += u
+            np.add.at(Q, dofs, q)
+            np.add.at(magnitude, dofs, np.abs(q))
+            scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), *self.tables)
+        if not load_stiffness:
+            self._add_loads(Q, d, t)
+        F = model.external(t)
+        n = model.numbering
+        R = n.reduce(Q - F)
+        _, spread = self.matrix.product(d[n.free])
+        floor = UNIT_ROUNDOFF * (spread + n.reduce(magnitude + np.abs(F)))
+        return Balance(Q, F, R, np.abs(floor), float(energy))
+
+    def _add_loads(self, Q: Array, d: Array, t: float) -> None:
+        e = self.model.e0 + d[:self.model.n_q]
+        for patch in self.model.loads.patches:
+            np.add.at(Q, patch.dofs, patch.evaluate(e, d, t)[1])
+
+    def forces(self, d: Array, t: float) -> Balance:
+        """Return the forces at d without a tangent (no floor)."""
+        model = self.model
+        Q = np.zeros(len(d))
+        energy = 0.0
+        for group in model.groups:
+            energy += force(group, d, Q)
+        for u, q, _, dofs in self._patches(d, t):
+            energy += u
+            np.add.at(Q, dofs, q)
+        F = model.external(t)
+        return Balance(Q, F, model.numbering.reduce(Q - F), np.zeros(0), float(energy))
+
+    def action(self, d: Array, v: Array, t: float) -> Array:
+        """Return K(d) v of elements, springs and constraints in full coordinates."""
+        out = np.zeros(len(d))
+        for group in self.model.groups:
+            tangent_action(group, d, v, out)
+        for _, _, K, dofs in self._patches(d, t, elastic=True):
+            np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
+        return out
+
+    def factor(self, at: dict[str, Any]) -> Pivots:
+        """Factor the tangent; raises ComputationError that names the free coordinates where it is singular."""
+        self.factorisations += 1
+        pivots = self.matrix.factor()
+        if pivots.bad >= 0:
+            raise ComputationError(
+                f"the tangent stiffness is singular: {self.describe(pivots.bad)} has no stiffness", at=at,
+                advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
+        return pivots
+
+    def norm(self, z: Array) -> float:
+        """Return the largest displacement that a change of the unknowns stands for [m]."""
+        return float(np.max(self.weights * np.abs(z), initial=0.0))
+
+    def describe(self, unknown: int) -> str:
+        """Return the name of an unknown: coordinate, body and place."""
+        full = int(self.model.numbering.free[unknown])
+        if full >= self.model.n_q:
+            constraint = self.model.constraints[full - self.model.n_q]
+            return f"the multiplier of {constraint.owner} ({constraint.holds})"
+        return describe_coordinate(self.model, full)
+
+
+def describe_coordinate(model: Model, full: int) -> str:
+    """Return 'ry_x of beam at S = 0.25' for a full coordinate."""
+    for name, mesh in model.meshes.items():
+        if mesh.first_dof <= full < mesh.first_dof + mesh.n_dofs:
+            ie, local = np.argwhere(mesh.dofs == full)[0]
+            labels = [c for node in mesh.coordinate_names for c in node]
+            node = int(np.searchsorted(np.cumsum(mesh.node_sizes), local, side="right"))
+            piece = max(k for k, first in enumerate(mesh.piece_first) if first <= ie)
+            p = mesh.plan.pieces[piece]
+            s = p.s0 + (ie - mesh.piece_first[piece] + mesh.plan.element.nodes[node].at) * p.l
+            return f"{labels[local]} of {name} at S = {s / mesh.plan.length:.4g}"
+    raise IndexError(full)
