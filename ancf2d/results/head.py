@@ -9,10 +9,8 @@ import h5py
 import numpy as np
 
 from ancf2d.results.provenance import provenance
-from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, Units, as_strings, escape
-from ancf2d.results.series import write_fixed
-
-MAX_ATTRIBUTE = 8000  # HDF5 holds at most 64 kB of attributes per object
+from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, Units, escape
+from ancf2d.results.series import set_text, write_fixed, write_texts
 
 
 def coordinate_units(units: Units) -> str:
@@ -32,17 +30,18 @@ def write_head(file: h5py.File, header: Mapping[str, Any], units: Units) -> None
     }
     for name, value in attributes.items():
         if isinstance(value, str):
-            value = as_strings([value])[0][:MAX_ATTRIBUTE]
-        file.attrs[name] = value
+            set_text(file, name, value)
+        else:
+            file.attrs[name] = value
     # rows of states, history and probes that are known to be on disk
     file.attrs["committed"] = np.zeros(3, np.int64)
     case = file.create_group("case")
     completed = header.get("case_completed") or ""
-    write_fixed(case, "text", as_strings([case_text])[0], "none", "the case as given")
-    write_fixed(case, "completed", as_strings([completed])[0], "none",
+    write_texts(case, "text", case_text, "none", "the case as given")
+    write_texts(case, "completed", completed, "none",
                 "the case as completed with defaults and overrides")
-    overrides = np.array(as_strings(header.get("overrides") or []), dtype=h5py.string_dtype())
-    write_fixed(case, "overrides", overrides, "none", "PATH=VALUE given on the command line")
+    overrides = [str(o) for o in header.get("overrides") or []]
+    write_texts(case, "overrides", overrides, "none", "PATH=VALUE given on the command line")
 
 
 def write_mesh(file: h5py.File, units: Units, bodies: Sequence[BodyRecord], e0: np.ndarray,
@@ -60,11 +59,11 @@ def write_mesh(file: h5py.File, units: Units, bodies: Sequence[BodyRecord], e0: 
 
 def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequence[str]) -> None:
     for name in ("name", "element_type", "formulation", "section_kind"):
-        group.attrs[name] = getattr(body, name)
+        set_text(group, name, str(getattr(body, name)))
     for name in ("height", "width"):
         value = getattr(body, name)
         group.attrs[name] = np.nan if value is None else float(value)
-        group.attrs[f"{name}_units"] = length
+        set_text(group, f"{name}_units", length)
     for name, units, text, kind in (
         ("dofs", "1", "columns of e0 and d for the coordinates of each element", int),
         ("nodes", "1", "global node numbers of each element", int),
@@ -81,5 +80,5 @@ def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequenc
             data = data.astype(np.int32)
         write_fixed(group, name, data, units, text, compress=True)
     if names:
-        write_fixed(group, "coordinate_names", as_strings(names), "none",
+        write_texts(group, "coordinate_names", names, "none",
                     "names of one element's coordinates")

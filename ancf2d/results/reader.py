@@ -48,7 +48,7 @@ class Results:
             raise
 
     def _read_head(self) -> None:
-        self.attrs: dict[str, Any] = {k: safe.attribute(self._file, k) for k in self._file.attrs}
+        self.attrs: dict[str, Any] = safe.attributes(self._file)
         counts = self.attrs.get("committed")
         if not (isinstance(counts, list) and len(counts) == 3
                 and all(isinstance(n, int) and n >= 0 for n in counts)):
@@ -182,7 +182,10 @@ class Results:
         """The bodies by name, in the order of the case."""
         with safe.damage(self.path):
             found = safe.groups(safe.child(self._mesh, "bodies", h5py.Group))
-            return {name: self._body(name, group) for name, group in found.items()}
+            try:
+                return {name: self._body(name, group) for name, group in found.items()}
+            except ResultsError as error:
+                raise ValueError(str(error)) from error
 
     def _body(self, name: str, group: h5py.Group) -> BodyRecord:
         fields: dict[str, Any] = {"name": name}
@@ -234,7 +237,7 @@ class Results:
         for key in group or ():
             dataset = safe.child(group, key, h5py.Dataset)
             name = unescape(key)
-            if dataset.dtype.kind in "OS":
+            if dataset.dtype.kind == "S":
                 table[name] = safe.strings(group, key)
             else:
                 values = safe.numbers(group, key, 1)
@@ -278,7 +281,7 @@ class Results:
             found = safe.groups(safe.child(self._file, "tables", h5py.Group))
             for name, group in found.items():
                 tables[name] = self._columns(group, None)
-                tables[name].attrs = {k: safe.attribute(group, k) for k in group.attrs}
+                tables[name].attrs = safe.attributes(group)
                 if len({len(v) for v in tables[name].values()}) > 1:
                     raise ValueError(f"table '{name}' has columns of different lengths")
             return tables

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -161,8 +160,3 @@ def escape(name: str) -> str:
 def unescape(key: str) -> str:
     """Undo ``escape``."""
     return key.replace("%2E", ".").replace("%2F", "/").replace("%25", "%")
-
-
-def as_strings(values: Sequence[object]) -> list[str]:
-    """Return the values as plain strings without the characters that HDF5 cannot store."""
-    return [str(v).replace("\0", "") for v in values]

@@ -80,12 +80,20 @@ def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -
     """Return an attribute as a plain number, string or list."""
     if name not in node.attrs:
         return default
+    kind = node.attrs.get_id(name).dtype
+    if kind.kind not in "biufS" and h5py.check_string_dtype(kind) is None:
+        return default
     value = node.attrs[name]
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     return value
+
+
+def attributes(node: h5py.Group) -> dict[str, Any]:
+    """Return all attributes by name; names that are no UTF-8 are no names of ours."""
+    return {k: attribute(node, k) for k in node.attrs if isinstance(k, str)}
 
 
 def child(group: h5py.Group, name: str, kind: type) -> Any:
@@ -113,10 +121,8 @@ def _check_storage(dataset: h5py.Dataset) -> None:
     name = dataset.name
     if dataset.is_virtual or dataset.external:
         raise ValueError(f"{name} keeps its data in another file")
-    if dataset.compression not in (None, "gzip") or dataset.dtype.kind not in "iufOS":
+    if dataset.compression not in (None, "gzip") or dataset.dtype.kind not in "iufS":
         raise ValueError(f"{name} has an unknown compression or type")
-    if dataset.dtype.kind == "O" and h5py.check_string_dtype(dataset.dtype) is None:
-        raise ValueError(f"{name} holds objects that are no text")
     if dataset.shape is None:
         raise ValueError(f"{name} is empty")
     declared = int(np.prod([int(n) for n in dataset.shape], dtype=object)) * dataset.dtype.itemsize
@@ -147,12 +153,9 @@ def text(group: h5py.Group | None, name: str) -> str:
     dataset = None if group is None else child(group, name, h5py.Dataset)
     if dataset is None:
         return ""
-    if dataset.shape != () or dataset.dtype.kind not in "OS":
+    if dataset.shape != () or dataset.dtype.kind != "S" or dataset.dtype.itemsize > MAX_TEXT:
         raise ValueError(f"{dataset.name} is no text")
-    value = dataset[()]
-    if len(value) > MAX_TEXT:
-        raise ValueError(f"{dataset.name} is too long")
-    return value.decode("utf-8", "replace")
+    return dataset[()].decode("utf-8", "replace")
 
 
 def strings(group: h5py.Group | None, name: str) -> list[str]:
@@ -160,7 +163,7 @@ def strings(group: h5py.Group | None, name: str) -> list[str]:
     dataset = None if group is None else child(group, name, h5py.Dataset)
     if dataset is None:
         return []
-    if dataset.ndim != 1 or dataset.dtype.kind not in "OS" or dataset.size > MAX_TEXT // 8:
+    if dataset.ndim != 1 or dataset.dtype.kind != "S" or dataset.nbytes > MAX_TEXT:
         raise ValueError(f"{dataset.name} is no list of texts")
     return [v.decode("utf-8", "replace") for v in dataset[()]]
 

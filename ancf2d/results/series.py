@@ -10,6 +10,7 @@ import numpy as np
 
 CHUNK_BYTES = 1 << 20
 SMALL_CHUNK_BYTES = 4096
+MAX_ATTRIBUTE = 8000  # HDF5 holds at most 64 kB of attributes per object
 # Mesh arrays are mostly regular integers: gzip-1 with shuffle makes them 20 to 40 times smaller at
 # 400 MB/s. States are left alone: it saves them a quarter at 70 MB/s, against 1500 MB/s.
 COMPRESS_FROM = 1 << 16
@@ -17,21 +18,38 @@ COMPRESS_FROM = 1 << 16
 
 def describe(dataset: h5py.Dataset, units: str, description: str) -> h5py.Dataset:
     """Give a dataset the two attributes that every dataset carries."""
-    dataset.attrs["units"] = units
-    dataset.attrs["description"] = description
+    set_text(dataset, "units", units)
+    set_text(dataset, "description", description)
     return dataset
+
+
+def text_type(texts: Sequence[str]) -> np.dtype:
+    """Return the type of texts of one fixed length in bytes, that of the longest."""
+    longest = max((len(t.encode("utf-8", "replace")) for t in texts), default=1)
+    return h5py.string_dtype("utf-8", max(1, longest))
+
+
+def set_text(node: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
+    """Set a text attribute, cut to what the header of an object has room for."""
+    clean = text.replace("\0", "")[:MAX_ATTRIBUTE]
+    node.attrs[name] = clean.encode("utf-8", "replace").decode()
+
+
+def write_texts(group: h5py.Group, name: str, texts: str | Sequence[str], units: str,
+                description: str) -> h5py.Dataset:
+    """Write one text or a list of texts."""
+    listed = [texts] if isinstance(texts, str) else list(texts)
+    data = [t.replace("\0", "").encode("utf-8", "replace") for t in listed]
+    kind = text_type(listed)
+    array = np.array(data, dtype=kind)
+    return describe(group.create_dataset(name, data=array[0] if isinstance(texts, str) else array,
+                                         dtype=kind), units, description)
 
 
 def write_fixed(group: h5py.Group, name: str, data: Any, units: str, description: str,
                 compress: bool = False) -> h5py.Dataset:
-    """Write an array (or a list of strings) that does not grow."""
+    """Write an array that does not grow."""
     options: dict[str, Any] = {}
-    if isinstance(data, str):
-        return describe(group.create_dataset(name, data=data, dtype=h5py.string_dtype()),
-                        units, description)
-    if not isinstance(data, np.ndarray) and len(data) and isinstance(data[0], str):
-        return describe(group.create_dataset(name, data=data, dtype=h5py.string_dtype()),
-                        units, description)
     data = np.asarray(data)
     if compress and data.ndim and data.nbytes >= COMPRESS_FROM:
         row = max(1, data.nbytes // len(data))

@@ -11,6 +11,7 @@ import h5py
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.records import FORMAT
+from ancf2d.results.safe import attribute
 
 try:
     import fcntl
@@ -28,10 +29,9 @@ def is_ours(path: Path) -> bool:
     """Whether the file is an ancf2d result, judged by its root attribute alone."""
     try:
         with h5py.File(path, "r", locking=False) as f:
-            mark = f.attrs.get("format")
+            return bool(attribute(f, "format") == FORMAT)
     except (OSError, RuntimeError, ValueError, TypeError):
         return False
-    return (mark.decode("utf-8", "replace") if isinstance(mark, bytes) else mark) == FORMAT
 
 
 def check_folder(path: Path) -> None:

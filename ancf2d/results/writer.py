@@ -15,8 +15,8 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.head import coordinate_units, write_head, write_mesh
-from ancf2d.results.records import BodyRecord, Column, Units, as_strings, escape, known_column
-from ancf2d.results.series import CHUNK_BYTES, Series, write_fixed
+from ancf2d.results.records import BodyRecord, Column, Units, escape, known_column
+from ancf2d.results.series import CHUNK_BYTES, Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
 FLUSH_SECONDS = 1.0
@@ -195,13 +195,17 @@ class ResultWriter:
             tables = self._file.require_group("tables")
             group = tables.create_group(escape(name), track_order=True)
             for key, value in dict(attrs or {}).items():
-                group.attrs[key] = value if isinstance(value, (bool, int, float)) else str(value)
+                if isinstance(value, (bool, int, float)):
+                    group.attrs[key] = value
+                else:
+                    set_text(group, key, str(value))
             for key, values in columns.items():
                 column = self._columns.get(key) or known_column("table", key)
-                text = any(isinstance(v, str) for v in values)
-                data = as_strings(values) if text else _numbers(values)
-                write_fixed(group, escape(key), data, self._units.fill(column.units),
-                            column.description)
+                labels = (escape(key), values, self._units.fill(column.units), column.description)
+                if any(isinstance(v, str) for v in values):
+                    write_texts(group, labels[0], [str(v) for v in values], *labels[2:])
+                else:
+                    write_fixed(group, labels[0], _numbers(values), *labels[2:])
 
     def array(self, path: str, data: np.ndarray, units: str, description: str,
               up_to_sign: bool = False) -> None:
@@ -258,10 +262,10 @@ class ResultWriter:
             place = self._target.path if done else self._target.part
             text = json.dumps({**dict(summary or {}), "output": str(place)}, default=plain)
             self._settle(Series.close)
-            write_fixed(self._file, "summary", as_strings([text])[0], "none",
+            write_texts(self._file, "summary", text, "none",
                         "the object that --json prints, as JSON text")
             self._file.attrs["wall_time_s"] = time.monotonic() - self._started
-            self._file.attrs["status"] = status
+            set_text(self._file, "status", status)
             self._file.close()
             self._open = False
             if done:

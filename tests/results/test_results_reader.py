@@ -1,0 +1,245 @@
+"""Reading what others wrote: damaged, foreign, newer and hostile files are refused in words."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from synthetic import bent_beam, coordinates, table_file
+
+from ancf2d.errors import ResultsError
+from ancf2d.results import describe, describe_text, open_results
+
+
+def everything(path: Path) -> None:
+    """Read all there is."""
+    describe_text(describe(path))
+    with open_results(path) as r:
+        _ = r.bodies, r.probes, r.history, r.tables, r.summary, r.case_text, r.case_completed
+        for name in r.bodies:
+            for i in (None, *range(r.nt)):
+                r.faces(name, i)
+                r.nodes(name, i)
+        for name in r.arrays:
+            r.array(name)
+
+
+def test_a_missing_file_names_the_unfinished_one(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"there is no result file '.*a\.h5'$"):
+        open_results(tmp_path / "a.h5")
+    bent_beam(tmp_path / "a.h5", finish=False)
+    with pytest.raises(ResultsError, match=r"there is an unfinished '.*a\.h5\.part'"):
+        open_results(tmp_path / "a.h5")
+
+
+def test_files_that_are_no_results_are_named(tmp_path: Path) -> None:
+    for name, content, words in (("case.yaml", b"format: 1\n", "is no HDF5 file"),
+                                 ("empty.h5", b"", "is empty")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(ResultsError, match=f"{name}' {words}"):
+            open_results(tmp_path / name)
+    with h5py.File(tmp_path / "foreign.h5", "w") as f:
+        f["data"] = np.zeros(3)
+    with pytest.raises(ResultsError, match="an HDF5 file but no ancf2d result"):
+        open_results(tmp_path / "foreign.h5")
+    with pytest.raises(ResultsError, match="is no file"):
+        open_results(tmp_path)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.6, 0.9, 0.999])
+def test_a_truncated_file_is_said_to_be_cut_off(tmp_path: Path, share: float) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    content = path.read_bytes()
+    path.write_bytes(content[:int(share * len(content))])
+    with pytest.raises(ResultsError, match=r"cut off|damaged"):
+        open_results(path)
+
+
+def test_flipped_data_never_raise_anything_but_results_errors(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    places: list[int] = []
+
+    def collect(_: str, node: object) -> None:
+        if isinstance(node, h5py.Dataset) and (offset := node.id.get_offset()):
+            places.extend(range(offset, offset + node.nbytes))
+
+    with h5py.File(path) as f:
+        f.visititems(collect)
+    content, rng, refused = path.read_bytes(), np.random.default_rng(3), 0
+    for _ in range(40):
+        broken = bytearray(content)
+        for at in rng.choice(places, 8):
+            broken[at] ^= int(rng.integers(1, 256))
+        path.write_bytes(broken)
+        try:
+            everything(path)
+        except ResultsError:
+            refused += 1
+    assert 0 < refused < 40
+
+
+def edited(tmp_path: Path, edit: Callable[[h5py.File], None]) -> Path:
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as f:
+        edit(f)
+    return path
+
+
+def replaced(name: str, **options: object) -> Callable[[h5py.File], None]:
+    def edit(f: h5py.File) -> None:
+        del f[name]
+        f.create_dataset(name, **options)
+    return edit
+
+
+def external(f: h5py.File) -> None:
+    del f["mesh/e0"]
+    f["mesh/e0"] = h5py.ExternalLink("/etc/passwd", "/")
+
+
+def virtual(f: h5py.File) -> None:
+    layout = h5py.VirtualLayout(shape=(20,), dtype=float)
+    layout[:] = h5py.VirtualSource("other.h5", "d", shape=(20,))
+    del f["mesh/e0"]
+    f.create_virtual_dataset("mesh/e0", layout)
+
+
+def outside(f: h5py.File) -> None:
+    f["mesh/bodies/beam/dofs"][0, 0] = 10**6
+
+
+HOSTILE = {
+    "missing mesh": lambda f: f.__delitem__("mesh"),
+    "missing states": lambda f: f.__delitem__("states"),
+    "a link to another file": external,
+    "a view of another file": virtual,
+    "data in another file": replaced("mesh/e0", shape=(20,), dtype=float,
+                                     external=[("/etc/passwd", 0, 160)]),
+    "huge and empty": replaced("mesh/e0", shape=(10**13,), dtype=float, chunks=(1000,)),
+    "huge states": replaced("states/d", shape=(6, 10**13), dtype=float, chunks=(1, 1000)),
+    "huge chunks": replaced("states/t", shape=(6,), maxshape=(None,), dtype=float,
+                            chunks=(4 * 10**8,), compression="gzip"),
+    "bomb": replaced("mesh/bodies/beam/dofs", shape=(2 * 10**9, 8), dtype=np.int8,
+                     chunks=(10**6, 8), compression="gzip"),
+    "text for numbers": replaced("mesh/e0", data=np.bytes_("not numbers")),
+    "numbers for text": replaced("summary", data=np.zeros(3)),
+    "no JSON": replaced("summary", data=np.bytes_("{'a': 1")),
+    "a JSON list": replaced("summary", data=np.bytes_("[1]")),
+    "text of variable length": replaced("summary", data="{}"),
+    "nested JSON": replaced("summary", data=np.bytes_("[" * 100_000)),
+    "coordinates outside": outside,
+    "fewer rows than counted": replaced("states/t", data=np.zeros(2)),
+    "wrong dimension": replaced("mesh/bodies/beam/dofs", data=np.zeros(8, int)),
+    "unknown section": lambda f: f["mesh/bodies/beam"].attrs.__setitem__("section_kind", "x"),
+    "no counts": lambda f: f.attrs.__delitem__("committed"),
+    "negative counts": lambda f: f.attrs.__setitem__("committed", np.array([-1, 0, 0])),
+    "version in words": lambda f: f.attrs.__setitem__("format_version", "two"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_are_refused_quickly_and_in_little_memory(tmp_path: Path, name: str) -> None:
+    path = edited(tmp_path, HOSTILE[name])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = time.monotonic()
+    with pytest.raises(ResultsError, match=r"a\.h5"):
+        everything(path)
+    assert time.monotonic() - start < 2
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
+
+
+def test_a_newer_format_says_so(tmp_path: Path) -> None:
+    path = edited(tmp_path, lambda f: f.attrs.__setitem__("format_version", 2))
+    with pytest.raises(ResultsError, match=r"format 2, newer than the 1.*install a newer ancf2d"):
+        open_results(path)
+
+
+def test_unknown_groups_of_others_are_ignored(tmp_path: Path) -> None:
+    path = edited(tmp_path, lambda f: f.create_group("VTKHDF"))
+    everything(path)
+
+
+def test_states_beyond_the_file_are_refused(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5")) as r:
+        np.testing.assert_array_equal(r.d(-1), r.d(5))
+        for i in (6, -7):
+            with pytest.raises(ResultsError, match=f"no state {i}: it holds 6"):
+                r.d(i)
+        with pytest.raises(ResultsError, match="does not hold v"):
+            r.v(0)
+        with pytest.raises(ResultsError, match=r"no body 'bem'.*beam"):
+            r.faces("bem")
+
+
+@pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
+def test_faces_of_a_circular_arc_lie_on_circles(tmp_path: Path, kind: str) -> None:
+    angle, length, height = 1.0, 2.0, 0.1
+    path = bent_beam(tmp_path / "a.h5", kind, ne=8, angle=angle, length=length, height=height)
+    with open_results(path) as r:
+        faces, nodes = r.faces("beam"), r.nodes("beam")
+        reference = r.faces("beam", None)
+    radius, centre = length / angle, np.array([0.0, length / angle])
+    # interpolation between nodes: 1 - cos(angle/ne/2) of the radius at worst for linear ones
+    atol = 1e-5 if kind == "tangent" else radius * (1 - np.cos(angle / 16)) * 1.1
+    for name, offset in (("axis", 0.0), ("top", -height / 2), ("bottom", height / 2)):
+        distance = np.linalg.norm(faces[name] - centre, axis=-1)
+        np.testing.assert_allclose(distance, radius + offset, rtol=0, atol=atol)
+    exact = coordinates("theta", np.linspace(0, length, 9), angle / length).reshape(-1, 3)
+    np.testing.assert_allclose(nodes, exact[:, :2], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(reference["top"][..., 1], height / 2, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(reference["axis"][-1, -1], [length, 0], rtol=0, atol=1e-14)
+
+
+def test_magnified_faces_scale_the_displacements(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5", angle=1e-3)) as r:
+        one, ten = (r.faces("beam", -1, scale=s)["axis"] for s in (1.0, 10.0))
+        start = r.faces("beam", None)["axis"]
+        np.testing.assert_allclose(ten - start, 10 * (one - start), rtol=0, atol=1e-14)
+
+
+def test_selected_elements_are_those_of_the_whole(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5", ne=9)) as r:
+        whole = r.faces("beam")["top"]
+        np.testing.assert_array_equal(r.faces("beam", elements=slice(None, None, 4))["top"],
+                                      whole[::4])
+
+
+# ---------------------------------------------------------------------- info
+
+
+def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    found = describe(path)
+    assert found["bytes"] == path.stat().st_size
+    assert (found["dofs"], found["states"], found["steps"]) == (20, 6, 6)
+    assert found["bodies"]["beam"] == {"element": "cable", "formulation": "centreline",
+                                       "elements": 4, "nodes": 5}
+    assert found["probes"]["tip"]["theta"] == {"value": 1.0, "units": "rad"}
+    assert found["made"]["overrides"] == ["bodies.beam.element.count=4"]
+    text = describe_text(found)
+    for words in ("Cantilever with a tip load", "static, converged", "ancf2d run cantilever.yaml",
+                  "20 nodal coordinates, 6 states", "theta = 1 rad", "strain = 12.5 N*m",
+                  "numpy 2", "bodies.beam.element.count=4", "4 elements cable"):
+        assert words in text, words
+
+
+def test_info_of_an_unfinished_file_says_so(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5", finish=False)
+    text = describe_text(describe(path))
+    assert "interrupted" in text
+    assert "stopped" in text
+
+
+def test_info_lists_tables(tmp_path: Path) -> None:
+    path = table_file(tmp_path / "a.h5", {"cable": 4.0})
+    assert describe(path)["tables"]["convergence"]["rows"] == 4
+    assert "convergence: 4 rows of element, formulation" in describe_text(describe(path))
+    with open_results(path) as r:
+        assert r.tables["convergence"]["element"] == ["cable"] * 4
+        assert r.tables["convergence"].attrs == {"goal": "tip uy"}
+        assert np.isnan(r.tables["convergence"]["order"][0])

@@ -1,0 +1,402 @@
+"""What the writer leaves on disk: complete, partial, or nothing, but never something damaged."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from synthetic import HEADER, bent_beam, coordinates, tangent_body
+
+from ancf2d.errors import ResultsError
+from ancf2d.results import BodyRecord, Column, ResultWriter, open_results, part_path
+from ancf2d.results import series as series_module
+from ancf2d.results import target as target_module
+from ancf2d.results import writer as writer_module
+
+HERE = Path(__file__).parent
+
+
+def start(path: Path, ne: int = 2, **options: object) -> ResultWriter:
+    e0 = coordinates("tangent", np.linspace(0, 1, ne + 1), 0.0)
+    return ResultWriter(path, HEADER, [tangent_body("beam", ne, 1.0, 0.1)], e0, **options)
+
+
+def test_states_read_back_bitwise(tmp_path: Path) -> None:
+    states = np.random.default_rng(1).normal(size=(7, 12))
+    with start(tmp_path / "a.h5") as w:
+        for i, d in enumerate(states):
+            w.append(i / 7, d, {"step": i}, {"p": {"x": d[0]}}, v=2 * d, a=3 * d)
+        w.finish({"status": "converged"})
+    with open_results(tmp_path / "a.h5") as r:
+        np.testing.assert_array_equal([r.d(i) for i in range(7)], states)
+        np.testing.assert_array_equal(r.v(-1), 2 * states[-1])
+        np.testing.assert_array_equal(r.a(3), 3 * states[3])
+        np.testing.assert_array_equal(r.e(2), r.e0 + states[2])
+        np.testing.assert_array_equal(r.t, np.arange(7) / 7)
+        np.testing.assert_array_equal(r.probes["p"]["x"], states[:, 0])
+        assert r.history["step"].dtype == np.int64
+
+
+def test_the_buffer_passed_in_may_be_reused(tmp_path: Path) -> None:
+    d = np.zeros(12)
+    with start(tmp_path / "a.h5") as w:
+        for i in range(3):
+            d[:] = i
+            w.append(i, d)
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert [r.d(i)[0] for i in range(3)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("flush", [0.0, 1e9], ids=["growing on disk", "exact at the end"])
+def test_every_dataset_says_its_units_and_meaning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                  flush: float) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", flush)
+    with start(tmp_path / "a.h5", columns=[Column("gap", "{L}", "opening")]) as w:
+        w.append(0.5, np.zeros(12), {"step": 1, "energy": 2.0, "gap": 0.1},
+                 {"tip": {"uy": 1.0, "M": 2.0}})
+        w.table("convergence", {"element": ["cable"], "error": [0.1]})
+        w.array("modes/shapes", np.eye(3), "{L}", "mode shapes")
+        w.finish({})
+    found = {}
+
+    def collect(name: str, node: object) -> None:
+        if isinstance(node, h5py.Dataset):
+            found[name] = (node.attrs["units"], node.attrs["description"])
+
+    with h5py.File(tmp_path / "a.h5") as f:
+        f.visititems(collect)
+        assert f.attrs["format"] == "ancf2d-results"
+        assert f.attrs["format_version"] == 1
+    assert all(units and text for units, text in found.values()), found
+    units = {name: u for name, (u, _) in found.items()}
+    assert units["probes/tip/uy"] == "m"
+    assert units["probes/tip/M"] == "N*m"
+    assert units["history/energy"] == "N*m"
+    assert units["history/gap"] == "m"
+    assert units["arrays/modes/shapes"] == "m"
+
+
+def test_units_follow_the_header(tmp_path: Path) -> None:
+    header = {"units": {"length": "mm", "force": "kN", "time": "ms"}, "solver": "dynamic"}
+    path = bent_beam(tmp_path / "a.h5", header=header)
+    with open_results(path) as r:
+        assert r.units.length == "mm"
+        assert r.probes["tip"].units["ux"] == "mm"
+        assert r.probes["tip"].units["t"] == "ms"
+        assert r.history.units["energy"] == "kN*mm"
+
+
+def test_steps_between_states_reach_the_history_only(tmp_path: Path) -> None:
+    with start(tmp_path / "a.h5") as w:
+        w.log({"step": 1, "factor": 0.5}, t=0.5, probes={"p": {"x": 1.0}})
+        w.append(1.0, np.zeros(12), {"step": 2, "factor": 1.0, "late": 7.0}, {"p": {"x": 2.0}})
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert r.nt == 1
+        assert list(r.history["step"]) == [1, 2]
+        np.testing.assert_array_equal(r.history["late"], [np.nan, 7.0])
+        np.testing.assert_array_equal(r.probe_t, [0.5, 1.0])
+        np.testing.assert_array_equal(r.probes["p"]["x"], [1.0, 2.0])
+
+
+def test_a_probe_that_appears_late_is_nan_before(tmp_path: Path,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
+    with start(tmp_path / "a.h5") as w:
+        for i in range(3):
+            w.append(i, np.zeros(12), {}, {"p": {"x": 1.0}} | ({"q": {"x": 5.0}} if i else {}))
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        np.testing.assert_array_equal(r.probes["q"]["x"], [np.nan, 5.0, 5.0])
+
+
+@pytest.mark.parametrize("name", ["a/b", ".", "..", "50%", "größe", "a%2Fb"])
+def test_any_name_of_a_body_or_probe_survives(tmp_path: Path, name: str) -> None:
+    e0 = coordinates("tangent", np.linspace(0, 1, 2), 0.0)
+    with ResultWriter(tmp_path / "a.h5", {}, [tangent_body(name, 1, 1.0, 0.1)], e0) as w:
+        w.append(0, 0 * e0, {}, {name: {"x": 1.0}})
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert list(r.bodies) == [name]
+        assert list(r.probes) == [name]
+
+
+def test_order_of_bodies_and_probes_is_kept(tmp_path: Path) -> None:
+    names = ["rod", "crank", "a", "b10", "b9"]
+    e0 = coordinates("tangent", np.linspace(0, 1, 2), 0.0)
+    with ResultWriter(tmp_path / "a.h5", {}, [tangent_body(n, 1, 1.0, 0.1) for n in names],
+                      e0) as w:
+        w.append(0, 0 * e0, {}, {n: {"x": 1.0, "a": 2.0} for n in names})
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert list(r.bodies) == names
+        assert list(r.probes) == names
+        assert list(r.probes["rod"]) == ["x", "a"]
+
+
+def test_small_files_stay_small_and_meshes_are_compressed(tmp_path: Path) -> None:
+    assert bent_beam(tmp_path / "a.h5").stat().st_size < 40_000
+    ne = 20_000
+    e0 = coordinates("tangent", np.linspace(0, 1, ne + 1), 0.0)
+    with ResultWriter(tmp_path / "b.h5", {}, [tangent_body("b", ne, 1.0, 0.1)], e0) as w:
+        w.append(0, e0)
+        w.finish()
+    assert (tmp_path / "b.h5").stat().st_size < 2 * e0.nbytes
+    with open_results(tmp_path / "b.h5") as r:
+        np.testing.assert_array_equal(r.bodies["b"].dofs, tangent_body("b", ne, 1.0, 0.1).dofs)
+
+
+def test_large_states_are_written_through_without_buffering(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "CHUNK_BYTES", 1 << 10)
+    monkeypatch.setattr(series_module, "CHUNK_BYTES", 1 << 10)
+    monkeypatch.setattr(series_module.Series, "append", _only_scalars(series_module.Series.append))
+    with start(tmp_path / "a.h5", ne=100) as w:
+        for i in range(3):
+            w.append(i, np.arange(404.0) + i)
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        np.testing.assert_array_equal(r.d(2), np.arange(404.0) + 2)
+
+
+def _only_scalars(append: object) -> object:
+    def checked(self: object, row: object) -> None:
+        assert np.ndim(row) == 0, "a large row was buffered"
+        append(self, row)  # type: ignore[operator]
+    return checked
+
+
+# ---------------------------------------------------------------------- endings
+
+
+def test_only_success_replaces_an_earlier_result(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    before = path.read_bytes()
+    assert bent_beam(path, finish=False) == part_path(path)
+    assert path.read_bytes() == before
+    with open_results(part_path(path)) as r:
+        assert (r.status, r.nt) == ("interrupted", 6)
+        assert r.summary == {"reason": "stopped", "output": str(part_path(path))}
+    bent_beam(path, angle=2.0)
+    assert path.read_bytes() != before
+    assert os.listdir(tmp_path) == ["a.h5"]
+
+
+@pytest.mark.parametrize(("error", "status"), [(ValueError("no pivot"), "failed"),
+                                               (KeyboardInterrupt(), "interrupted")])
+def test_leaving_by_an_exception_keeps_states(tmp_path: Path, error: BaseException,
+                                              status: str) -> None:
+    def run() -> None:
+        with start(tmp_path / "a.h5") as w:
+            w.append(0, np.zeros(12))
+            raise error
+
+    with pytest.raises(type(error)):
+        run()
+    assert os.listdir(tmp_path) == ["a.h5.part"]
+    with open_results(tmp_path / "a.h5.part") as r:
+        assert (r.status, r.nt) == (status, 1)
+
+
+def test_leaving_by_an_exception_without_states_leaves_nothing(tmp_path: Path) -> None:
+    def run() -> None:
+        with start(tmp_path / "a.h5") as w:
+            w.log({"step": 0})
+            raise ValueError("no pivot")
+
+    with pytest.raises(ValueError, match="no pivot"):
+        run()
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_failed_run_without_states_leaves_nothing(tmp_path: Path) -> None:
+    with start(tmp_path / "a.h5") as w:
+        w.finish({"status": "failed"}, "failed")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_state_of_wrong_size_is_refused(tmp_path: Path) -> None:
+    with start(tmp_path / "a.h5") as w, pytest.raises(ResultsError, match="12 coordinates"):
+        w.append(0, np.zeros(11))
+
+
+def test_a_body_that_points_outside_the_coordinates_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="dofs points outside"):
+        ResultWriter(tmp_path / "a.h5", {}, [tangent_body("b", 3, 1.0, 0.1)], np.zeros(8))
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("unnamed", [True, False], ids=["unnamed file", "named file"])
+def test_nothing_but_the_part_is_ever_visible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                              unnamed: bool) -> None:
+    if not unnamed:
+        monkeypatch.delattr(os, "O_TMPFILE")
+    with start(tmp_path / "a.h5") as w:
+        assert os.listdir(tmp_path) == ["a.h5.part"]
+        with open_results(tmp_path / "a.h5.part") as r:
+            assert (r.status, r.nt) == ("running", 0)
+        w.append(0, np.zeros(12))
+        w.flush()
+        with open_results(tmp_path / "a.h5.part") as r:
+            assert (r.status, r.nt) == ("running", 1)
+        w.finish()
+    assert os.listdir(tmp_path) == ["a.h5"]
+    assert (tmp_path / "a.h5").stat().st_mode & 0o777 == 0o666 & ~_umask()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+# ---------------------------------------------------------------------- what is in the way
+
+
+def test_a_foreign_file_is_replaced_only_by_force(tmp_path: Path) -> None:
+    path = tmp_path / "thesis.h5"
+    path.write_text("years of work")
+    with pytest.raises(ResultsError, match=r"no ancf2d result.*--force"):
+        start(path)
+    assert path.read_text() == "years of work"
+    with start(path, force=True) as w:
+        w.finish()
+    with open_results(path) as r:
+        assert r.status == "converged"
+
+
+def test_a_foreign_file_that_appears_during_the_run_survives(tmp_path: Path) -> None:
+    w = start(tmp_path / "a.h5")
+    w.append(0, np.zeros(12))
+    (tmp_path / "a.h5").write_text("mine")
+    with pytest.raises(ResultsError, match=r"stays in .*a\.h5\.part"):
+        w.finish()
+    assert (tmp_path / "a.h5").read_text() == "mine"
+    with open_results(tmp_path / "a.h5.part") as r:
+        assert r.nt == 1
+
+
+def test_a_missing_folder_a_folder_in_the_way_and_a_device_are_explained(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="does not exist"):
+        start(tmp_path / "none" / "a.h5")
+    (tmp_path / "file").touch()
+    with pytest.raises(ResultsError, match="is not a folder"):
+        start(tmp_path / "file" / "a.h5")
+    (tmp_path / "a.h5").mkdir()
+    with pytest.raises(ResultsError, match="in the way"):
+        start(tmp_path / "a.h5")
+    (tmp_path / "b.h5.part").mkdir()
+    with pytest.raises(ResultsError, match="in the way"):
+        start(tmp_path / "b.h5")
+    with pytest.raises(ResultsError, match=r"device|permission"):
+        start(Path("/dev/null"), force=True)
+
+
+def test_a_folder_without_permission_is_explained(tmp_path: Path,
+                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(target_module.os, "access", lambda *_: False)
+    with pytest.raises(ResultsError, match="no permission to write"):
+        start(tmp_path / "a.h5")
+
+
+def test_a_full_disk_is_a_results_error_and_keeps_what_was_flushed(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    w = start(tmp_path / "a.h5")
+    w.append(0, np.zeros(12))
+    w.flush()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(series_module.Series, "spill", full)
+    w.append(1, np.zeros(12))
+    with pytest.raises(ResultsError, match=r"cannot write .*No space left on device"):
+        w.flush()
+    monkeypatch.undo()
+    with open_results(tmp_path / "a.h5.part") as r:
+        assert r.nt == 1
+    bent_beam(tmp_path / "a.h5")
+
+
+def test_a_second_run_on_the_same_target_is_refused(tmp_path: Path) -> None:
+    with start(tmp_path / "a.h5") as w:
+        w.append(0, np.zeros(12))
+        with pytest.raises(ResultsError, match="another run is writing"):
+            start(tmp_path / "a.h5", force=True)
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert r.nt == 1
+
+
+def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
+    bent_beam(tmp_path / "a.h5", finish=False)
+    bent_beam(tmp_path / "a.h5")
+    assert os.listdir(tmp_path) == ["a.h5"]
+
+
+def test_a_foreign_part_file_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "a.h5.part").write_text("a download")
+    with pytest.raises(ResultsError, match=r"a\.h5\.part' exists and is no ancf2d result"):
+        start(tmp_path / "a.h5")
+    assert (tmp_path / "a.h5.part").read_text() == "a download"
+
+
+ENDLESS = """
+import sys
+sys.path[:0] = {paths!r}
+import numpy as np
+import ancf2d.results.writer as writer
+from synthetic import HEADER, coordinates, tangent_body
+writer.FLUSH_SECONDS = {flush}
+e0 = coordinates("tangent", np.linspace(0, 1, {ne} + 1), 0.0)
+print("ready", flush=True)
+with writer.ResultWriter({path!r}, HEADER, [tangent_body("beam", {ne}, 1.0, 0.1)], e0) as w:
+    for i in range(10**9):
+        w.append(i, np.full(len(e0), float(i)), {{"step": i}}, {{"tip": {{"x": i}}}})
+"""
+
+
+def test_a_kill_at_any_moment_leaves_a_readable_file_or_none(tmp_path: Path) -> None:
+    rng, paths = random.Random(5), [str(HERE.parents[1]), str(HERE)]
+    reached = 0
+    for k in range(8):
+        path = tmp_path / f"{k}.h5"
+        code = ENDLESS.format(paths=paths, flush=rng.choice([0.0, 0.002]), path=str(path),
+                              ne=rng.choice([4, 200]))
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(rng.uniform(0, 0.25))
+            process.kill()
+        assert not path.exists()
+        if not part_path(path).exists():
+            continue
+        with open_results(part_path(path)) as r:
+            reached += r.nt
+            np.testing.assert_array_equal(r.t, np.arange(r.nt))
+            for i in sorted({0, r.nt // 2, r.nt - 1}) if r.nt else ():
+                np.testing.assert_array_equal(r.d(i), float(i))
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".part"] * len(list(tmp_path.iterdir()))
+    assert reached > 0
+
+
+def test_importing_results_does_not_import_matplotlib_or_numba() -> None:
+    code = "import sys, ancf2d.results; print({'matplotlib', 'numba', 'scipy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
+                          cwd=HERE.parents[1])
+    assert done.stdout.strip() == "set()"
+
+
+def test_a_body_record_with_wrong_shapes_is_refused() -> None:
+    body = tangent_body("b", 2, 1.0, 0.1)
+    fields = {**body.__dict__, "arclength": np.zeros(2)}
+    with pytest.raises(ResultsError, match="arclength has shape"):
+        BodyRecord(**fields).check(12)
