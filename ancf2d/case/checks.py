@@ -27,6 +27,8 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
 # what a goal names -> the solvers that can answer
 _GOALS = {"probe": PATHS, "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
           "load_factor": ("buckling",), "limit_point": ("static",)}
+_CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a buckling load factor",
+           "limit_point": "a limit point"}
 _WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
          "reactions": ("boundary condition named", "boundary conditions with a name")}
 
@@ -89,7 +91,7 @@ class _Checker:
             return
         near = nearest(name, names)
         one, many = _WHAT[what]
-        expected = f"one of {listed(sorted(names))}" if names and not near else ""
+        expected = listed(sorted(names)) if names and not near else ""
         none = "" if names else f"; there are no {many}"
         self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near,
                   on_key)
@@ -144,7 +146,7 @@ class _Checker:
         form = next((f for f in ("limit_point", "load_factor", "kind", "reaction", "probe")
                      if getattr(goal, f) is not None), "strain_energy")
         solvers = ("dynamic",) if goal.quantity in ("vx", "vy") else _GOALS[form]
-        what = goal.quantity if form in ("probe", "strain_energy") else form
+        what = _CALLED.get(form) or goal.quantity
         below = form if form != "strain_energy" else "quantity"
         if what in ("vx", "vy"):
             below = "quantity"
@@ -192,20 +194,21 @@ class _Checker:
             self.mass(path, body, rigid, why)
 
     def mass(self, path: Path, body: Any, rigid: bool, why: str) -> None:
-        of_rigid = ", or element: {mass, inertia} of the rigid body" if rigid else ""
+        if rigid and (body.section is None or body.element.mass or body.element.inertia):
+            lacking = "inertia" if body.element.inertia is None else "mass"
+            self.fail((*path, "element"), f"{dotted(path)}.element.{lacking} is missing: needed "
+                      f"because {why}", "mass and inertia, or a section and material.rho")
+            return
         if isinstance(body.section, Stiffness):
             if body.section.rhoA is None:
                 self.fail((*path, "section"), f"{dotted(path)}.section.rhoA is missing: mass per "
                           f"length, needed because {why}",
-                          f"a number > 0 {self.binder.unit('kg/m')}{of_rigid}")
+                          f"a number > 0 {self.binder.unit('kg/m')}")
             return
-        if body.section is None:
-            self.fail(path, f"{dotted(path)}.section is missing: needed for the mass because {why}",
-                      f"{{height, width}}{of_rigid}")
         if body.material is None or body.material.rho is None:
             self.fail((*path, "material"), f"{dotted(path)}.material.rho is missing: density, "
                       f"needed because {why}",
-                      f"a number > 0 {self.binder.unit('kg/m^3')}{of_rigid}")
+                      f"a number > 0 {self.binder.unit('kg/m^3')}")
 
     def steps(self) -> None:
         """Check what the solver needs of the rest: a time step, something to be accurate about."""

@@ -27,6 +27,7 @@ _HINTS = (
      "check the indentation, and the quotes and brackets before it"),
     ("did not find expected '-' indicator", "this does not continue the list above; "
      "check the indentation"),
+    ("found unexpected ':'", "a ':' must be followed by a space and a value"),
     ("block sequence entries are not allowed", "a list item '-' is not allowed here"),
     ("found unexpected end of stream", "a quote is not closed"),
     ("did not find expected <document start>", "text after the end of the case"),
@@ -85,8 +86,8 @@ class _Composer:
         self.problems = problems
         self.root: Node | None = None
         self.documents = 0
-        # open collections, each with the key that waits for its value
-        self.stack: list[tuple[Node, list[Entry | str | None]]] = []
+        # open collections, each with the key that waits for its value, and whether it is readable
+        self.stack: list[tuple[Node, list[Entry | str | None], bool]] = []
 
     def mark(self, place: Any) -> Mark:
         shift = self.column - 1 if place.line == 0 else 0
@@ -112,30 +113,33 @@ class _Composer:
                 raise CaseError([*self.problems, self.mark(event.start_mark).problem(
                     "a second document begins here; a file holds one")])
 
-    def plain(self, event: Any) -> None:
+    def plain(self, event: Any) -> bool:
+        """Refuse anchors and tags; return whether the value can be read without its tag."""
         if event.anchor:
             self.refuse(event.start_mark, f"the anchor &{event.anchor} is not supported; "
                         "write the value out where it is needed")
         if event.tag is not None:
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
             self.refuse(event.start_mark, f"the tag {quoted(tag)} is not supported; leave it out")
+        return event.tag is None
 
     def scalar(self, event: Any) -> None:
-        self.plain(event)
+        readable = self.plain(event)
         mark = self.mark(event.start_mark)
         if self.stack and isinstance(self.stack[-1][0], MapNode) and self.stack[-1][1][0] is None:
             self.key(mark, event.value)
         else:
-            self.add(Scalar(mark, event.value, not event.style))
+            self.add(Scalar(mark, event.value, not event.style) if readable else Broken(mark))
 
     def key(self, mark: Mark, text: str) -> None:
-        node, waiting = self.stack[-1]
+        node, waiting, _ = self.stack[-1]
         assert isinstance(node, MapNode)
         first = node.entries.get(text)
         if text == "<<":
             self.problems.append(mark.problem("the merge key << is not supported; "
                                               "write the keys out"))
             waiting[0] = ""
+            node.partial = True
         elif first is not None:
             where = f"line {first.mark.line}" if first.mark.line != mark.line else "this line"
             self.problems.append(mark.problem(f"duplicate key {quoted(text)}, first given in "
@@ -146,23 +150,23 @@ class _Composer:
             waiting[1] = text
 
     def open(self, event: Any) -> None:
-        self.plain(event)
+        readable = self.plain(event)
         if len(self.stack) >= MAX_DEPTH:
             raise CaseError([*self.problems, self.mark(event.start_mark).problem(
                 f"values are nested more than {MAX_DEPTH} deep")])
         mark = self.mark(event.start_mark)
         mapping = isinstance(event, yaml.MappingStartEvent)
-        self.stack.append((MapNode(mark) if mapping else ListNode(mark), [None, None]))
+        self.stack.append((MapNode(mark) if mapping else ListNode(mark), [None, None], readable))
 
     def close(self) -> None:
-        node, _ = self.stack.pop()
-        self.add(node)
+        node, _, readable = self.stack.pop()
+        self.add(node if readable else Broken(node.mark))
 
     def add(self, node: Node) -> None:
         if not self.stack:
             self.root = node
             return
-        parent, waiting = self.stack[-1]
+        parent, waiting, _ = self.stack[-1]
         if isinstance(parent, ListNode):
             parent.items.append(node)
         elif isinstance(parent, MapNode):
@@ -170,6 +174,7 @@ class _Composer:
                 # a list or a mapping in the place of a key
                 self.problems.append(node.mark.problem("a key must be plain text"))
                 waiting[0] = ""
+                parent.partial = True
                 return
             if isinstance(waiting[0], Entry):
                 if isinstance(node, MapNode):

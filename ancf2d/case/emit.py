@@ -13,6 +13,8 @@ from .records import keys_of, tag_of
 
 _PLAIN = re.compile(r"[A-Za-z_][\w@./+ -]*(?<! )", re.ASCII)
 _WIDTH = 88
+# text here, but truth values to readers of YAML 1.1
+_YAML11 = ("yes", "no", "on", "off")
 
 
 def written(value: Any) -> Any:
@@ -94,7 +96,8 @@ def number_text(value: float) -> str:
 
 def text_scalar(text: str) -> str:
     """Return a text as YAML: plain where that cannot be misread, else in double quotes."""
-    if _PLAIN.fullmatch(text) and isinstance(resolve(text), str):
+    if (_PLAIN.fullmatch(text) and isinstance(resolve(text), str)
+            and text.lower() not in _YAML11):
         return text
     quoted = json.dumps(text, ensure_ascii=False)
     # JSON leaves some characters as they are that YAML would fold or refuse

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from ..errors import CaseError, Problem
-from .binder import MAX_PROBLEMS, Binder, Vocabulary
+from .binder import MAX_PROBLEMS, Binder, Vocabulary, dotted
 from .checks import check_case
 from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
@@ -66,10 +66,10 @@ def _load(text: str, name: str, overrides: Sequence[str], vocabulary: Vocabulary
     binder.labels = _labels(root)
     case = bind_record(Case, root, (), binder)
     check_case(case, source, binder)
-    definitions = _definitions(case, directory, vocabulary, problems)
+    definitions = _definitions(case, directory, binder, source)
     if binder.unreported:
         problems.append(Problem(f"{binder.unreported} more problems, not shown after the first "
-                                f"{MAX_PROBLEMS}", file=name, line=len(origin.lines) + 1))
+                                f"{MAX_PROBLEMS}", file=name, line=len(origin.lines), column=1))
     if problems:
         raise CaseError(problems)
     return LoadedCase(case, source, text, tuple(overrides), definitions)
@@ -95,23 +95,27 @@ def _labels(root: MapNode) -> tuple[str, str, str]:
     return labels[0], labels[1], labels[2]
 
 
-def _definitions(case: Case, directory: str, vocabulary: Vocabulary | None,
-                 problems: list[Problem]) -> dict[str, ElementDefinition]:
-    """Return the element definitions that bodies name, by body; their problems go to the list."""
+def _definitions(case: Case, directory: str, binder: Binder,
+                 source: Source) -> dict[str, ElementDefinition]:
+    """Return the element definitions that bodies name, by body; report what is wrong with them."""
     found: dict[str, ElementDefinition] = {}
     bodies = case.bodies if isinstance(case.bodies, dict) else {}
     read: dict[str, ElementDefinition | None] = {}
     for name, body in bodies.items():
         file = body.element.definition if body and body.element else None
-        if not isinstance(file, str):
+        if not isinstance(file, str) or body.element.type != "user":
             continue
         path = os.path.join(directory, file)
         if path not in read:
+            place = ("bodies", name, "element", "definition")
             try:
-                read[path] = load_definition(path, vocabulary)
+                read[path] = load_definition(path, binder.vocabulary)
             except CaseError as error:
                 read[path] = None
-                problems.extend(error.problems)
+                # a file that cannot be read at all is best reported where it is named
+                binder.problems.extend(
+                    p if p.line else source.problem(place, f"{dotted(place)}: {path}: {p.message}")
+                    for p in error.problems)
         definition = read[path]
         if definition is not None:
             found[name] = definition

@@ -122,13 +122,17 @@ class Entry(NamedTuple):
 
 
 class MapNode(Node):
-    """A mapping of text keys to nodes, in the order of the file."""
+    """A mapping of text keys to nodes, in the order of the file.
 
-    __slots__ = ("entries",)
+    ``partial`` where some of its keys were refused, so that what is missing cannot be told.
+    """
+
+    __slots__ = ("entries", "partial")
     shape = "map"
 
     def __init__(self, mark: Mark) -> None:
         super().__init__(mark)
+        self.partial = False
         self.entries: dict[str, Entry] = {}
 
     def shown(self) -> str:

@@ -60,16 +60,25 @@ def title_of(cls: type) -> str:
     return (cls.__doc__ or "").strip().split("\n")[0]
 
 
-class Record(Kind):
-    """A mapping with fixed keys; with ``short``, a scalar stands for that key alone."""
+def form(cls: type) -> str:
+    """Return the keys of a record as they stand in braces; long ones are cut."""
+    names = list(keys_of(cls))
+    return "{" + ", ".join(names if len(names) <= 6 else [*names[:4], "..."]) + "}"
 
-    def __init__(self, cls: type, short: str = "") -> None:
-        self.cls, self.short = cls, short
+
+class Record(Kind):
+    """A mapping with fixed keys; with ``short``, a text stands for that key alone.
+
+    ``what`` is the text in words, where those of the key's kind are too long.
+    """
+
+    def __init__(self, cls: type, short: str = "", what: str = "") -> None:
+        self.cls, self.short, self.what = cls, short, what
 
     def words(self, binder: Binder) -> str:
-        names = ", ".join(keys_of(self.cls))
-        first = f"{keys_of(self.cls)[self.short].kind.words(binder)}, or " if self.short else ""
-        return f"{first}a mapping {{{names}}}"
+        first = self.what or (keys_of(self.cls)[self.short].kind.words(binder) if self.short
+                              else "")
+        return f"{first}{', or ' if first else ''}a mapping {form(self.cls)}"
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         if self.short and isinstance(node, Scalar) and node.shape == "text":
@@ -101,11 +110,7 @@ class OneOf(Kind):
             return binder.wrong(node, path, self.words(binder))
         entry = node.entries.get("type")
         if entry is None:
-            near = {nearest("type", [k]): k for k in node.entries}.get("type")
-            mark = node.entries[near].mark if near else node.mark
-            hint = f" (there is a key {quoted(near)})" if near else ""
-            return binder.fail(mark, path, f"{dotted(path)}.type is missing{hint}",
-                               listed(self.options))
+            return self.untyped(node, path, binder)
         if isinstance(entry.node, Broken):
             return INVALID
         tag = entry.node.text if isinstance(entry.node, Scalar) else ""
@@ -113,7 +118,17 @@ class OneOf(Kind):
             shown = quoted(tag) if tag else entry.node.shown()
             return binder.unknown(entry.node.mark, (*path, "type"), shown, self.options,
                                   nearest(tag, self.options))
-        return bind_record(self.options[tag], node, path, binder, self.options)
+        return bind_record(self.options[tag], node, path, binder,
+                           {f"type {name}": cls for name, cls in self.options.items()})
+
+    def untyped(self, node: MapNode, path: Path, binder: Binder) -> Any:
+        """Report a mapping without ``type``; return INVALID."""
+        near = nearest("type", node.entries, cutoff=0.7)
+        if near:
+            return binder.fail(node.entries[near].mark, (*path, near), f"unknown key "
+                               f"{quoted(near)} in {dotted(path)}", near="type")
+        return INVALID if node.partial else binder.fail(
+            node.mark, path, f"{dotted(path)}.type is missing", listed(self.options))
 
     def schema(self, book: Book) -> JsonSchema:
         return {"oneOf": [define(cls, book) for cls in self.options.values()]}
@@ -126,15 +141,15 @@ class ByKeys(Kind):
         self.options = options
 
     def words(self, binder: Binder) -> str:
-        forms = [f"{{{', '.join(keys_of(cls))}}}" for cls, _ in self.options]
-        return f"a mapping {listed(forms)}"
+        return f"a mapping {listed(form(cls) for cls, _ in self.options)}"
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         if not isinstance(node, MapNode):
             return binder.wrong(node, path, self.words(binder))
         for cls, marks in self.options:
             if not marks or any(m in node.entries for m in marks):
-                return bind_record(cls, node, path, binder)
+                return bind_record(cls, node, path, binder,
+                                   {form(other): other for other, _ in self.options})
         return binder.wrong(node, path, self.words(binder))
 
     def schema(self, book: Book) -> JsonSchema:
@@ -164,7 +179,7 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
                 others: Mapping[str, type] | None = None) -> Any:
     """Return a record whose invalid fields hold INVALID; report all that is wrong with it.
 
-    ``others`` are the records that another ``type`` would have meant.
+    ``others`` are the records that the mapping could have been, by what they are called.
     """
     before = len(binder.problems) + binder.unreported
     keys = keys_of(cls)
@@ -177,7 +192,7 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
                                else k.kind.bind(entry.node, (*path, name), binder))
         elif k.required:
             values[k.field] = INVALID
-            if name not in misspelt:
+            if name not in misspelt and not node.partial:
                 binder.fail(node.mark, (*path, name),
                             f"{dotted((*path, name))} is missing: {lower_first(k.doc)}",
                             k.kind.words(binder))
@@ -207,7 +222,9 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
         of = f" of type {tag}" if tag else ""
         owners = [] if near else [t for t, other in others.items() if name in keys_of(other)]
         if owners:
-            of += f"; it belongs to type {listed(owners)}"
+            of += f"; it belongs to {listed(owners)}"
+        elif name.isdigit():
+            of += "; is a decimal comma meant? write a point"
         wanted = "" if near or owners else listed(keys) if keys else "no key but type"
         binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
                     wanted, near)

@@ -209,7 +209,7 @@ class Body:
         ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Rectangle, ())),
         "Cross-section", default=None)
     material: Material | None = key(Record(Material), "Material", default=None)
-    element: Element = key(Record(Element, short="type"), "Element type and mesh")
+    element: Element = key(Record(Element, short="type", what="auto"), "Element type and mesh")
 
     def check(self) -> Iterator[Issue]:
         """Yield what the parts of a body need of each other."""
@@ -229,15 +229,15 @@ class Body:
 
     def _stiffness(self) -> Iterator[Issue]:
         if self.section is None:
-            yield Issue((), "{}.section is missing: the cross-section", "{height, width}, "
+            yield Issue((), "{}.section is missing", "{height, width}, "
                         "{A, I, height} or {EA, kGA, EI, rhoA, rhoI}")
         if self.material is None:
-            yield Issue((), "{}.material is missing: the material", "{E, nu} and rho where mass "
+            yield Issue((), "{}.material is missing", "{E, nu} and rho where mass "
                         "matters")
             return
         if self.material.E is None:
             yield Issue(("material",), "{}.material.E is missing: Young's modulus",
-                        "a number > 0 Pa")
+                        "a number > 0")
         if self.material.nu is None and self.element.type != "cable":
             yield Issue(("material",), "{}.material.nu is missing: Poisson's ratio",
                         "a number in (-1, 0.5)")

@@ -115,7 +115,7 @@ class Case:
     title: str = key(Text(number=True), "What the case is about", default="")
     units: Units = key(Record(Units), "Labels of the units that the numbers are in",
                        default=Units())
-    bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies by name")
+    bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "What is modelled")
     boundary_conditions: tuple[Support, ...] = key(
         ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", default=())
     joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies",

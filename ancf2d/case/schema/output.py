@@ -122,8 +122,8 @@ class Expected:
         """Yield where nothing known is named, or no tolerance."""
         yield from goal_issues(self)
         if self.rtol is None and self.atol is None:
-            yield Issue((), "{}: neither rtol nor atol is given", "how far the result may be from "
-                        "the value: rtol (relative) or atol")
+            yield Issue((), "{}: neither rtol nor atol is given", "rtol (relative to the value) "
+                        "or atol")
         elif self.value == 0 and not self.atol:
             yield Issue(("value",), "{}: a value of 0 cannot be met within rtol alone",
                         "atol > 0")
