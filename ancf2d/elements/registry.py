@@ -57,17 +57,6 @@ FAMILY = "ancf"
 MAX_ORDER = (8, 5)
 
 
-def _lobatto(n: int) -> tuple[float, ...]:
-    """Return the n Gauss-Lobatto points in [0, 1]: the ends and the roots of the derivative of P_(n-1)."""
-    import numpy as np
-
-    if n == 2:
-        return ENDS
-    roots = np.sort(np.polynomial.legendre.Legendre.basis(n - 1).deriv().roots().real)
-    inner = 0.5 + 0.25 * (roots - roots[::-1])
-    return (0.0, *(float(x) for x in inner), 1.0)
-
-
 @cache
 def ancf(p: int, q: int) -> ElementType:
     """Return the member [p, q] of the family: basis x^i y^j (i <= p, j <= q), r, r_y, ... at p + 1 nodes.
@@ -77,10 +66,12 @@ def ancf(p: int, q: int) -> ElementType:
     """
     if not (1 <= p <= MAX_ORDER[0] and 1 <= q <= MAX_ORDER[1]):
         raise ValueError(f"order [{p}, {q}] is outside [1, 1] to [{MAX_ORDER[0]}, {MAX_ORDER[1]}]")
+    from .shape import lobatto
+
     basis = tuple(f"x^{i}*y^{j}" for j in range(q + 1) for i in range(p + 1))
     coordinates = ("r", *("r_" + "y" * j for j in range(1, q + 1)))
     return ElementType(
-        f"{FAMILY}[{p},{q}]", basis, _nodes(_lobatto(p + 1), *coordinates),
+        f"{FAMILY}[{p},{q}]", basis, _nodes(tuple(lobatto(p + 1)[0].tolist()), *coordinates),
         formulation="enhanced" if q == 1 else "continuum",
         shear_factor="timoshenko" if q <= 2 else "none",
         source="the family of Garcia-Vallejo et al. 2007 with orders p along and q across")

@@ -116,3 +116,11 @@ def gauss(n: int) -> tuple[Array, Array]:
     """Return the n Gauss points in [0, 1] and their weights (sum 1)."""
     x, w = np.polynomial.legendre.leggauss(n)
     return (1 + x) / 2, w / 2
+
+
+def lobatto(n: int) -> tuple[Array, Array]:
+    """Return the n >= 2 Gauss-Lobatto points in [0, 1], ends included, and their weights (sum 1)."""
+    P = np.polynomial.legendre.Legendre.basis(n - 1)
+    inner = np.sort(P.deriv().roots().real) if n > 2 else np.zeros(0)
+    x = np.concatenate([[-1.0], 0.5 * (inner - inner[::-1]), [1.0]])
+    return (1 + x) / 2, 1.0 / (n * (n - 1) * P(x) ** 2)

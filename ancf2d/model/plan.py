@@ -104,7 +104,7 @@ def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
 
 def _rule(chosen: object, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
     if isinstance(chosen, Selective):
-        if formulation.name not in ("continuum", "enhanced", "structural", "geometrically_exact"):
+        if not formulation.selective:
             raise Refused(("element", "quadrature"), f"formulation {formulation.name} has one rule for all strains",
                            "[nx, ny]")
         return Rule(tuple(chosen.normal), tuple(chosen.shear))

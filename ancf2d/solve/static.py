@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from .state import State
 from .system import Balance, System
 
 TOLERANCE = 1e-9
@@ -20,23 +21,6 @@ FLOOR = 16.0
 # a step that moves this much further than the one before has left the branch
 JUMP = 8.0
 SMALLEST_STEP = 2.0**-24
-
-
-@dataclass
-class State:
-    """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.
-
-    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates.
-    """
-
-    t: float
-    d: Array
-    Q: Array
-    F: Array
-    energy: float
-    linear: bool = False
-    history: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass

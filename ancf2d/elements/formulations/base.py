@@ -76,7 +76,7 @@ class Formulation:
     its default quadrature; ``exact(element)`` the rule that integrates a straight element exactly, or
     None where no finite rule does. ``sample(sampler, rule)`` returns (B, ref, D) of one element class.
     ``strain(law, c, s, u, eps, J)`` and ``geometric(law, c, s, u, sigma, H)`` are compiled by the kernels.
-    ``forces`` names the section forces that its D eps per station are, where they are.
+    ``selective`` tells whether shear may have a rule of its own.
     """
 
     name: str
@@ -89,6 +89,7 @@ class Formulation:
     geometric: Callable[..., Any]
     source: str
     doc: str
+    selective: bool = True
 
 
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
@@ -96,6 +97,12 @@ def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
     x, wx = gauss(rule[0])
     y, wy = gauss(rule[1])
     return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
+
+
+def join(*parts: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """Return (B, ref, D) of several sets of stations as one."""
+    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return B, ref, D
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -129,13 +129,8 @@ def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[A
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample EA and EI with one rule (the axial strain's: ``normal``, the curvature's: ``shear``)."""
-    s = sampler.section
-    if rule.uniform:
-        return _stations(sampler, rule.normal[0], (s.EA, s.EI))
-    parts = (_stations(sampler, rule.normal[0], (s.EA, 0.0)), _stations(sampler, rule.shear[0], (0.0, s.EI)))
-    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return B, ref, D
+    """Sample EA and EI with one rule."""
+    return _stations(sampler, rule.normal[0], (sampler.section.EA, sampler.section.EI))
 
 
 def _refuse(element: ElementType) -> str | None:
@@ -148,8 +143,8 @@ def _refuse(element: ElementType) -> str | None:
 
 FORMULATIONS = (
     Formulation("cable", Cable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain, geometric,
-                "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear"),
+                "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear", selective=False),
     Formulation("green", GreenCable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, green_strain,
                 green_geometric, "Berzeri & Shabana 2000",
-                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear"),
+                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False),
 )

@@ -12,7 +12,7 @@ import numpy as np
 from ..definition import ElementType
 from ..section import Section
 from ..shape import Array, gauss
-from .base import Formulation, Rule, Sampler, cross, rule_points
+from .base import Formulation, Rule, Sampler, cross, join, rule_points
 
 
 class Green(NamedTuple):
@@ -87,18 +87,13 @@ def _stations(sampler: Sampler, rule: tuple[int, int], D: Array) -> tuple[Array,
     return B, ref, volume[:, None, None] * D
 
 
-def _join(*parts: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return B, ref, D
-
-
 def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has points of its own."""
     D, _ = elasticity(sampler.section)
     if rule.uniform:
         return _stations(sampler, rule.normal, D)
     shear = np.diag([0.0, 0.0, D[2, 2]])
-    return _join(_stations(sampler, rule.normal, D - shear), _stations(sampler, rule.shear, shear))
+    return join(_stations(sampler, rule.normal, D - shear), _stations(sampler, rule.shear, shear))
 
 
 def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -106,9 +101,9 @@ def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     D, D0 = elasticity(sampler.section)
     axis = _stations(sampler, (rule.normal[0], 1), D - D0)
     if rule.uniform:
-        return _join(_stations(sampler, rule.normal, D0), axis)
+        return join(_stations(sampler, rule.normal, D0), axis)
     shear = np.diag([0.0, 0.0, D0[2, 2]])
-    return _join(_stations(sampler, rule.normal, D0 - shear), _stations(sampler, rule.shear, shear), axis)
+    return join(_stations(sampler, rule.normal, D0 - shear), _stations(sampler, rule.shear, shear), axis)
 
 
 def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -164,7 +159,8 @@ def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
 
 
 FORMULATIONS = tuple(
-    Formulation(name, Green, refuse, _default_rule, _exact_no_split, sample, strain, geometric, source, doc)
+    Formulation(name, Green, refuse, _default_rule, _exact_no_split, sample, strain, geometric, source, doc,
+                selective=name != "strain_split")
     for name, refuse, sample, source, doc in (
         ("continuum", _needs_body, sample_continuum, "Omar & Shabana 2001",
          "Green-Lagrange strain, plane stress over the whole section"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array
-from .base import Formulation, Rule, Sampler, rule_points
+from .base import Formulation, Rule, Sampler, join, rule_points
 
 
 class Reissner(NamedTuple):
@@ -72,10 +72,8 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     s = sampler.section
     if rule.uniform:
         return _stations(sampler, rule.normal[0], (s.EA, s.kGA, s.EI))
-    parts = (_stations(sampler, rule.normal[0], (s.EA, 0.0, s.EI)),
-             _stations(sampler, rule.shear[0], (0.0, s.kGA, 0.0)))
-    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return B, ref, D
+    return join(_stations(sampler, rule.normal[0], (s.EA, 0.0, s.EI)),
+                _stations(sampler, rule.shear[0], (0.0, s.kGA, 0.0)))
 
 
 def _refuse(element: ElementType) -> str | None:

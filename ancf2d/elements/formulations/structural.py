@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..definition import ElementType
-from ..shape import Array
-from .base import Formulation, Rule, Sampler, cross, rule_points
+from ..shape import Array, gauss, lobatto
+from .base import Formulation, Rule, Sampler, join
 
 
 class Structural(NamedTuple):
@@ -84,8 +84,9 @@ def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
             H[i, j] = H[j, i]
 
 
-def _stations(sampler: Sampler, n: int, weights: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    xi, _, w = rule_points((n, 1))
+def _stations(sampler: Sampler, points: tuple[Array, Array],
+              weights: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sy, Sxy = (sampler.derivative(xi, zero, i, j) for i, j in ((1, 0), (0, 1), (1, 1)))
     rx = Sx @ sampler.e0
@@ -98,21 +99,19 @@ def _stations(sampler: Sampler, n: int, weights: tuple[float, ...]) -> tuple[Arr
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample EA, kGA, EI at the reduced rule and the section stretch at the rule of its own order.
+    """Sample EA, kGA, EI at the reduced rule and the section stretch at as many Lobatto points as r_y has terms.
 
-    A straight section stretches with E A (its frequency is sqrt(12 E/rho)/h); at the reduced points alone
-    a stretch that alternates from node to node would have no stiffness.
+    A straight section stretches with E A (its frequency is sqrt(12 E/rho)/h). At the reduced points a stretch
+    that alternates from node to node would have no stiffness; between the nodes the interpolated r_y is shorter
+    than 1 wherever it turns, so that Gauss points of full order would lock.
     """
     s = sampler.section
-    nodes = len(sampler.shape.element.nodes)
-    if sampler.shape.element.n_shape > 2 * nodes:
-        nodes = sampler.shape.element.degree_x
-    normal = _stations(sampler, rule.normal[0], (s.EA, s.kGA if rule.uniform else 0.0, s.EI, 0.0))
-    parts = [normal, _stations(sampler, max(nodes, rule.normal[0]), (0.0, 0.0, 0.0, s.EA))]
+    terms = 1 + max(t.i for p in sampler.shape.element.polynomials for t in p.terms if t.j > 0)
+    parts = [_stations(sampler, gauss(rule.normal[0]), (s.EA, s.kGA if rule.uniform else 0.0, s.EI, 0.0)),
+             _stations(sampler, lobatto(max(terms, 2)), (0.0, 0.0, 0.0, s.EA))]
     if not rule.uniform:
-        parts.append(_stations(sampler, rule.shear[0], (0.0, s.kGA, 0.0, 0.0)))
-    B, ref, D = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return B, ref, D
+        parts.append(_stations(sampler, gauss(rule.shear[0]), (0.0, s.kGA, 0.0, 0.0)))
+    return join(*parts)
 
 
 def _refuse(element: ElementType) -> str | None:

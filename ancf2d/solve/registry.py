@@ -1,0 +1,52 @@
+"""Which solver a case asks for; a further solver is one entry here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from ..case import Case, LinearStatic, LoadedCase, Static
+from ..errors import Problem
+from ..model.model import Model
+from .state import State
+
+
+def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
+    from .static import solve_linear
+
+    return solve_linear(model)
+
+
+def _static(model: Model, spec: Static) -> Iterator[State]:
+    from .static import solve_static
+
+    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, spec.until.value)
+
+
+SOLVERS: dict[type, Callable[[Model, Any], Iterator[State]]] = {LinearStatic: _linear, Static: _static}
+
+
+def unavailable(loaded: LoadedCase) -> list[Problem]:
+    """Return what a case asks of solvers that is not available."""
+    case: Case = loaded.case
+    if type(case.solver) not in SOLVERS:
+        return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
+                                      expected="linear_static or static")]
+    problems = []
+    if isinstance(case.solver, Static):
+        if case.solver.method != "newton":
+            problems.append(loaded.source.problem(
+                ("solver", "method"), f"method {case.solver.method} is not available yet", expected="newton"))
+        if not hasattr(case.solver.until, "value"):
+            problems.append(loaded.source.problem(
+                ("solver", "until"), "newton ends at a load factor", expected="until: {load_factor: f}"))
+    if case.steady_rotation is not None:
+        problems.append(loaded.source.problem(("steady_rotation",), "steady_rotation is not available yet"))
+    return problems
+
+
+def solve(model: Model) -> Iterator[State]:
+    """Yield the states of a model's solver. Raises ComputationError where the computation fails."""
+    return SOLVERS[type(model.case.solver)](model, model.case.solver)
+
+

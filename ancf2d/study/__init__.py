@@ -1,0 +1,1 @@
+"""Running cases: one, many, refined; every study goes through ``run_case``."""

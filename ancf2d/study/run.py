@@ -1,0 +1,216 @@
+"""One case from model to summary and, where asked, to a result file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..case import Case, LoadedCase, Vocabulary
+from ..elements import registry
+from ..elements.definition import coordinate_components
+from ..elements.formulations import FORMULATIONS
+from ..errors import CaseError, ComputationError
+from ..model.build import build_model
+from ..model.model import Model
+
+if TYPE_CHECKING:
+    from ..results import BodyRecord
+    from ..solve.state import State
+
+
+def vocabulary() -> Vocabulary:
+    """Return the names that a case may use, from the registries."""
+    types = [*registry.ELEMENTS.values(), *(registry.ancf(1, q) for q in range(1, registry.MAX_ORDER[1] + 1))]
+    coordinates = {c: None for t in types for n in t.nodes for k in n.coordinates if k != "theta"
+                   for c in coordinate_components(k, t.has_theta)}
+    return Vocabulary(element_types=(*registry.names(), "rigid"), formulations=tuple(FORMULATIONS),
+                      nodal_coordinates=tuple(coordinates), output_fields=("N", "Q", "M"))
+
+
+@dataclass
+class Progress:
+    """What a run tells while it goes on: called with each state; ``warn`` with each new warning."""
+
+    state: Callable[[State], None] = lambda state: None
+    warn: Callable[[str], None] = lambda text: None
+
+
+@dataclass
+class Outcome:
+    """A finished run: the ``--json`` object, and the failure where there was one."""
+
+    summary: dict[str, Any]
+    model: Model
+    failure: ComputationError | None = None
+    warnings: list[str] = field(default_factory=list)
+
+
+def prepare(loaded: LoadedCase) -> Model:
+    """Return the model of a case, with the kernels it needs compiled. Raises CaseError with all problems."""
+    from ..solve.registry import unavailable
+
+    problems = unavailable(loaded)
+    if problems:
+        raise CaseError(problems)
+    return build_model(loaded)
+
+
+def check(loaded: LoadedCase) -> list[str]:
+    """Check a case beyond its format, without numba; return its warnings. Raises CaseError with all problems."""
+    return build_model(loaded).warnings
+
+
+def solver_name(case: Case) -> str:
+    """Return ``solver.type`` of a case."""
+    words = type(case.solver).__name__
+    return "".join("_" + c.lower() if c.isupper() else c for c in words).lstrip("_")
+
+
+def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
+             progress: Progress | None = None) -> Outcome:
+    """Solve a case; write its result file where ``out`` names one; return the outcome.
+
+    Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
+    is returned, with the states found so far.
+    """
+    model = prepare(loaded)
+    progress = progress or Progress()
+    warnings = list(model.warnings)
+    for text in warnings:
+        progress.warn(text)
+    writer = None if out is None else _writer(loaded, model, out, force, command)
+    try:
+        return _solve(loaded, model, writer, progress, warnings)
+    except BaseException:
+        if writer is not None:
+            writer.__exit__(*_exception())
+        raise
+
+
+def _exception() -> tuple[Any, Any, Any]:
+    import sys
+
+    return sys.exc_info()
+
+
+def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> Outcome:
+    from ..solve.post import Observer
+    from ..solve.registry import solve
+    from .warmup import warm_up
+
+    warm_up(model)
+    observer = Observer(model)
+    every = loaded.case.output.every or 1
+    started = time.perf_counter()
+    state, failure, probes, totals = None, None, {}, {"iterations": 0, "steps": 0}
+    try:
+        for state in solve(model):
+            probes = observer.observe(state)
+            totals["iterations"] += int(state.history["iterations"])
+            totals["steps"] += 1
+            for text in state.warnings:
+                warnings.append(text)
+                progress.warn(text)
+            if writer is not None:
+                last = state.t >= 1.0
+                if totals["steps"] % every == 0 or last:
+                    writer.append(state.t, state.d[:model.n_q], state.history, probes)
+                else:
+                    writer.log(state.history, t=state.t, probes=probes)
+            progress.state(state)
+    except ComputationError as error:
+        failure = error
+    summary = summarise(loaded, model, state, probes, totals, time.perf_counter() - started, failure)
+    summary["warnings"] = warnings
+    if writer is not None:
+        place = writer.finish(summary, "failed" if failure else "converged")
+        summary["output"] = str(place) if place.exists() else None
+    return Outcome(summary, model, failure, warnings)
+
+
+def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dict[str, dict[str, float]],
+              totals: dict[str, int], wall: float, failure: ComputationError | None) -> dict[str, Any]:
+    """Return the object that ``--json`` prints."""
+    from ..solve.post import energies, reactions
+
+    out: dict[str, Any] = {
+        "case": loaded.source.file, "title": loaded.case.title, "status": "failed" if failure else "converged",
+        "solver": solver_name(loaded.case), "elements": model.n_elements, "dofs": model.n_q}
+    if failure is not None:
+        out.update(reason=failure.failure.reason, at=failure.failure.at, advice=failure.failure.advice,
+                   residuals=failure.failure.history)
+    out["probes"] = probes
+    if state is not None:
+        out["reactions"] = reactions(model, state)
+        out["energy"] = energies(model, state)
+        out["load_factor"] = state.t
+    out.update(totals)
+    out["wall_s"] = wall
+    out["checks"] = checks(loaded.case, out) if failure is None else []
+    out["output"] = None
+    return out
+
+
+def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
+    """Return the value of a goal (or expected value) from a summary, None where it is not there."""
+    if goal.probe is not None:
+        return summary["probes"].get(goal.probe, {}).get(goal.quantity)
+    if goal.reaction is not None:
+        return summary.get("reactions", {}).get(goal.reaction, {}).get(goal.quantity)
+    if goal.quantity == "strain_energy":
+        return summary.get("energy", {}).get("strain")
+    return None
+
+
+def describe_goal(goal: Any) -> str:
+    """Return 'mid uy' for a goal."""
+    parts = (goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
+    return " ".join(str(p) for p in parts if p is not None)
+
+
+def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return each expected value beside the computed one and whether it is met."""
+    out = []
+    for item in case.expected:
+        value = quantity(item, summary)
+        if value is None:
+            continue
+        allowed = (item.rtol or 0.0) * abs(item.value) + (item.atol or 0.0)
+        out.append({"what": describe_goal(item), "expected": item.value, "value": value,
+                    "difference": value - item.value, "allowed": allowed,
+                    "met": bool(abs(value - item.value) <= allowed), "source": item.source or ""})
+    return out
+
+
+def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: str) -> Any:
+    from ..results import ResultWriter
+
+    case = loaded.case
+    header = {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
+              "overrides": list(loaded.overrides), "title": case.title, "solver": solver_name(case),
+              "units": {"length": case.units.length, "force": case.units.force, "time": case.units.time},
+              "command_line": command}
+    names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
+    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names, force=force)
+
+
+SAMPLES = np.linspace(0.0, 1.0, 21)
+
+
+def body_record(mesh: Any) -> BodyRecord:
+    """Return how a body is drawn: sampled shape functions on the axis and at both faces."""
+    from ..results import BodyRecord
+
+    element, plan = mesh.plan.element, mesh.plan
+    S = np.array([[c.shape(SAMPLES, np.full(len(SAMPLES), eta)) for eta in (-1.0, 0.0, 1.0)] for c in mesh.classes])
+    S_x = np.array([c.shape(SAMPLES, np.zeros(len(SAMPLES)), 1, 0) for c in mesh.classes])
+    node_shape = [next(k for k, (i, name) in enumerate(element.functionals) if i == node and name == "r")
+                  for node in range(len(element.nodes))]
+    ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in plan.pieces] + [[plan.length]])
+    return BodyRecord(plan.name, element.name, plan.formulation.name, plan.section.height, plan.section.width,
+                      element.section_kind, mesh.dofs, mesh.nodes, np.array(node_shape), mesh.cls,
+                      np.array([c.shape.l for c in mesh.classes]), SAMPLES, S, S_x, ends / plan.length)
