@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import CaseError, Problem
-from .binder import nearest
+from .binder import listed, nearest
 from .compose import compose
 from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
@@ -97,8 +97,9 @@ def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
     if part.isascii() and part.isdigit():
         if len(part) < 10 and int(part) < n:
             return int(part)
-        raise CaseError(mark.problem(f"{where} has {n} items; there is no item {part}",
-                                     expected=f"0 to {n - 1}" if n else ""))
+        raise CaseError(mark.problem(f"{where} has {n} item{'s' * (n != 1)}; there is no item {part}",
+                                     expected=listed(map(str, range(n))) if n < 3 else
+                                     f"0 to {n - 1}"))
     names: dict[str, int] = {}
     for i, item in enumerate(parent.items):
         name: Any = item.entries.get("name") if isinstance(item, MapNode) else None

@@ -1,0 +1,134 @@
+"""``--set PATH=VALUE`` sets what a file could have said, and says what is wrong in its own text."""
+
+from pathlib import Path
+
+import pytest
+
+from ancf2d.case import load_case
+from ancf2d.errors import CaseError
+
+CASE = Path(__file__).parent / "valid" / "simply_supported.yaml"
+
+
+def load(vocabulary, *overrides):
+    return load_case(CASE, overrides, vocabulary)
+
+
+def refusal(vocabulary, *overrides):
+    with pytest.raises(CaseError) as caught:
+        load(vocabulary, *overrides)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(("override", "read"), [
+    ("bodies.beam.element.count=32", lambda c: c.bodies["beam"].element.count == 32),
+    ("bodies.beam.element.count=1e3", lambda c: c.bodies["beam"].element.count == 1000),
+    ("loads.0.value.1=-500", lambda c: c.loads[0].value == (0.0, -500.0)),
+    ("loads.0.value=[1, 2]", lambda c: c.loads[0].value == (1.0, 2.0)),
+    ("boundary_conditions.left.name=other", lambda c: c.boundary_conditions[0].name == "other"),
+    ("boundary_conditions.1.fixed=x", lambda c: c.boundary_conditions[1].fixed == "x"),
+    ("solver={type: eigen, modes: 3}", None),
+    ("bodies.beam.element.formulation=structural",
+     lambda c: c.bodies["beam"].element.formulation == "structural"),
+    ("bodies.beam.material.damping.kelvin_voigt=1e-3",
+     lambda c: c.bodies["beam"].material.damping.kelvin_voigt == 1e-3),
+    ("units.length=mm", lambda c: c.units.length == "mm"),
+    ("output.probes.end=beam@1", lambda c: c.output.probes["end"].at.s == 1.0),
+    ("title=a = b", lambda c: c.title == "a = b"),
+    ("loads.0.amplitude={type: expression, value: 't <= 1'}",
+     lambda c: c.loads[0].amplitude.value(0.5) == 1.0),
+    ("bodies.beam.element=auto", lambda c: c.bodies["beam"].element.type == "auto"),
+])
+def test_sets(override, read, vocabulary):
+    if read is None:
+        assert "goal" in refusal(vocabulary, override)
+    else:
+        loaded = load(vocabulary, override)
+        assert read(loaded.case)
+        assert loaded.overrides == (override,)
+        assert loaded.text == CASE.read_text()
+
+
+def test_later_ones_win_and_see_earlier_ones(vocabulary):
+    case = load(vocabulary, "loads=[{type: force, at: beam@1, value: [1, 0]}]",
+                "loads.0.value.0=3", "loads.0.value.0=4").case
+    assert case.loads[0].value == (4.0, 0.0)
+
+
+def test_completed_text_holds_them(vocabulary):
+    assert "count: 32" in load(vocabulary, "bodies.beam.element.count=32").completed
+
+
+@pytest.mark.parametrize(("override", "message"), [
+    ("bodies.beam.element.count=abc", """\
+--set bodies.beam.element.count=abc: error: bodies.beam.element.count must be a whole number >= 1, \
+got the text 'abc'
+      | --set bodies.beam.element.count=abc
+      |                                 ^"""),
+    ("bodies.bem.element.count=3", """\
+--set bodies.bem.element.count=3: error: the case has no 'bodies.bem'; did you mean 'beam'?
+      | --set bodies.bem.element.count=3
+      |              ^"""),
+    ("bodies.beam.element.cuont=3", """\
+--set bodies.beam.element.cuont=3: error: unknown key 'cuont' in bodies.beam.element; \
+did you mean 'count'?
+      | --set bodies.beam.element.cuont=3
+      |                           ^"""),
+    ("loads.3.value=[0, 0]", """\
+--set loads.3.value=[0, 0]: error: 'loads' has 1 item; there is no item 3; expected 0
+      | --set loads.3.value=[0, 0]
+      |             ^"""),
+    ("boundary_conditions.lefft.fixed=y", """\
+--set boundary_conditions.lefft.fixed=y: error: 'boundary_conditions' has no item named 'lefft'; \
+did you mean 'left'?
+      | --set boundary_conditions.lefft.fixed=y
+      |                           ^"""),
+    ("bodies.beam.element.count.x=3", """\
+--set bodies.beam.element.count.x=3: error: 'bodies.beam.element.count' is 8; nothing can be set \
+below it
+      | --set bodies.beam.element.count.x=3
+      |                                 ^"""),
+    ("bodies.beam.element.count", """\
+--set bodies.beam.element.count: error: not PATH=VALUE; expected for example \
+bodies.beam.element.count=32
+      | --set bodies.beam.element.count
+      |       ^"""),
+    ("loads..value=1", """\
+--set loads..value=1: error: the path 'loads..value' has an empty part
+      | --set loads..value=1
+      |             ^"""),
+    ("loads.0.value=[1, 2", """\
+--set loads.0.value=[1, 2: error: not valid YAML: a '[' is not closed, or a ',' is missing in it
+      | --set loads.0.value=[1, 2
+      |                     ^"""),
+    ("bodies.beam.material.E=-1", """\
+--set bodies.beam.material.E=-1: error: bodies.beam.material.E must be > 0 Pa, got -1
+      | --set bodies.beam.material.E=-1
+      |                              ^"""),
+    ("loads.0.at=bem@1", """\
+--set loads.0.at=bem@1: error: loads.0.at: there is no body 'bem'; did you mean 'beam'?
+      | --set loads.0.at=bem@1
+      |                  ^"""),
+    ("goal=", """\
+--set goal=: error: goal has no value; expected a mapping {probe, quantity, reaction, kind, ...}
+      | --set goal=
+      |            ^"""),
+])
+def test_problems_point_into_the_override(override, message, vocabulary):
+    assert refusal(vocabulary, override) == message
+
+
+def test_problems_of_several_and_of_the_file_come_together(vocabulary, tmp_path):
+    path = tmp_path / "c.yaml"
+    path.write_text(CASE.read_text().replace("width: 0.1", "width: 0"))
+    with pytest.raises(CaseError) as caught:
+        load_case(path, ["loads.0.value.0=x", "loads.9=1", "bodies.beam.element.count=-1"],
+                  vocabulary)
+    assert len(caught.value.problems) == 4
+
+
+@pytest.mark.parametrize("override", ["=", "a", "", ".=1", "a=*x", "a=&x 1", "a=!!x 1", "a=\x01",
+                                      "bodies=1", "bodies.beam=", "a\nb=1\n2", "loads.-1=2",
+                                      "loads.00000000000000000000=1", "x.0=1", "😀=1", "=1"])
+def test_nonsense_is_refused_in_words(override, vocabulary):
+    assert "error: " in refusal(vocabulary, override)
