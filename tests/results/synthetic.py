@@ -78,7 +78,7 @@ def coordinates(kind: str, x: np.ndarray, curvature: float) -> np.ndarray:
     """Nodal coordinates of a body of ``kind`` bent into a circle that starts at the origin."""
     angle = curvature * x
     if curvature:
-        px, py = np.sin(angle) / curvature, (1 - np.cos(angle)) / curvature
+        px, py = np.sin(angle) / curvature, 2 * np.sin(angle / 2) ** 2 / curvature
     else:
         px, py = x, 0 * x
     cos, sin = np.cos(angle), np.sin(angle)
@@ -129,4 +129,25 @@ def table_file(path: Path, orders: dict[str, float], counts: tuple[int, ...] = (
     e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
     with ResultWriter(path, {**HEADER, "title": "Convergence of the tip"}, [body], e0) as w:
         w.table("convergence", rows, {"goal": "tip uy"})
+        return w.finish({"status": "converged"})
+
+
+def mechanism(path: Path, steps: int = 40) -> Path:
+    """Write a dynamic run: a crank turning about the origin and a rod hanging on its end."""
+    bodies = [theta_body("crank", 2, 0.5, 0.08), tangent_body("rod", 4, 2.0, 0.01, first=9)]
+    x1, x2 = np.linspace(0, 0.5, 3), np.linspace(0, 2, 5)
+    base = coordinates("tangent", x2, 0.0).reshape(-1, 4)
+    base[:, 0] += 0.5
+    e0 = np.concatenate([coordinates("theta", x1, 0.0), base.ravel()])
+    header = {**HEADER, "title": "Crank and rod", "solver": "dynamic"}
+    with ResultWriter(path, header, bodies, e0) as w:
+        for t in np.linspace(0, 1, steps + 1):
+            angle = 2.2 * t
+            crank = np.stack([x1 * np.cos(angle), x1 * np.sin(angle), angle + 0 * x1], 1)
+            rod = coordinates("tangent", x2, 0.8 * t).reshape(-1, 4)
+            rod[:, :2] += crank[-1, :2]
+            e = np.concatenate([crank.ravel(), rod.ravel()])
+            probes = {"end": {"ux": rod[-1, 0] - 2.5, "uy": rod[-1, 1], "theta": 1.6 * t},
+                      "pin": {"ux": crank[-1, 0] - 0.5, "uy": crank[-1, 1], "theta": angle}}
+            w.append(t, e - e0, {"t": t, "strain": 0.0}, probes)
         return w.finish({"status": "converged"})

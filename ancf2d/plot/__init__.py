@@ -1,0 +1,22 @@
+"""Figures from result files alone."""
+
+from ancf2d.plot.kinds import KINDS, KindInfo, default_kind, draw, list_kinds
+from ancf2d.plot.output import data_csv, save, show
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Picture, Source
+
+__all__ = [
+    "KINDS",
+    "Curve",
+    "Curves",
+    "Kind",
+    "KindInfo",
+    "Panel",
+    "Picture",
+    "Source",
+    "data_csv",
+    "default_kind",
+    "draw",
+    "list_kinds",
+    "save",
+    "show",
+]

@@ -1,0 +1,125 @@
+"""Lines from probes: load against deflection, and quantities over time."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import numpy as np
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source
+from ancf2d.results import Results
+
+FAMILIES = {
+    "ux": "displacement", "uy": "displacement", "x": "position", "y": "position",
+    "theta": "rotation", "vx": "velocity", "vy": "velocity", "omega": "angular velocity",
+    "ax": "acceleration", "ay": "acceleration",
+    "N": "axial force", "Q": "shear force", "M": "bending moment",
+}
+NEGLIGIBLE = 1e-9  # of the largest of its family: round-off is not drawn unless asked for
+
+
+def _names(value: str | Sequence[str] | None) -> list[str]:
+    if value is None:
+        return []
+    return value.replace(",", " ").split() if isinstance(value, str) else list(value)
+
+
+def _chosen(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
+    for name in wanted:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            raise ResultsError(f"'{file}' has no {what} '{name}' (it has {', '.join(known)}){hint}")
+    return wanted
+
+
+def _values(source: Source, probes: list[str], quantities: list[str],
+            ) -> list[tuple[str, str, str, np.ndarray]]:
+    """Return (probe, quantity, units, values), of all quantities that exist."""
+    results = source.results
+    known = list(dict.fromkeys(q for p in results.probes.values() for q in p))
+    _chosen(quantities, known, "probe quantity", results.path)
+    names = _chosen(probes, list(results.probes), "probe", results.path) or list(results.probes)
+    return [(name, q, results.probes[name].units.get(q, "1"), values)
+            for name in names for q, values in results.probes[name].items()]
+
+
+def _families(found: list[tuple[str, str, str, np.ndarray]], quantities: list[str],
+              default: Sequence[str]) -> dict[str, list[tuple[str, str, str, np.ndarray]]]:
+    """Sort values by family; by default only those that move, in the families ``default``."""
+    families: dict[str, list[tuple[str, str, str, np.ndarray]]] = {}
+    for entry in found:
+        family = FAMILIES.get(entry[1], entry[1])
+        if entry[1] in quantities or (not quantities and family in default):
+            families.setdefault(family, []).append(entry)
+    if quantities:
+        return families
+    moving = {}
+    for family, entries in families.items():
+        top = max(_largest(v) for *_, v in entries)
+        kept = [e for e in entries if _largest(e[3]) > NEGLIGIBLE * top]
+        if kept:
+            moving[family] = kept
+    return moving or dict(list(families.items())[:1])
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+
+def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
+            quantity: str | Sequence[str] | None, default: Sequence[str], axis: tuple[str, str],
+            swap: bool) -> list[Panel]:
+    panels: dict[str, Panel] = {}
+    quantities = _names(quantity)
+    for source in sources:
+        found = _values(source, _names(probe), quantities)
+        for family, entries in _families(found, quantities, default).items():
+            for name, q, units, values in entries:
+                own = (family, units)
+                panel = panels.setdefault(family, Panel(own, axis) if swap else Panel(axis, own))
+                t = source.results.probe_t
+                x, y = (values, t) if swap else (t, values)
+                panel.curves.append(Curve(source.name(f"{name} {q}"), x, y))
+    return list(panels.values())
+
+
+def _t_axis(results: Results) -> tuple[str, str]:
+    if results.solver == "dynamic":
+        return "time", results.units.time
+    return "load factor", "1"
+
+
+def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
+                    quantity: str | Sequence[str] | None = None) -> Curves:
+    """Build the load factor against probe quantities (default: displacements, else rotations)."""
+    panels = _panels(sources, probe, quantity, ("displacement",), ("load factor", "1"), True)
+    return Curves(sources[0].results.title, "", panels, share="y")
+
+
+def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
+            quantity: str | Sequence[str] | None = None) -> Curves:
+    """Build probe quantities over time (default: displacements and rotations)."""
+    panels = _panels(sources, probe, quantity, ("displacement", "rotation"),
+                     _t_axis(sources[0].results), False)
+    return Curves(sources[0].results.title, "", panels, share="x")
+
+
+def _no_probes(results: Results) -> str:
+    if not results.probes:
+        return "it holds no probes (output: probes: in the case names some)"
+    return "" if len(results.probe_t) > 1 else "its probes hold one value only"
+
+
+def _no_load(results: Results) -> str:
+    if results.solver == "dynamic":
+        return "it is a dynamic run, without a load factor"
+    return _no_probes(results)
+
+
+LOAD_DEFLECTION = Kind("load_deflection", "load factor against probe quantities", _no_load,
+                       load_deflection)
+HISTORY = Kind("history", "probe quantities over time, or over the load factor", _no_probes,
+               history)

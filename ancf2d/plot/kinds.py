@@ -1,0 +1,116 @@
+"""The kinds of figure, how one is chosen, and how it is drawn."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot.convergence import CONVERGENCE
+from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
+from ancf2d.plot.picture import Kind, Picture, Source
+from ancf2d.plot.shape import SHAPE
+from ancf2d.plot.style import style
+from ancf2d.results import Results
+
+# the one place where a kind of figure is added
+KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY)}
+
+Input = Results | Sequence[Results] | Mapping[str, Results]
+
+
+@dataclass(frozen=True)
+class KindInfo:
+    """A kind as ``--list`` shows it; ``missing`` says why a file cannot be drawn so."""
+
+    name: str
+    doc: str
+    options: tuple[str, ...]
+    missing: str
+
+
+def list_kinds(results: Results) -> list[KindInfo]:
+    """Return all kinds, with what the file lacks for each (empty: it can be drawn)."""
+    return [KindInfo(k.name, k.doc, _options(k), k.missing(results)) for k in KINDS.values()]
+
+
+def default_kind(results: Results) -> str:
+    """Return the kind that tells most about a file."""
+    if not CONVERGENCE.missing(results):
+        return CONVERGENCE.name
+    if results.solver == "dynamic" and not HISTORY.missing(results):
+        return HISTORY.name
+    if "limit_points" in results.summary and not LOAD_DEFLECTION.missing(results):
+        return LOAD_DEFLECTION.name
+    return SHAPE.name
+
+
+def _options(kind: Kind) -> tuple[str, ...]:
+    parameters = inspect.signature(kind.build).parameters.values()
+    return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _sources(results: Input) -> list[Source]:
+    """Name the files of a figure by what tells them apart: case, file name, or whole path."""
+    if isinstance(results, Results):
+        return [Source("", results)]
+    if isinstance(results, Mapping):
+        return [Source(name, r) for name, r in results.items()]
+    if not results:
+        raise ResultsError("there is no result file to draw")
+    if len(results) == 1:
+        return [Source("", results[0])]
+    names = [r.path.name.removesuffix(".part").removesuffix(".h5") for r in results]
+    if len(set(names)) < len(names):
+        names = [str(r.path) for r in results]
+    return [Source(name, r) for name, r in zip(names, results, strict=True)]
+
+
+def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
+    """Return the picture of one or several files as a plain value; see ``draw``."""
+    sources = _sources(results)
+    name = kind or default_kind(sources[0].results)
+    if name not in KINDS:
+        raise ResultsError(f"unknown kind of figure '{name}' (known: {', '.join(KINDS)})"
+                           f"{_near(name, list(KINDS))}")
+    chosen = KINDS[name]
+    for source in sources:
+        missing = chosen.missing(source.results)
+        if missing:
+            raise ResultsError(f"cannot draw '{source.results.path}' as {name}: {missing}")
+    for option in options:
+        if option not in _options(chosen):
+            raise ResultsError(f"{name} has no option '{option}' (it has "
+                               f"{', '.join(_options(chosen))}){_near(option, _options(chosen))}")
+    return chosen.build(sources, **options)
+
+
+def draw(results: Input, kind: str | None = None, *, figure: Figure | None = None,
+         **options: Any) -> Figure:
+    """Draw one result file, or several overlaid in one axes, and return the figure.
+
+    ``results``: open results, a list of them, or a mapping from label to results; ``kind``: a name
+    in KINDS (default: what tells most about the first file); ``options``: those of the kind;
+    ``figure``: an empty one to draw into. ResultsError where the kind is unknown or the file lacks
+    what it needs.
+    """
+    picture = build(results, kind, **options)
+    with style():
+        if figure is None:
+            figure = Figure()
+            FigureCanvasAgg(figure)
+        figure.set_layout_engine("constrained")
+        figure.set_size_inches(*picture.size)
+        picture.render(figure)
+    return figure

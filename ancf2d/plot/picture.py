@@ -1,0 +1,137 @@
+"""Pictures as plain values: what is drawn is also what is exported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ancf2d.plot import style
+from ancf2d.results import Results
+
+MAX_MARKERS = 60  # points of a line that are marked; more would merge
+
+
+@dataclass(frozen=True)
+class Source:
+    """One result file in a figure and the name that it goes by there (empty if it is alone)."""
+
+    label: str
+    results: Results
+
+    def name(self, text: str) -> str:
+        """Return the name of something of this file."""
+        return f"{self.label}: {text}" if self.label and text else self.label or text
+
+
+class Picture(Protocol):
+    """Something that draws itself into a figure and lists its data."""
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height in inches."""
+
+    def render(self, figure: Figure) -> None:
+        """Draw into an empty figure."""
+
+    def header(self) -> list[str]:
+        """Return the names of the data's columns, with units."""
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield the rows of the data that are drawn."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of figure.
+
+    ``missing(results)`` says in words what a file lacks for it (empty: nothing);
+    ``build(sources, **options)`` makes the picture; its keyword arguments are the kind's options.
+    """
+
+    name: str
+    doc: str
+    missing: Callable[[Results], str]
+    build: Callable[..., Picture]
+
+
+@dataclass
+class Curve:
+    """One line: its name, and x and y (n,)."""
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    note: str = ""
+
+
+@dataclass
+class Panel:
+    """One axes with its curves."""
+
+    x: tuple[str, str]
+    y: tuple[str, str]
+    curves: list[Curve] = field(default_factory=list)
+
+
+@dataclass
+class Curves:
+    """A picture of lines, in panels one above the other or, sharing y, side by side.
+
+    ``log_base``: of the x axis where both axes are logarithmic, 0 where they are not.
+    """
+
+    title: str
+    note: str
+    panels: list[Panel]
+    share: str = "x"
+    log_base: int = 0
+
+    @property
+    def size(self) -> tuple[float, float]:
+        n = len(self.panels)
+        lines = max(len({c.name for p in self.panels for c in p.curves}), 1)
+        room = 0.2 * min(lines, 12) / 2
+        if self.share == "y":
+            return (6.4 if n == 1 else min(3.6 * n + 0.6, 12.0), 4.2 + room)
+        return (6.4, (4.2 if n == 1 else 2.4 * n + 0.6) + room)
+
+    def render(self, figure: Figure) -> None:
+        n = len(self.panels)
+        shape = (1, n) if self.share == "y" else (n, 1)
+        grid = figure.subplots(*shape, squeeze=False, sharex=self.share == "x",
+                               sharey=self.share == "y")
+        names = list(dict.fromkeys(c.name for p in self.panels for c in p.curves))
+        handles: dict[str, Any] = {}
+        for axes, panel in zip(grid.ravel(), self.panels, strict=True):
+            for curve in panel.curves:
+                looks = style.line_style(names.index(curve.name))
+                if len(curve.x) > MAX_MARKERS:
+                    looks["marker"] = ""
+                name = f"{curve.name}{curve.note}"
+                (handles[name],) = axes.plot(curve.x, curve.y, label=name, **looks)
+            if self.log_base:
+                axes.set_xscale("log", base=self.log_base)
+                axes.set_yscale("log")
+                axes.xaxis.set_major_formatter("{x:g}")
+            style.verbatim(axes.set_xlabel(style.label(*panel.x)))
+            style.verbatim(axes.set_ylabel(style.label(*panel.y)))
+            axes.label_outer()
+        style.title(figure, self.title, self.note)
+        style.legend(figure, list(handles.values()), list(handles))
+
+    def header(self) -> list[str]:
+        first = self.panels[0]
+        names = ["x", "y"] if len(self.panels) > 1 else [
+            f"{name} [{units}]" if units not in ("", "1") else name
+            for name, units in (first.x, first.y)]
+        return ["curve", *names]
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        for panel in self.panels:
+            for curve in panel.curves:
+                for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True):
+                    yield curve.name, x, y

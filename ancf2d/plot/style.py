@@ -1,0 +1,75 @@
+"""How figures look: one style sheet, a palette safe for colour-blind eyes, units in labels."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.style
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+STYLE = Path(__file__).with_name("ancf2d.mplstyle")
+# Okabe & Ito (2008) without yellow, which is too faint for lines on white
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+REFERENCE = "#8a8a8a"
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Use the packaged style sheet; nothing global stays changed."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.style.use(STYLE)
+        yield
+
+
+def line_style(i: int) -> dict[str, Any]:
+    """Return colour, dash and marker of the i-th line: they never differ in colour alone."""
+    return {"color": PALETTE[i % len(PALETTE)], "linestyle": DASHES[i % len(DASHES)],
+            "marker": MARKERS[i % len(MARKERS)]}
+
+
+def pretty(units: str) -> str:
+    """Return units as they are printed: N·m, m/s²."""
+    return units.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
+def label(name: str, units: str) -> str:
+    """Return an axis label; what has no dimension shows no units."""
+    return name if units in ("", "1", "none") else f"{name} [{pretty(units)}]"
+
+
+def verbatim(text: Text | None) -> None:
+    """Show a user's text as it stands: a dollar sign in it is no formula."""
+    if text is not None:
+        text.set_parse_math(False)
+
+
+def title(figure: Figure, text: str, note: str = "") -> None:
+    """Put the title over the first axes, with a note below it."""
+    width = int(11.5 * (figure.get_figwidth() - 0.8))
+    lines = textwrap.wrap(text, width) + textwrap.wrap(note, width)
+    verbatim(figure.axes[0].set_title("\n".join(lines[:6])))
+
+
+def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
+    """Put one legend below the axes, where it hides nothing, filled row by row."""
+    room = 7.2 * figure.get_figwidth()  # in units of the font size
+    widths = [0.55 * len(text) + 5 for text in labels]
+    columns = len(labels) if sum(widths) <= room else max(1, int(room / max(widths)))
+    rows = -(-len(labels) // columns)
+    columns = -(-len(labels) // rows)
+    # matplotlib fills column by column
+    order = [i for c in range(columns) for i in range(c, len(labels), columns)]
+    shown = figure.legend([handles[i] for i in order], [labels[i] for i in order],
+                          loc="outside lower left", ncols=columns)
+    for entry in shown.get_texts():
+        verbatim(entry)

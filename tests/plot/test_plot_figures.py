@@ -1,0 +1,274 @@
+"""What the figures show: the right data, labelled with units, sections to scale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from synthetic import HEADER, bent_beam, mechanism, table_file, tangent_body
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot import KINDS, default_kind, draw, list_kinds
+from ancf2d.plot.convergence import observed_order
+from ancf2d.plot.shape import nice
+from ancf2d.results import Results, ResultWriter, open_results
+
+
+def opened(path: Path) -> Results:
+    return open_results(path)
+
+
+def bodies(figure: Figure) -> dict[str, np.ndarray]:
+    """Outlines of the deformed bodies by name."""
+    patches = [p for p in figure.axes[0].patches if p.get_label()[:1] != "_" and p.get_label()]
+    return {p.get_label(): p.get_xy() for p in patches if isinstance(p, Polygon)}
+
+
+def legend_texts(figure: Figure) -> list[str]:
+    return [t.get_text() for t in figure.legends[0].get_texts()]
+
+
+# ---------------------------------------------------------------------- shape
+
+
+@pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
+def test_the_section_is_drawn_to_scale(tmp_path: Path, kind: str) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5", kind, ne=6, height=0.2, angle=1.0))
+    figure = draw(results, "shape")
+    outline = bodies(figure)["beam"]
+    n = len(outline) // 2
+    faces = results.faces("beam")
+    np.testing.assert_array_equal(outline[:n], faces["bottom"].reshape(-1, 2))
+    np.testing.assert_array_equal(outline[n:2 * n], faces["top"].reshape(-1, 2)[::-1])
+    end = outline[n - 1] - outline[n]  # both faces of the free end
+    assert np.hypot(*end) == pytest.approx(0.2, rel=1e-12)
+    assert figure.axes[0].get_aspect() == 1.0
+
+
+def test_everything_drawn_lies_within_the_axes_and_units_are_named(tmp_path: Path) -> None:
+    header = {"units": {"length": "mm", "force": "N", "time": "s"}}
+    figure = draw(opened(bent_beam(tmp_path / "a.h5", angle=6.0, header=header)), "shape")
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    for patch in axes.patches:
+        low, high = patch.get_xy().min(axis=0), patch.get_xy().max(axis=0)
+        assert axes.get_xlim()[0] < low[0] <= high[0] < axes.get_xlim()[1]
+        assert axes.get_ylim()[0] < low[1] <= high[1] < axes.get_ylim()[1]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
+    assert legend_texts(figure) == ["beam", "nodes", "reference"]
+
+
+def test_nodes_are_marked_where_they_are(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5", ne=4))
+    (line,) = draw(results, "shape").axes[0].lines
+    np.testing.assert_array_equal(line.get_xydata(), results.nodes("beam"))
+
+
+@pytest.mark.parametrize(("angle", "note", "scale"), [
+    (1.0, "load factor 1", 1.0), (0.9e-4, "displacements magnified 2000 times", 2000.0),
+    (0.9e-9, "displacements magnified 2e+08 times", 2e8), (0.0, "load factor 1", 1.0)])
+def test_an_invisible_deflection_is_magnified_and_the_title_says_so(
+        tmp_path: Path, angle: float, note: str, scale: float) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5", angle=angle))
+    figure = draw(results, "shape")
+    title = figure.axes[0].get_title(loc="left")
+    assert title.startswith("Cantilever with a tip load\n")
+    assert title.endswith(note)
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xydata(),
+                                  results.nodes("beam", scale=scale))
+
+
+def test_a_chosen_magnification_is_used_and_said(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5", angle=0.1))
+    figure = draw(results, "shape", scale=3)
+    assert "magnified 3 times" in figure.axes[0].get_title(loc="left")
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xydata(),
+                                  results.nodes("beam", scale=3.0))
+    for wrong in (0, -1, "huge", float("nan")):
+        with pytest.raises(ResultsError, match="positive number or 'auto'"):
+            draw(results, "shape", scale=wrong)
+
+
+def test_magnifications_are_1_2_or_5_times_a_power_of_ten() -> None:
+    values = [0.99, 1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 1234.0, 3e-7]
+    np.testing.assert_allclose([nice(v) for v in values],
+                               [0.5, 1, 1, 2, 2, 5, 5, 1000, 2e-7], rtol=1e-12)
+
+
+def test_any_state_can_be_drawn(tmp_path: Path) -> None:
+    results = opened(mechanism(tmp_path / "a.h5"))
+    figure = draw(results, "shape", state=20)
+    assert figure.axes[0].get_title(loc="left") == "Crank and rod\nt = 0.5 s"
+    assert list(bodies(figure)) == ["crank", "rod"]
+    with pytest.raises(ResultsError, match="no state 41: it holds 41"):
+        draw(results, "shape", state=41)
+
+
+def test_a_body_of_very_many_elements_is_thinned_but_keeps_its_ends(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5", ne=5000, steps=1))
+    figure = draw(results, "shape")
+    outline, faces = bodies(figure)["beam"], results.faces("beam")
+    assert 2000 < len(outline) < 10_000
+    np.testing.assert_array_equal(outline[0], faces["bottom"][0, 0])
+    np.testing.assert_array_equal(outline[len(outline) // 2 - 1], faces["bottom"][-1, -1])
+    assert "nodes" not in legend_texts(figure)
+
+
+def test_files_are_overlaid_under_their_names(tmp_path: Path) -> None:
+    a, b = (opened(bent_beam(tmp_path / f"{n}.h5", k)) for n, k in
+            (("fine", "tangent"), ("coarse", "theta")))
+    assert list(bodies(draw([a, b], "shape"))) == ["fine", "coarse"]
+    assert list(bodies(draw({"one": a, "two": b}, "shape"))) == ["one", "two"]
+    figure = draw([a, b], "load_deflection", quantity="uy")
+    assert legend_texts(figure) == ["fine: tip uy", "coarse: tip uy"]
+    (tmp_path / "sub").mkdir()
+    c = opened(bent_beam(tmp_path / "sub" / "fine.h5"))
+    assert list(bodies(draw([a, c], "shape"))) == [str(a.path), str(c.path)]
+
+
+def test_a_file_without_states_shows_its_reference(tmp_path: Path) -> None:
+    figure = draw(opened(table_file(tmp_path / "a.h5", {"cable": 4.0})), "shape")
+    assert "no states" in figure.axes[0].get_title(loc="left")
+    assert legend_texts(figure) == ["reference"]
+
+
+# ---------------------------------------------------------------------- lines
+
+
+def test_load_deflection_shows_the_factor_over_the_displacements(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5"))
+    figure = draw(results, "load_deflection")
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("displacement [m]", "load factor")
+    lines = {line.get_label(): line.get_xydata() for line in axes.lines}
+    assert list(lines) == ["tip ux", "tip uy"]
+    np.testing.assert_array_equal(lines["tip uy"][:, 0], results.probes["tip"]["uy"])
+    np.testing.assert_array_equal(lines["tip uy"][:, 1], results.probe_t)
+
+
+def test_a_quantity_that_is_round_off_is_not_drawn_unless_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    e0 = np.zeros(8)
+    with ResultWriter(path, HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
+        for t in (0.0, 0.5, 1.0):
+            w.append(t, e0, {}, {"mid": {"ux": 1e-17 * t, "uy": -1e-3 * t}})
+        w.finish()
+    results = opened(path)
+    assert legend_texts(draw(results, "load_deflection")) == ["mid uy"]
+    assert legend_texts(draw(results, "load_deflection", quantity="ux")) == ["mid ux"]
+
+
+def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
+    results = opened(mechanism(tmp_path / "a.h5"))
+    figure = draw(results, "history")
+    first, second = figure.axes
+    assert (first.get_ylabel(), second.get_ylabel()) == ("displacement [m]", "rotation [rad]")
+    assert second.get_xlabel() == "time [s]"
+    assert [line.get_label() for line in second.lines] == ["end theta", "pin theta"]
+    np.testing.assert_array_equal(second.lines[1].get_ydata(), results.probes["pin"]["theta"])
+    (only,) = draw(results, "history", probe="pin", quantity=["uy"]).axes
+    assert [line.get_label() for line in only.lines] == ["pin uy"]
+
+
+def test_lines_never_differ_in_colour_alone(tmp_path: Path) -> None:
+    figure = draw(opened(mechanism(tmp_path / "a.h5")), "history")
+    lines = [line for axes in figure.axes for line in axes.lines]
+    looks = {(line.get_marker(), str(line.get_linestyle()), str(line._dash_pattern))
+             for line in lines}
+    assert len(looks) == len(lines) == 6
+
+
+def test_convergence_shows_the_errors_and_the_observed_orders(tmp_path: Path) -> None:
+    results = opened(table_file(tmp_path / "a.h5", {"2d2n": 2.0, "cable": 4.0}))
+    figure = draw(results, "convergence")
+    (axes,) = figure.axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert legend_texts(figure) == ["2d2n, order 2.0", "cable, order 4.0"]
+    np.testing.assert_allclose(axes.lines[1].get_ydata(), 0.5 * np.array([2., 4, 8, 16]) ** -4,
+                               rtol=1e-12)
+    figure = draw(results, "convergence", against="dofs")
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xdata(), [12, 24, 48, 96])
+    assert figure.axes[0].get_xlabel() == "nodal coordinates"
+
+
+def test_an_error_of_zero_is_drawn_and_said(tmp_path: Path) -> None:
+    results = opened(table_file(tmp_path / "a.h5", {"exact": 2000.0}, (1, 2, 4)))
+    figure = draw(results, "convergence")
+    assert "errors of zero are drawn at 1e-16" in figure.axes[0].get_title(loc="left")
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), [0.5, 1e-16, 1e-16])
+    assert legend_texts(figure) == ["exact, order undefined"]
+
+
+@pytest.mark.parametrize(("errors", "order"), [
+    ([1.0, 0.25, 0.0625], 2.0), ([0.5, 1.0, 0.125, 0.015625], 3.0),
+    ([1.0, 1e-2, 1e-4, 3e-16], np.log2(100)), ([1e-15, 2e-15, 1e-15], np.nan), ([0.1], np.nan),
+    ([1.0, 0.5, 0.6, 0.1], 1.0)])
+def test_the_observed_order_is_that_of_the_last_refinement_before_round_off(
+        errors: list[float], order: float) -> None:
+    n = 2.0 ** np.arange(len(errors))
+    assert observed_order(n, np.array(errors)) == pytest.approx(order, nan_ok=True)
+
+
+def test_formulations_of_one_type_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with ResultWriter(path, HEADER, [tangent_body("beam", 1, 1.0, 0.1)], np.zeros(8)) as w:
+        w.table("convergence", {"element": ["2d2n"] * 4, "formulation": ["a", "b"] * 2,
+                                "elements": [1, 1, 2, 2], "error": [1.0, 1.0, 0.5, 0.25]})
+        w.finish()
+    assert legend_texts(draw(opened(path))) == ["2d2n (a), order 1.0", "2d2n (b), order 2.0"]
+
+
+# ---------------------------------------------------------------------- choosing
+
+
+def test_a_sensible_kind_is_chosen(tmp_path: Path) -> None:
+    assert default_kind(opened(bent_beam(tmp_path / "a.h5"))) == "shape"
+    assert default_kind(opened(mechanism(tmp_path / "b.h5"))) == "history"
+    assert default_kind(opened(table_file(tmp_path / "c.h5", {"cable": 4.0}))) == "convergence"
+
+
+def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
+    found = {k.name: k for k in list_kinds(opened(mechanism(tmp_path / "a.h5")))}
+    assert list(found) == list(KINDS)
+    assert found["shape"].missing == found["history"].missing == ""
+    assert "without a load factor" in found["load_deflection"].missing
+    assert "no convergence table" in found["convergence"].missing
+    assert found["shape"].options == ("scale", "state")
+    assert all(k.doc for k in found.values())
+
+
+def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
+    for path in (bent_beam(tmp_path / "a.h5"), mechanism(tmp_path / "b.h5"),
+                 table_file(tmp_path / "c.h5", {"cable": 4.0}),
+                 bent_beam(tmp_path / "d.h5", finish=False)):
+        results = opened(path)
+        for kind in list_kinds(results):
+            if not kind.missing:
+                draw(results, kind.name).draw_without_rendering()
+
+
+def test_wrong_names_are_answered_with_the_nearest(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5"))
+    with pytest.raises(ResultsError, match=r"unknown kind of figure 'shap'.*did you mean 'shape'"):
+        draw(results, "shap")
+    with pytest.raises(ResultsError, match=r"a\.h5' as convergence: it holds no convergence"):
+        draw(results, "convergence")
+    with pytest.raises(ResultsError, match=r"no option 'scal'.*did you mean 'scale'"):
+        draw(results, "shape", scal=2)
+    with pytest.raises(ResultsError, match=r"no probe 'tap'.*did you mean 'tip'"):
+        draw(results, "history", probe="tap")
+    with pytest.raises(ResultsError, match=r"no probe quantity 'thea'.*did you mean 'theta'"):
+        draw(results, "history", quantity="thea")
+    with pytest.raises(ResultsError, match="no result file to draw"):
+        draw([])
+
+
+def test_a_title_with_dollar_signs_and_braces_is_shown_as_it_is(tmp_path: Path) -> None:
+    text = r"cost $\frac{1 of the $beam_{"
+    results = opened(bent_beam(tmp_path / "a.h5", header={"title": text}))
+    figure = draw({"$x_{": results, "b": results}, "shape")
+    figure.draw_without_rendering()
+    assert figure.axes[0].get_title(loc="left").startswith(text)
