@@ -40,6 +40,13 @@ def test_broken_definitions(text, words, tmp_path, vocabulary):
         load_definition(path, vocabulary)
 
 
+def test_byte_order_mark(tmp_path, vocabulary):
+    path = tmp_path / "e.yaml"
+    own = HERE / "definitions" / "own_element.yaml"
+    path.write_text(own.read_text(), encoding="utf-8-sig")
+    assert load_definition(path, vocabulary) == load_definition(own, vocabulary)
+
+
 def test_missing_file(tmp_path):
     with pytest.raises(CaseError, match="cannot read the file"):
         load_definition(tmp_path / "none.yaml")

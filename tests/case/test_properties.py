@@ -1,6 +1,7 @@
 """Whatever happens to a case file, the answer is a case or a CaseError, never anything else."""
 
 import contextlib
+import dataclasses
 import json
 import random
 from pathlib import Path
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from ancf2d.case import load_case, load_case_text
 from ancf2d.case.compose import compose
+from ancf2d.case.emit import written, yaml_text
 from ancf2d.case.nodes import Origin, plain_data
 from ancf2d.errors import CaseError
 
@@ -19,6 +21,7 @@ TEXTS = [p.read_text(encoding="utf-8") for p in sorted((HERE / "valid").glob("*.
 DATA = [plain_data(compose(text, Origin("f", []))) for text in TEXTS]
 ODD = [None, True, 0, -1, 1e308, -0.0, 8.5, "", "abc", "beam@0.5", "rest", "@", "x@", [], [0],
        [0, 0], [[0, 0], [1, 1]], {}, {"type": "force"}, {"type": []}, {"a": 1}, [None], "t", "1e3"]
+MARKS = "\t:{}[]&*!|>%@`#,?-\"'\x85\u2028😀\ufeff\x00"
 PROFILE = settings(derandomize=True, deadline=None, max_examples=250)
 
 
@@ -110,7 +113,7 @@ def test_damaged_text(which, damages):
         elif kind == "flip":
             text = text[:at] + chr(b % 0x300) + text[at + 1:]
         elif kind == "insert":
-            text = text[:at] + "\t:{}[]&*!|>%@`#,?-\"'\x85\u2028😀\ufeff\x00"[b % 26] + text[at:]
+            text = text[:at] + MARKS[b % len(MARKS)] + text[at:]
         elif kind == "twice":
             text = "\n".join(lines[: row + 1] + lines[row:])
         elif kind == "indent":
@@ -135,6 +138,14 @@ def test_damaged_bytes(which, at, byte):
 @PROFILE
 def test_any_text(text):
     loads_or_explains(text, VOCABULARY)
+
+
+@given(st.one_of(st.text(max_size=30), st.sampled_from(
+    ["true", "null", "~", "no", "1e3", "0123", ".nan", "a: b", "a #b", "- a", "x ", "", "\x85"])))
+@PROFILE
+def test_texts_survive_being_written_out(text):
+    case = dataclasses.replace(load_case_text(TEXTS[0], directory=HERE / "valid").case, title=text)
+    assert load_case_text(yaml_text(written(case)), directory=HERE / "valid").case == case
 
 
 @given(st.integers(0, len(TEXTS) - 1), st.integers(0, 10**6), st.sampled_from(ODD), st.booleans())

@@ -160,6 +160,7 @@ def test_schema_speaks_to_editors(vocabulary):
     for definition in [schema, *schema["definitions"].values()]:
         assert definition["additionalProperties"] is False
         assert all("description" in p for p in definition["properties"].values())
+    assert "Case" not in schema["definitions"]
     jsonschema.Draft7Validator.check_schema(definition_schema(vocabulary))
 
 

@@ -59,7 +59,7 @@ def test_place_of_a_key():
     assert source.key_mark(("boundary_conditions", 1))[1:] == (13, 5)
 
 
-@pytest.mark.parametrize("line_break", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("line_break", ["\n", "\r\n", "\r", "\x85", "\u2028"])
 def test_line_breaks_of_every_system(line_break):
     loaded = load_case_text(CASE.replace("\n", line_break))
     assert loaded.case == load_case_text(CASE).case
