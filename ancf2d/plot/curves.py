@@ -17,7 +17,7 @@ FAMILIES = {
     "ax": "acceleration", "ay": "acceleration",
     "N": "axial force", "Q": "shear force", "M": "bending moment",
 }
-NEGLIGIBLE = 1e-9  # of the largest of its family: round-off is not drawn unless asked for
+NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
 
 
 def _names(value: str | Sequence[str] | None) -> list[str]:

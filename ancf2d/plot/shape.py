@@ -111,10 +111,11 @@ class Shape:
     def render(self, figure: Figure) -> None:
         axes = figure.subplots()
         handles: dict[str, Any] = {}
+        fill = 0.35 if self.parts[-1].file == 0 else 0.1  # files that nearly agree hide each other
         for i, part in enumerate(self.parts):
             self._reference(axes, part)
             if part.deformed is not None:
-                handles[part.name] = self._deformed(axes, part, i)
+                handles[part.name] = self._deformed(axes, part, i, fill)
         if any(p.deformed is not None and _marked(p.deformed).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
         handles["reference"] = Patch(facecolor="none", edgecolor=style.REFERENCE, linestyle="--")
@@ -136,12 +137,12 @@ class Shape:
                                joinstyle="round"))
 
     @staticmethod
-    def _deformed(axes: Axes, part: Part, i: int) -> Polygon:
+    def _deformed(axes: Axes, part: Part, i: int, fill: float) -> Polygon:
         color = style.PALETTE[i % len(style.PALETTE)]
         shape = part.deformed
         assert shape is not None
         # the edge keeps a section visible that is thinner than a line at this scale
-        patch = Polygon(shape.boundary, facecolor=(color, 0.35), edgecolor=color, linewidth=1.3,
+        patch = Polygon(shape.boundary, facecolor=(color, fill), edgecolor=color, linewidth=1.3,
                         linestyle=style.DASHES[part.file % len(style.DASHES)], joinstyle="round",
                         zorder=2.5, label=part.name)
         axes.add_patch(patch)

@@ -175,9 +175,11 @@ def _mesh(a: Results, b: Results, tol: _Tolerance) -> Found:
                                                          f"'{getattr(two, key)}' differ")
         for key in ("dofs", "nodes", "lengths", "arclength", "height", "width"):
             place = f"/mesh/bodies/{name}/{key}"
-            x, y = (np.atleast_1d(np.asarray(getattr(body, key), float)) for body in (one, two))
+            x, y = (np.atleast_1d(getattr(body, key)) for body in (one, two))
             shape = _shapes(place, x.shape, y.shape)
-            yield shape or tol.judge(place, x, y, _largest(x, y))
+            if shape or not np.array_equal(x, y):
+                x, y = x.astype(float), y.astype(float)
+                yield shape or tol.judge(place, x, y, _largest(x, y))
 
 
 def _by_kind(kinds: np.ndarray, rows: Sequence[np.ndarray]) -> np.ndarray:
