@@ -1,0 +1,92 @@
+"""Strains as functions of the gradient fields: derivatives by complex step, objectivity, small strain."""
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.elements.formulations import FORMULATIONS
+
+STEP = 1e-30
+CASES = [(f.name, geometry) for f in FORMULATIONS.values() for geometry in helpers.GEOMETRIES]
+TYPE_OF = {f: next(n for n, g in helpers.VARIANTS if g == f) for f in FORMULATIONS}
+
+
+def law_of(formulation: str, geometry: str):
+    spec = helpers.element(TYPE_OF[formulation], 2, formulation)
+    model = helpers.build({"b": helpers.body(helpers.GEOMETRIES[geometry], spec)},
+                          bc=[{"type": "clamp", "at": "b@0"}])
+    return model.groups[0].law
+
+
+def evaluate(formulation: str, law, station: int, u):
+    eps = np.zeros(law.D.shape[2], dtype=u.dtype)
+    J = np.zeros((len(eps), len(u)), dtype=u.dtype)
+    FORMULATIONS[formulation].strain(law, 0, station, u, eps, J)
+    return eps, J
+
+
+def fields(law, seed: int):
+    return np.random.default_rng(seed).uniform(-0.4, 0.4, law.B.shape[2])
+
+
+@pytest.mark.parametrize(("formulation", "geometry"), CASES)
+def test_jacobian_is_the_derivative_of_the_strain(formulation, geometry):
+    law = law_of(formulation, geometry)
+    for station in (0, law.B.shape[1] - 1):
+        u = fields(law, station)
+        _, J = evaluate(formulation, law, station, u)
+        for i in range(len(u)):
+            v = u.astype(complex)
+            v[i] += 1j * STEP
+            np.testing.assert_allclose(J[:, i], evaluate(formulation, law, station, v)[0].imag / STEP, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize(("formulation", "geometry"), CASES)
+def test_geometric_matrix_is_the_second_derivative_along_the_stress(formulation, geometry):
+    law = law_of(formulation, geometry)
+    u = fields(law, 3)
+    sigma = np.random.default_rng(4).uniform(-1, 1, law.D.shape[2])
+    H = np.ones((len(u), len(u)))
+    FORMULATIONS[formulation].geometric(law, 0, 0, u, sigma, H)
+    H -= 1.0
+    for i in range(len(u)):
+        v = u.astype(complex)
+        v[i] += 1j * STEP
+        _, J = evaluate(formulation, law, 0, v)
+        np.testing.assert_allclose(H[:, i], sigma @ J.imag / STEP, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("formulation", "geometry"), CASES)
+def test_first_order_strain_survives_beside_one(formulation, geometry):
+    """Written as (J^T J - I)/2 a strain of 1e-13 would keep three digits; formed from displacements it keeps all."""
+    law = law_of(formulation, geometry)
+    u = 1e-13 * fields(law, 5)
+    eps, J = evaluate(formulation, law, 0, u)
+    _, J0 = evaluate(formulation, law, 0, 0 * u)
+    np.testing.assert_allclose(eps, J0 @ u, atol=1e-11 * np.abs(J0 @ u).max())
+
+
+@pytest.mark.parametrize(("formulation", "geometry"), CASES)
+def test_no_displacement_is_no_strain_exactly(formulation, geometry):
+    law = law_of(formulation, geometry)
+    eps, _ = evaluate(formulation, law, 0, np.zeros(law.B.shape[2]))
+    assert not eps.any()
+
+
+def test_every_formulation_is_offered_by_some_type_and_refuses_with_a_reason():
+    for f in FORMULATIONS.values():
+        reasons = [f.refuse(t) for t in helpers.TYPES.values()]
+        assert None in reasons
+        assert all(r is None or len(r) > 20 for r in reasons)
+
+
+def test_structural_is_refused_where_a_coordinate_would_have_no_stiffness():
+    refused = {n for n, t in helpers.TYPES.items() if FORMULATIONS["structural"].refuse(t) is not None}
+    assert {"2d2n", "2d3n", "2d2n-nu", "2d3n-nu", "patel", "ancf[1,2]", "ancf[2,2]", "ancf[3,3]"} <= refused
+    assert not refused & {"omar", "kerkkanen", "vallejo", "li", "ancf[3,1]"}
+
+
+@pytest.mark.parametrize("name", helpers.TYPES)
+def test_the_default_formulation_of_a_type_is_one_it_offers(name):
+    element = helpers.TYPES[name]
+    assert FORMULATIONS[element.formulation].refuse(element) is None

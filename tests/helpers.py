@@ -1,0 +1,175 @@
+"""What the mathematical tests share: every element type and formulation of the registry, and scenes as plain data."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.elements.definition import ElementType
+from ancf2d.elements.formulations import FORMULATIONS
+from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
+from ancf2d.model.build import build_model
+from ancf2d.model.model import Model
+from ancf2d.model.points import dot, point_ref
+from ancf2d.model.rotation import Rotation
+from ancf2d.study.run import vocabulary
+
+ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 3), (8, 5))
+# the largest members cost too much where every element of a scene is solved again and again
+SMALL_ORDERS = ORDERS[:-1]
+TYPES: dict[str, ElementType] = {**ELEMENTS, **{t.name: t for t in (ancf(*o) for o in ORDERS)}}
+SMALL_TYPES = [n for n in TYPES if n != "ancf[8,5]"]
+VARIANTS = [(name, f.name) for name, t in TYPES.items() for f in FORMULATIONS.values() if f.refuse(t) is None]
+SMALL_VARIANTS = [v for v in VARIANTS if v[0] in SMALL_TYPES]
+# where a formulation is indifferent, each type once with its own default
+DEFAULTS = [(name, TYPES[name].formulation) for name in SMALL_TYPES]
+KINDS = {"interpolated": "vallejo", "tangent": "cable", "theta": "reissner3"}
+
+LINE = {"type": "line", "start": [0.3, -0.2], "end": [1.4, 0.5]}
+ARC = {"type": "arc", "center": [0.1, -0.3], "radius": 1.2, "from": 0.3, "to": 1.5}
+GEOMETRIES = {"line": LINE, "arc": ARC}
+SECTION = {"height": 0.3, "width": 0.2}
+MATERIAL = {"E": 5.0, "nu": 0.3, "rho": 1.3}
+STEEL = {"E": 2.07e11, "nu": 0.3, "rho": 7850}
+
+
+def ids(variants: list[tuple[str, str]]) -> list[str]:
+    """Return readable names of (type, formulation) pairs."""
+    return ["-".join(v) for v in variants]
+
+
+def element(name: str, count: int, formulation: str | None = None, **more: Any) -> dict[str, Any]:
+    """Return the ``element`` of a body; family members are named ancf[p,q]."""
+    out: dict[str, Any] = {"type": name, "count": count}
+    if name.startswith(FAMILY + "["):
+        p, q = name[len(FAMILY) + 1:-1].split(",")
+        out.update(type=FAMILY, order=[int(p), int(q)])
+    if formulation is not None:
+        out["formulation"] = formulation
+    return {**out, **more}
+
+
+def line(length: float, angle: float = 0.0, start: tuple[float, float] = (0.0, 0.0)) -> dict[str, Any]:
+    """Return a straight geometry."""
+    end = [start[0] + length * np.cos(angle), start[1] + length * np.sin(angle)]
+    return {"type": "line", "start": list(start), "end": [float(v) for v in end]}
+
+
+def body(geometry: dict[str, Any], spec: dict[str, Any], section: dict[str, Any] | None = None,
+         material: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return a body; the section may be stiffnesses, which have no material."""
+    out = {"geometry": geometry, "element": spec, "section": section or SECTION}
+    if "EA" not in out["section"]:
+        out["material"] = material or MATERIAL
+    return out
+
+
+def load(bodies: dict[str, Any] | None = None, solver: str | dict[str, Any] = "static", **scene: Any) -> LoadedCase:
+    """Return the validated case of a scene; keyword arguments are the case's top-level keys (``bc`` for short)."""
+    if "bc" in scene:
+        scene["boundary_conditions"] = scene.pop("bc")
+    data = {"bodies": bodies, "solver": {"type": solver} if isinstance(solver, str) else solver, **scene}
+    return load_case_text(json.dumps(_plain(data)), vocabulary=vocabulary())
+
+
+def _plain(x: Any) -> Any:
+    if isinstance(x, dict):
+        return {k: _plain(v) for k, v in x.items()}
+    if isinstance(x, list | tuple | np.ndarray):
+        return [_plain(v) for v in x]
+    return x.item() if isinstance(x, np.generic) else x
+
+
+def build(*args: Any, **scene: Any) -> Model:
+    """Return the model of a scene."""
+    return build_model(load(*args, **scene))
+
+
+class Solution:
+    """All states of a solved scene, read at points."""
+
+    def __init__(self, model: Model) -> None:
+        from ancf2d.solve.registry import solve
+
+        self.model = model
+        self.states = list(solve(model))
+        self.state = self.states[-1]
+        self.d = self.state.d
+
+    def u(self, at: str, state: int = -1) -> np.ndarray:
+        """Return the displacement (2,) of BODY@S."""
+        d = self.states[state].d
+        return np.array([dot(c, d) for c in self.point(at).position()])
+
+    def r(self, at: str) -> np.ndarray:
+        """Return the position (2,) of BODY@S."""
+        e = self.model.e0 + self.d[:self.model.n_q]
+        return np.array([dot(c, e) for c in self.point(at).position()])
+
+    def theta(self, at: str) -> float:
+        """Return the rotation of the section at BODY@S."""
+        rotation, d = Rotation(self.point(at)), self.d[:self.model.n_q]
+        if self.state.linear:
+            return rotation.linear(self.model.e0, d)
+        return rotation.value(self.model.e0 + d, d)
+
+    def point(self, at: str) -> Any:
+        """Return the reference to BODY@S."""
+        name, s = at.split("@")
+        return point_ref(self.model.meshes[name], float(s))
+
+    def reactions(self) -> dict[str, dict[str, float]]:
+        """Return the reactions of every support."""
+        from ancf2d.solve.post import reactions
+
+        return reactions(self.model, self.state)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of all steps."""
+        return sum(int(s.history["iterations"]) for s in self.states)
+
+
+def solved(*args: Any, **scene: Any) -> Solution:
+    """Build and solve a scene."""
+    return Solution(build(*args, **scene))
+
+
+def cantilever(spec: dict[str, Any], loads: list[dict[str, Any]], *, length: float = 2.0, angle: float = 0.0,
+               section: dict[str, Any] | None = None, material: dict[str, Any] | None = None,
+               solver: str | dict[str, Any] = "static", **clamp: Any) -> Solution:
+    """Solve a straight cantilever ``beam`` along ``angle``, clamped at its start."""
+    beam = body(line(length, angle), spec, section or {"height": 0.1, "width": 0.1}, material or STEEL)
+    return solved({"beam": beam}, solver, bc=[{"name": "wall", "type": "clamp", "at": "beam@0", **clamp}], loads=loads)
+
+
+def tip(fx: float, fy: float, **more: Any) -> list[dict[str, Any]]:
+    """Return a force at the end of ``beam``."""
+    return [{"type": "force", "at": "beam@1", "value": [fx, fy], **more}]
+
+
+def rotate(d: np.ndarray, model: Model, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """Return the displacements that turn every nodal coordinate e0 + d about the origin and shift it."""
+    e, out = model.e0 + d, np.empty_like(d)
+    c, s = np.cos(angle), np.sin(angle)
+    for mesh in model.meshes.values():
+        for k, kind in enumerate(mesh.kinds.tolist()):
+            i = mesh.first_dof + k
+            if kind in (0, 3):
+                move = shift if kind == 0 else (0.0, 0.0)
+                out[i] = c * e[i] - s * e[i + 1] + move[0]
+                out[i + 1] = s * e[i] + c * e[i + 1] + move[1]
+            elif kind == 2:
+                out[i] = e[i] + angle
+    return out - model.e0
+
+
+def random_state(model: Model, size: float, seed: int = 0) -> np.ndarray:
+    """Return random displacements (n_full,), each of about ``size`` times what a unit displacement stands for."""
+    rng = np.random.default_rng(seed)
+    d = np.zeros(len(model.numbering.place))
+    d[:model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
+    return d

@@ -1,0 +1,175 @@
+"""Element forces and tangents: gradient of the energy, objectivity, digits of small strain, zero-energy modes."""
+
+import helpers
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf2d.kernels.elements import element_matrices, force, force_tangent, stations, tangent_action
+from ancf2d.kernels.matrix import Csr
+
+CASES = [(*v, g) for v in helpers.VARIANTS for g in helpers.GEOMETRIES]
+SIZE = 0.05 * helpers.SECTION["height"]
+
+
+def model_of(name: str, formulation: str | None, geometry, count: int = 2, **more):
+    shape = helpers.GEOMETRIES.get(geometry, geometry) if isinstance(geometry, str) else geometry
+    section, material = more.pop("section", None), more.pop("material", None)
+    spec = helpers.element(name, count, formulation, **more)
+    return helpers.build({"b": helpers.body(shape, spec, section, material)}, bc=[{"type": "clamp", "at": "b@0"}])
+
+
+def energy_and_force(model, d):
+    Q = np.zeros(model.n_q)
+    return force(model.groups[0], d, Q), Q
+
+
+def dense_tangent(model, d):
+    group = model.groups[0]
+    ne, n = group.dofs.shape
+    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
+    element_matrices(group, d, 0, Q, K)
+    out = np.zeros((model.n_q, model.n_q))
+    for dofs, Ke in zip(group.dofs, K, strict=True):
+        out[np.ix_(dofs, dofs)] += Ke
+    return out
+
+
+@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
+    model = model_of(name, formulation, geometry)
+    d = helpers.random_state(model, SIZE)[:model.n_q]
+    _, Q = energy_and_force(model, d)
+    for seed in (1, 2):
+        v = helpers.random_state(model, 1.0, seed)[:model.n_q]
+        # the difference quotient of a quartic (or close to one) by Richardson's extrapolation
+        slopes = [(energy_and_force(model, d + h * v)[0] - energy_and_force(model, d - h * v)[0]) / (2 * h)
+                  for h in (2e-4 * SIZE, 1e-4 * SIZE)]
+        assert (4 * slopes[1] - slopes[0]) / 3 == pytest.approx(Q @ v, abs=1e-6 * np.abs(Q * v).sum())
+
+
+@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation, geometry):
+    model = model_of(name, formulation, geometry)
+    d = helpers.random_state(model, SIZE)[:model.n_q]
+    K = dense_tangent(model, d)
+    np.testing.assert_allclose(K, K.T, atol=1e-14 * np.abs(K).max())
+    v, h = helpers.random_state(model, 1.0, 3)[:model.n_q], 1e-5 * SIZE
+    slope = (energy_and_force(model, d + h * v)[1] - energy_and_force(model, d - h * v)[1]) / (2 * h)
+    # each row against its own terms, so that high gradients count as much as positions
+    assert np.max(np.abs(slope - K @ v) / (np.abs(K) @ np.abs(v))) < 1e-7
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@settings(max_examples=15, deadline=None)
+@given(angle=st.floats(-20, 20), x=st.floats(-3, 3), y=st.floats(-3, 3))
+def test_rigid_motion_costs_nothing(name, formulation, angle, x, y):
+    for geometry in helpers.GEOMETRIES:
+        model = RIGID.setdefault((name, formulation, geometry), model_of(name, formulation, geometry))
+        d = helpers.rotate(np.zeros(model.n_q), model, angle, (x, y))
+        energy, Q = energy_and_force(model, d)
+        EV = helpers.MATERIAL["E"] * 0.3 * 0.2 * 1.5
+        assert energy <= 1e-25 * EV
+        assert np.abs(Q / model.weights).max() <= 1e-12 * EV / 0.1**2
+
+
+RIGID: dict = {}
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@settings(max_examples=8, deadline=None)
+@given(angle=st.floats(-7, 7))
+def test_energy_and_force_turn_with_the_body(name, formulation, angle):
+    model = RIGID.setdefault((name, formulation, "arc"), model_of(name, formulation, "arc"))
+    d = helpers.random_state(model, SIZE)[:model.n_q]
+    energy, Q = energy_and_force(model, d)
+    turned_energy, turned_Q = energy_and_force(model, helpers.rotate(d, model, angle, (0.7, -0.4)))
+    assert turned_energy == pytest.approx(energy, rel=1e-11)
+    as_coordinates = helpers.rotate(Q - model.e0, model, angle) + model.e0
+    theta = model.meshes["b"].kinds == 2
+    as_coordinates[theta] = Q[theta]
+    np.testing.assert_allclose(turned_Q * model.weights**-1, as_coordinates * model.weights**-1,
+                               atol=1e-10 * np.abs(Q / model.weights).max())
+
+
+@pytest.mark.parametrize("name", helpers.TYPES)
+def test_reference_arcs_are_free_of_stress(name):
+    model = model_of(name, None, "arc")
+    energy, Q = energy_and_force(model, np.zeros(model.n_q))
+    assert energy == 0.0
+    assert not Q.any()
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
+    """EA eps^2 L/2 of a stiff beam: from (J^T J - I)/2 with eps = 1e-12 only four digits would be right."""
+    strain, E, h, b, L = 1e-12, 2.07e11, 0.1, 0.2, 2.0
+    model = model_of(name, formulation, helpers.line(L), 3, section={"height": h, "width": b},
+                     material={"E": E, "nu": 0.0, "rho": 1.0})
+    mesh, d = model.meshes["b"], np.zeros(model.n_q)
+    local = {"r": lambda x: strain * x, "r_x": lambda x: strain}
+    for ie, dofs in enumerate(mesh.dofs):
+        for k, (node, coordinate) in enumerate(mesh.plan.element.functionals):
+            x = L / 3 * (ie + mesh.plan.element.nodes[node].at)
+            d[dofs[mesh.plan.element.components * k]] = local.get(coordinate, lambda x: 0.0)(x)
+    energy, _ = energy_and_force(model, d)
+    assert energy == pytest.approx(0.5 * E * h * b * strain**2 * L, rel=1e-10)
+
+
+def zero_modes(name: str, formulation: str | None, geometry: str, **more) -> int:
+    """Count the modes of a free body of three elements that have no energy, beyond the rigid three."""
+    model = model_of(name, formulation, geometry, 3, **more)
+    K = dense_tangent(model, np.zeros(model.n_q))
+    scale = 1 / np.sqrt(np.diag(K))
+    values = np.linalg.eigvalsh(K * np.outer(scale, scale))
+    return int((values < 1e-11 * values[-1]).sum()) - 3
+
+
+def element_zero_modes(name: str, formulation: str, quadrature) -> int:
+    """Count the zero-energy modes of one free element, beyond the rigid three."""
+    model = model_of(name, formulation, "line", 1, quadrature=quadrature)
+    K = dense_tangent(model, np.zeros(model.n_q))
+    scale = 1 / np.sqrt(np.diag(K))
+    values = np.linalg.eigvalsh(K * np.outer(scale, scale))
+    return int((values < 1e-11 * values[-1]).sum()) - 3
+
+
+@pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+def test_the_default_rule_leaves_only_rigid_motions_without_energy(name, formulation, geometry):
+    assert zero_modes(name, formulation, geometry) == 0
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("omar", 2), ("patel", 2), ("li", 3), ("vallejo", 0), ("2d3n", 0)])
+def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidden):
+    assert element_zero_modes(name, "continuum", [2, 2]) == hidden
+
+
+@pytest.mark.parametrize(("name", "formulation", "geometry"), [(*v, "arc") for v in helpers.DEFAULTS])
+def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, formulation, geometry):
+    model = model_of(name, formulation, geometry, 3)
+    n, d = model.n_q, helpers.random_state(model, SIZE)[:model.n_q]
+    K = dense_tangent(model, d)
+    values = np.zeros(n * n)
+    matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
+    none = np.zeros(0, dtype=np.int64)
+    Q, size = np.zeros(n), np.zeros(n)
+    energy = force_tangent(model.groups[0], d, Q, size, matrix, np.arange(n), none, none, np.zeros(0))
+    np.testing.assert_allclose(values.reshape(n, n), K, atol=1e-14 * np.abs(K).max())
+    expected, F = energy_and_force(model, d)
+    assert energy == pytest.approx(expected, rel=1e-14)
+    np.testing.assert_allclose(Q, F, atol=1e-14 * np.abs(F).max())
+    assert (size >= np.abs(Q) * (1 - 1e-14)).all()
+    v, action = helpers.random_state(model, 1.0, 6)[:n], np.zeros(n)
+    tangent_action(model.groups[0], d, v, action)
+    np.testing.assert_allclose(action, K @ v, atol=1e-14 * (np.abs(K) @ np.abs(v)).max())
+
+
+def test_station_values_give_the_energy():
+    model = model_of("vallejo", "enhanced", "arc", 3)
+    group, d = model.groups[0], helpers.random_state(model, SIZE)
+    shape = (3, group.law.B.shape[1], group.law.D.shape[2])
+    eps, sigma = np.zeros(shape), np.zeros(shape)
+    stations(group, d, eps, sigma)
+    assert 0.5 * np.sum(eps * sigma) == pytest.approx(energy_and_force(model, d)[0], rel=1e-13)

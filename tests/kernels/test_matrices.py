@@ -1,0 +1,106 @@
+"""Band factorisation and the scatter of element matrices, against dense algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf2d.kernels.band import ldl_factor, ldl_solve
+from ancf2d.kernels.matrix import Band, Csr, SymBand, scatter, scatter_patches, symband_product
+
+
+def random_band(rng, n: int, bw: int, definite: bool):
+    K = rng.normal(size=(n, n))
+    K = np.triu(np.tril(K + K.T, bw), -bw)
+    return K + (3 * bw + 3) * np.eye(n) if definite else K
+
+
+def lower(K, bw: int):
+    A = np.zeros((len(K), bw + 1))
+    for i in range(len(K)):
+        for j in range(max(0, i - bw), i + 1):
+            A[i, bw + j - i] = K[i, j]
+    return A
+
+
+@settings(max_examples=40, deadline=None)
+@given(n=st.integers(1, 30), bw=st.integers(0, 8), seed=st.integers(0, 10**6), definite=st.booleans())
+def test_band_ldl_solves_and_its_negative_pivots_are_the_negative_eigenvalues(n, bw, seed, definite):
+    bw = min(bw, n - 1)
+    rng = np.random.default_rng(seed)
+    K = random_band(rng, n, bw, definite)
+    A, b = lower(K, bw), rng.normal(size=n)
+    y, size = symband_product(A, b)
+    np.testing.assert_allclose(y, K @ b, atol=1e-13 * np.abs(K).max() * n)
+    np.testing.assert_allclose(size, np.abs(K) @ np.abs(b), rtol=1e-13)
+    bad, negative, smallest = ldl_factor(A, 1e-14)
+    assert bad == -1
+    assert negative == int((np.linalg.eigvalsh(K) < 0).sum())
+    assert 0 < smallest <= 1
+    x = b.copy()
+    ldl_solve(A, x)
+    # without pivoting an indefinite matrix may grow by 1/smallest pivot, and no more
+    error = np.linalg.norm(K @ x - b) / (np.linalg.norm(K) * np.linalg.norm(x) + np.linalg.norm(b))
+    assert error < 1e-13 / min(1.0, smallest)
+
+
+def test_band_ldl_names_the_row_where_a_singular_matrix_breaks():
+    K = np.diag([2.0, 2.0, 2.0, 2.0]) - np.diag([1.0, 1.0, 1.0], 1) - np.diag([1.0, 1.0, 1.0], -1)
+    K[0, 0] = K[3, 3] = 1.0
+    assert ldl_factor(lower(K, 1), 1e-15)[0] == 3
+    K[1, 1] = np.nan
+    assert ldl_factor(lower(K, 1), 1e-15)[0] == 1
+    assert ldl_factor(np.zeros((3, 2)), 1e-15)[0] == 0
+
+
+KINDS = ("symmetric band", "general band", "compressed rows")
+
+
+def target(kind: str, n: int):
+    """Return an empty full-width matrix of a kind and what reads it back as dense."""
+    if kind == "symmetric band":
+        A = np.zeros((n, n))
+        dense = lambda: np.array([[A[max(i, j), n - 1 - abs(i - j)] for j in range(n)] for i in range(n)])
+        return SymBand(A), dense
+    if kind == "general band":
+        A = np.zeros((n, 3 * (n - 1) + 1))
+        return Band(A), lambda: np.array([[A[j, 2 * (n - 1) + i - j] for j in range(n)] for i in range(n)])
+    A = np.zeros(n * n)
+    return Csr(A, n * np.arange(n + 1), np.tile(np.arange(n), n)), lambda: A.reshape(n, n)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, seed):
+    """K = sum T_e^T K_e T_e, where rows of T are unit rows, zero rows, and combinations of unknowns."""
+    rng = np.random.default_rng(seed)
+    n_full, n = 9, 5
+    roles = rng.permutation([*range(n), -1, -1, -2, -3])
+    T = np.zeros((n_full, n))
+    index, value, indptr = [], [], [0]
+    for _ in range(2):
+        used = rng.choice(n, size=rng.integers(1, 4), replace=False)
+        index += used.tolist()
+        value += rng.normal(size=len(used)).tolist()
+        indptr.append(len(index))
+    for c, role in enumerate(roles):
+        if role >= 0:
+            T[c, role] = 1.0
+        elif role <= -2:
+            k = -2 - role
+            T[c, index[indptr[k]:indptr[k + 1]]] = value[indptr[k]:indptr[k + 1]]
+    matrix, dense = target(kind, n)
+    tables = (roles.astype(np.int64), np.array(indptr), np.array(index), np.array(value))
+    expected = np.zeros((n, n))
+    Ks, sets = [], []
+    for _ in range(3):
+        dofs = rng.choice(n_full, size=4, replace=False)
+        Ke = rng.normal(size=(4, 4))
+        Ke = Ke + Ke.T if kind == "symmetric band" else Ke
+        expected += T[dofs].T @ Ke @ T[dofs]
+        Ks.append(Ke)
+        sets.append(dofs)
+    scatter(matrix, Ks[0], sets[0], *tables)
+    scatter_patches(matrix, np.array(Ks[1:]), np.array(sets[1:]), *tables)
+    np.testing.assert_allclose(dense(), expected, atol=1e-12)
