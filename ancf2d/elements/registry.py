@@ -15,12 +15,12 @@ ENDS = (0.0, 1.0)
 THREE = (0.0, 0.5, 1.0)
 _R_RX_RY = _nodes(ENDS, "r", "r_x", "r_y")
 _PAPER = {"formulation": "continuum", "shear_factor": 0.5, "quadrature": (2, 2)}
+_TWO = {"continuum": (2, 2)}
 _SEED = "two-dimensional shear deformable ANCF elements by common coefficients"
 
 _TYPES = (
     ElementType("omar", ("1", "x", "y", "x*y", "x^2", "x^3"), _R_RX_RY,
-                formulation="enhanced", quadrature={"enhanced": (4, 2)}, preset=_PAPER,
-                source="Omar & Shabana 2001"),
+                formulation="enhanced", preset=_PAPER, source="Omar & Shabana 2001"),
     ElementType("kerkkanen", ("1", "x", "y", "x*y"), _nodes(ENDS, "r", "r_y"),
                 formulation="structural", source="Kerkkanen, Sopanen & Mikkola 2005"),
     ElementType("vallejo", ("1", "x", "y", "x*y", "x^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
@@ -32,18 +32,18 @@ _TYPES = (
                      "it; the basis is what they determine"),
     ElementType("patel", ("1", "x", "y", "x*y", "x^2", "x^3", "y^2", "x*y^2"),
                 _nodes(ENDS, "r", "r_x", "r_y", "r_yy"),
-                formulation="continuum", source="Patel & Shabana 2018"),
+                formulation="continuum", quadrature={"continuum": (3, 2)}, source="Patel & Shabana 2018"),
     ElementType("2d2n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^3"), _R_RX_RY,
-                formulation="continuum", preset=_PAPER, source=f"{_SEED}, Eqs. (24)-(25)",
+                formulation="continuum", quadrature=_TWO, preset=_PAPER, source=f"{_SEED}, Eqs. (24)-(25)",
                 note="not symmetric under reversal of x; on an arc it curves the reference sections"),
     ElementType("2d3n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
-                formulation="continuum", preset=_PAPER, source=f"{_SEED}, Eqs. (26)-(28)",
+                formulation="continuum", quadrature=_TWO, preset=_PAPER, source=f"{_SEED}, Eqs. (26)-(28)",
                 note="on an arc it curves the reference sections"),
     ElementType("2d2n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"), _R_RX_RY,
-                formulation="continuum", source="2d2n with the Poisson-consistent coefficient",
+                formulation="continuum", quadrature=_TWO, source="2d2n with the Poisson-consistent coefficient",
                 note="on an arc it curves the reference sections"),
     ElementType("2d3n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
-                formulation="continuum", source="2d3n with the Poisson-consistent coefficient",
+                formulation="continuum", quadrature=_TWO, source="2d3n with the Poisson-consistent coefficient",
                 note="on an arc it curves the reference sections"),
     ElementType("cable", ("1", "x", "x^2", "x^3"), _nodes(ENDS, "r", "r_x"),
                 formulation="cable", source="Berzeri & Shabana 2000; Gerstmayr & Irschik 2008"),

@@ -79,7 +79,7 @@ def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> Non
     tx, ty = math.cos(point.angle), math.sin(point.angle)
     axis = point.position()
     out.rows.append(Row(*along(axis, tx, ty), owner, "axial position"))
-    out.rows.append(Row(*along(point.position(support.spread or "uniform"), -ty, tx), owner, "mean transverse position"))
+    out.rows.append(Row(*along(point.position("uniform"), -ty, tx), owner, "mean transverse position"))
     for j in range(1, element.degree_y + 1):
         row = point.shape_row(0, j)
         columns = [point._columns(row, 0), point._columns(row, 1)]

@@ -143,7 +143,12 @@ def _refuse_split(element: ElementType) -> str | None:
 
 
 def _default_rule(element: ElementType) -> tuple[int, int]:
-    return element.degree_x, element.degree_y + 1
+    """Return as many points along as powers of x: the fewest without hidden zero-energy modes.
+
+    Of the linear elements only the one with straight sections gets by with a single point.
+    """
+    along = 2 if element.degree_x == 1 and element.degree_y > 1 else element.degree_x
+    return along, element.degree_y + 1
 
 
 def _exact(element: ElementType) -> tuple[int, int]:
