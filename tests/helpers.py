@@ -15,6 +15,7 @@ from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.rotation import Rotation
+from ancf2d.errors import CaseError
 from ancf2d.study.run import vocabulary
 
 ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 3), (8, 5))

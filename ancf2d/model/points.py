@@ -67,11 +67,16 @@ class PointRef:
     def director(self) -> tuple[list[tuple[Index, Array]], float]:
         """Return (coordinates, weights) of x and y of the vector that turns with the section, and its reference angle.
 
-        r_y where there is one, r_x for the cable.
+        r_y where there is one, r_x for the cable. Between the nodes of an arc the interpolated vector is a little off
+        the curve's own direction; the angle is the vector's, so that the reference meets what is asked of it.
         """
         across = self.mesh.plan.element.section_kind == "interpolated"
         row = self.shape_row(0, 1) if across else self.shape_row(1, 0)
-        return [self._columns(row, 0), self._columns(row, 1)], self.angle + (0.5 * math.pi if across else 0.0)
+        columns = [self._columns(row, 0), self._columns(row, 1)]
+        angle = self.angle + (0.5 * math.pi if across else 0.0)
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = (float(w @ self.mesh.e0[i - self.mesh.first_dof]) for i, w in columns)
+        return columns, angle + math.atan2(c * y - s * x, c * x + s * y)
 
     def dofs(self) -> Index:
         """Return all coordinates of the node here, or of the element where it is no node."""

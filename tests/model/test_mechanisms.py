@@ -1,0 +1,94 @@
+"""Rigid motions that nothing holds are found before solving and named; what is held is not refused."""
+
+import helpers
+import pytest
+from helpers import CaseError
+
+NAMES = list(helpers.KINDS.values())
+
+
+def scene(name: str, bc, joints=(), springs=(), second: bool = False, solver: str = "static"):
+    bodies = {"a": helpers.body(helpers.line(1.0), helpers.element(name, 2))}
+    if second:
+        bodies["b"] = helpers.body(helpers.line(1.0, 0.0, (1.0, 0.0)), helpers.element(name, 2))
+    return helpers.build(bodies, solver, bc=bc, joints=joints, springs=springs)
+
+
+PIN0, PIN1 = {"type": "pin", "at": "a@0"}, {"type": "pin", "at": "b@1"}
+HINGE = {"type": "pin", "between": ["a@1", "b@0"]}
+WELD = {"type": "weld", "between": ["a@1", "b@0"]}
+CLAMP = {"type": "clamp", "at": "a@0"}
+
+
+def roller(at: str, fixed: str) -> dict:
+    return {"type": "roller", "at": at, "fixed": fixed}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("bc", "joints", "second", "motions"), [
+    ([], [], False, 3),
+    ([PIN0], [], False, 1),
+    ([roller("a@0", "y"), roller("a@1", "y")], [], False, 1),
+    ([roller("a@0", "x"), roller("a@1", "x")], [], False, 2),
+    ([roller("a@0.3", "y")], [], False, 2),
+    ([CLAMP], [HINGE], True, 1),
+    ([PIN0], [HINGE], True, 2),
+    ([CLAMP], [], True, 3),
+    ([PIN0, PIN1], [HINGE], True, 1),
+])
+def test_mechanisms_are_refused_with_one_sentence_per_motion(name, bc, joints, second, motions):
+    with pytest.raises(CaseError, match="a mechanism") as error:
+        scene(name, bc, joints, second=second)
+    assert len(error.value.problems) == motions
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("bc", "joints", "second"), [
+    ([CLAMP], [], False),
+    ([{"type": "clamp", "at": "a@0.37"}], [], False),
+    ([PIN0, roller("a@1", "y")], [], False),
+    ([PIN0, {"type": "prescribed", "at": "a@0", "angle": 0.1}], [], False),
+    ([PIN0, {"type": "roller", "at": "a@1", "normal": [1, 1]}], [], False),
+    ([roller("a@0", "y"), roller("a@1", "y"), roller("a@0", "x")], [], False),
+    ([CLAMP], [WELD], True),
+    ([CLAMP, roller("b@1", "y")], [HINGE], True),
+    ([CLAMP, PIN1], [HINGE], True),
+])
+def test_what_is_held_is_not_refused(name, bc, joints, second):
+    scene(name, bc, joints, second=second)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_springs_hold(name):
+    spring = {"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0}
+    scene(name, [CLAMP], [HINGE], [spring], second=True)
+    lift = {"type": "translational", "between": ["a@1", [1.0, 1.0]], "stiffness": 2.0}
+    scene(name, [PIN0], [], [lift])
+    along = {"type": "translational", "between": ["a@1", [2.0, 0.0]], "stiffness": 2.0}
+    with pytest.raises(CaseError, match="a mechanism"):
+        scene(name, [PIN0], [], [along])
+
+
+def test_a_rotation_is_named_with_its_pole_and_a_translation_with_its_direction():
+    with pytest.raises(CaseError, match=r"a can turn about \(0, 0\)"):
+        scene("vallejo", [PIN0])
+    with pytest.raises(CaseError, match=r"a can move along \(1, 0\)"):
+        scene("vallejo", [roller("a@0", "y"), roller("a@1", "y")])
+    with pytest.raises(CaseError, match=r"b can turn about \(1, 0\)"):
+        scene("vallejo", [CLAMP], [HINGE], second=True)
+
+
+def test_pole_of_two_rollers_is_where_their_normals_meet():
+    bc = [{"type": "roller", "at": "a@0", "fixed": "y"}, {"type": "roller", "at": "a@1", "normal": [1, 1]}]
+    with pytest.raises(CaseError, match=r"a can turn about \(0, -1\)"):
+        scene("reissner3", bc)
+
+
+def test_arc_on_rollers_towards_its_centre_is_a_mechanism():
+    arc = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0.0, "to": 3.0}
+    from math import cos, sin
+
+    bodies = {"a": helpers.body(arc, helpers.element("vallejo", 8))}
+    bc = [{"type": "roller", "at": f"a@{s}", "normal": [cos(3 * s), sin(3 * s)]} for s in (0, 0.5, 1)]
+    with pytest.raises(CaseError, match=r"turn about \(0, 0\)"):
+        helpers.build(bodies, bc=bc)
