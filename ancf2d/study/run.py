@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, LoadedCase, Vocabulary
+from ..case import Case, LoadedCase, Vocabulary, load_case
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
@@ -33,10 +34,16 @@ def vocabulary() -> Vocabulary:
 
 @dataclass
 class Progress:
-    """What a run tells while it goes on: called with each state; ``warn`` with each new warning."""
+    """What a run tells while it goes on.
+
+    ``state`` is called with each state, ``warn`` with each new warning, ``built`` with the model before it is
+    solved, ``compiling`` when kernels have to be compiled first.
+    """
 
     state: Callable[[State], None] = lambda state: None
     warn: Callable[[str], None] = lambda text: None
+    built: Callable[[Model], None] = lambda model: None
+    compiling: Callable[[], None] = lambda: None
 
 
 @dataclass
@@ -49,25 +56,39 @@ class Outcome:
     warnings: list[str] = field(default_factory=list)
 
 
+def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedCase:
+    """Return the case in a file, read with the names that the registries know. Raises CaseError with all problems."""
+    return load_case(path, overrides, vocabulary())
+
+
 def prepare(loaded: LoadedCase) -> Model:
-    """Return the model of a case, with the kernels it needs compiled. Raises CaseError with all problems."""
+    """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
     from ..solve.registry import unavailable
 
     problems = unavailable(loaded)
+    try:
+        model = build_model(loaded)
+    except CaseError as error:
+        raise CaseError([*problems, *error.problems]) from None
     if problems:
         raise CaseError(problems)
-    return build_model(loaded)
+    return model
 
 
 def check(loaded: LoadedCase) -> list[str]:
     """Check a case beyond its format, without numba; return its warnings. Raises CaseError with all problems."""
-    return build_model(loaded).warnings
+    return prepare(loaded).warnings
 
 
 def solver_name(case: Case) -> str:
     """Return ``solver.type`` of a case."""
     words = type(case.solver).__name__
     return "".join("_" + c.lower() if c.isupper() else c for c in words).lstrip("_")
+
+
+def end_factor(case: Case) -> float:
+    """Return the load factor that a static case ends at."""
+    return float(getattr(getattr(case.solver, "until", None), "value", 1.0))
 
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
@@ -79,6 +100,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     """
     model = prepare(loaded)
     progress = progress or Progress()
+    progress.built(model)
     warnings = list(model.warnings)
     for text in warnings:
         progress.warn(text)
@@ -97,18 +119,35 @@ def _exception() -> tuple[Any, Any, Any]:
     return sys.exc_info()
 
 
+class _Clock:
+    """Hands on the states of a solver and counts the time that it takes, without what is done with them."""
+
+    def __init__(self, states: Iterator[State]) -> None:
+        self.states, self.seconds = states, 0.0
+
+    def __iter__(self) -> Iterator[State]:
+        return self
+
+    def __next__(self) -> State:
+        started = time.perf_counter()
+        try:
+            return next(self.states)
+        finally:
+            self.seconds += time.perf_counter() - started
+
+
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> Outcome:
     from ..solve.post import Observer
     from ..solve.registry import solve
     from .warmup import warm_up
 
-    warm_up(model)
+    warm_up(model, progress.compiling)
     observer = Observer(model)
-    every = loaded.case.output.every or 1
-    started = time.perf_counter()
+    every, end = loaded.case.output.every or 1, end_factor(loaded.case)
+    clock = _Clock(solve(model))
     state, failure, probes, totals = None, None, {}, {"iterations": 0, "steps": 0}
     try:
-        for state in solve(model):
+        for state in clock:
             probes = observer.observe(state)
             totals["iterations"] += int(state.history["iterations"])
             totals["steps"] += 1
@@ -116,15 +155,14 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
                 warnings.append(text)
                 progress.warn(text)
             if writer is not None:
-                last = state.t >= 1.0
-                if totals["steps"] % every == 0 or last:
+                if totals["steps"] % every == 0 or state.t >= end:
                     writer.append(state.t, state.d[:model.n_q], state.history, probes)
                 else:
                     writer.log(state.history, t=state.t, probes=probes)
             progress.state(state)
     except ComputationError as error:
         failure = error
-    summary = summarise(loaded, model, state, probes, totals, time.perf_counter() - started, failure)
+    summary = summarise(loaded, model, state, probes, totals, clock.seconds, failure)
     summary["warnings"] = warnings
     if writer is not None:
         place = writer.finish(summary, "failed" if failure else "converged")
@@ -186,16 +224,21 @@ def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
     return out
 
 
+def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
+    """Return what every result file says of its case."""
+    case = loaded.case
+    return {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
+            "overrides": list(loaded.overrides), "title": case.title, "solver": solver_name(case),
+            "units": {"length": case.units.length, "force": case.units.force, "time": case.units.time},
+            "command_line": command}
+
+
 def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: str) -> Any:
     from ..results import ResultWriter
 
-    case = loaded.case
-    header = {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
-              "overrides": list(loaded.overrides), "title": case.title, "solver": solver_name(case),
-              "units": {"length": case.units.length, "force": case.units.force, "time": case.units.time},
-              "command_line": command}
     names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
-    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names, force=force)
+    return ResultWriter(out, result_header(loaded, command), [body_record(m) for m in model.meshes.values()], model.e0,
+                        names, force=force)
 
 
 SAMPLES = np.linspace(0.0, 1.0, 21)

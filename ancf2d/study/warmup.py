@@ -2,22 +2,62 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+
 import numpy as np
 
 from ..model.model import Model
 
+# reading kernels from the cache takes less than this; more means that some are being compiled
+PATIENCE = 1.5
 
-def warm_up(model: Model) -> None:
-    """Compile (or load from the cache) the kernels that a model's solve will call, on empty work."""
-    from ..kernels.elements import force, force_tangent, tangent_action
+
+def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
+    """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
+
+    ``compiling`` is called once where that takes long: at once with an empty cache, else after 1.5 s.
+    """
+    from ..kernels.jit import cache_is_cold
+
+    announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, compiling)
+    announce.daemon = True
+    announce.start()
+    try:
+        _touch(model)
+    finally:
+        announce.cancel()
+
+
+def _touch(model: Model) -> None:
+    from ..kernels.elements import element_matrices, force, force_tangent, tangent_action
+    from ..kernels.matrix import scatter_patches
     from ..solve.linear import make_matrix
+    from ..solve.post import asks_for_forces
 
     num = model.numbering
     matrix = make_matrix(model)
+    _touch_matrix(type(matrix))
+    tables = (num.place, num.indptr, num.index, num.value)
+    if model.patches or model.constraints:
+        scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), *tables)
     d = np.zeros(len(num.place))
     for group in model.groups:
         none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
-        force_tangent(none, d, d, d, matrix.target, num.place, num.indptr, num.index, num.value)
+        force_tangent(none, d, d, matrix.target, *tables)
         force(none, d, d)
         if model.moves or type(model.case.solver).__name__ == "LinearStatic":
             tangent_action(none, d, d, d)
+        if asks_for_forces(model.case):
+            n = none.law.B.shape[3]
+            element_matrices(none, d, 0, np.zeros((0, n)), np.zeros((0, n, n)))
+
+
+def _touch_matrix(kind: type) -> None:
+    """Factor and solve with a matrix of one unknown, which also imports the library that does it."""
+    from ..solve.linear import GeneralSparse
+
+    small = GeneralSparse(1, np.zeros(1), np.zeros(1)) if kind is GeneralSparse else kind(1, 0)
+    small.values.fill(1.0)
+    small.factor()
+    small.solve(np.ones(1))

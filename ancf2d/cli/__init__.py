@@ -1,0 +1,5 @@
+"""The command line: parse, call one function, map what happens to exit codes."""
+
+from .app import app as main
+
+__all__ = ["main"]

@@ -1,0 +1,120 @@
+"""The command ``ancf2d``: its commands, imported only when they are called, and the end of every invocation."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+import click
+
+from .. import __version__
+from .failures import FAILED, explain
+from .options import debug_option
+from .session import Session
+
+# the one place where a command is added: NAME in cli/NAME.py is its ``command``
+COMMANDS = {
+    "new": "Start a commented case.",
+    "validate": "Check cases without solving.",
+    "run": "Solve one case, write one result file.",
+    "convergence": "Refine the mesh: errors, observed order, extrapolation.",
+    "plot": "Draw result files.",
+    "info": "What is in a result file, and where it came from.",
+    "compare": "Compare two result files as numbers.",
+    "elements": "List element types and formulations.",
+    "schema": "The JSON Schema of case files, for editors.",
+}
+
+
+class App(click.Group):
+    """A group whose commands are imported when they are called, and whose failures are explained."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands, in the order in which they are needed."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command, importing it now."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = import_module(f"{__package__}.{cmd_name}").command
+        command.short_help = COMMANDS[cmd_name]
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(self, ctx: click.Context, args: list[str],
+                        ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is meant; a misspelt one is answered with the nearest."""
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], COMMANDS, 1)
+            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(COMMANDS)}."
+            ctx.fail(f"No such command '{args[0]}'; {hint}")
+        return super().resolve_command(ctx, args)
+
+    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
+             standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run the command line and exit: 0 done, 1 failed, 2 wrong, 130 interrupted."""
+        session = Session(list(sys.argv[1:] if args is None else args))
+        _survive_any_title()
+        try:
+            with warnings.catch_warnings():
+                if not (sys.warnoptions or "--debug" in session.arguments):
+                    warnings.simplefilter("ignore")
+                code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,
+                                    **extra)
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        except BrokenPipeError:
+            _silence_stdout()
+            code = FAILED
+        except (Exception, KeyboardInterrupt) as error:
+            code = _explain(error, session)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _explain(error: BaseException, session: Session) -> int:
+    """Explain a failure, wherever stdout leads."""
+    try:
+        code = explain(error, session)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        _silence_stdout()
+        code = FAILED
+    return code
+
+
+def _survive_any_title() -> None:
+    """Let a terminal without the letters of a title show escapes in their place."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, ValueError, OSError):
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+
+
+def _silence_stdout() -> None:
+    """Give up what is still buffered for a reader that has gone, so that nothing complains at exit."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@click.group(cls=App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+             epilog="'ancf2d COMMAND --help' says more. Start with 'ancf2d new beam', then 'ancf2d run beam.yaml'.")
+@click.version_option(__version__, prog_name="ancf2d")
+@debug_option
+def app() -> None:
+    """Planar flexible multibody dynamics with selectable ANCF beam elements, from YAML case files.
+
+    Results go to stdout, everything else to stderr. Exit codes: 0 done, 1 the computation failed, 2 the
+    command line, the case or an input file is wrong, 130 interrupted.
+    """

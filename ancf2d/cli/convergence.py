@@ -1,0 +1,145 @@
+"""``ancf2d convergence``: refine, tabulate error and observed order, extrapolate."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from ..errors import ResultsError
+from .failures import FAILED
+from .options import case_argument, debug_option, force_option, json_option, quiet_option, set_option
+from .progress import Bar
+from .run import compiling
+from .session import Session
+from .text import duration, number, table
+
+if TYPE_CHECKING:
+    from ..study.convergence import Convergence, Series
+    from ..study.variants import Variant
+
+
+def _meshes(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | None:
+    if value is None:
+        return None
+    try:
+        found = [int(part) for part in value.split(",")]
+    except ValueError:
+        found = [0]
+    if min(found) < 1:
+        raise click.BadParameter(f"'{value}' is no list of numbers of elements; expected for example 2,4,8,16.")
+    return found
+
+
+def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
+    if value == "auto":
+        return None
+    try:
+        found = float(value)
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        raise click.BadParameter(f"'{value}' is neither a number nor auto.")
+    return found
+
+
+@click.command(epilog="Examples: 'ancf2d convergence beam.yaml', 'ancf2d convergence beam.yaml --elements 2,4,8,16 "
+                      "--element 2d2n,vallejo:structural,ancf[3,2] -o study.h5', then 'ancf2d plot study.h5'.")
+@case_argument
+@click.option("--elements", "meshes", callback=_meshes, metavar="N,N,...",
+              help="Numbers of elements of the whole model, shared by its bodies in the proportions of the case. "
+                   "Default: five meshes, doubling from the case's own.")
+@click.option("--element", "types", metavar="TYPE,...",
+              help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
+                   "Default: the case's own.")
+@click.option("--formulation", help="Formulation of the types that name none.")
+@click.option("--reference", default="auto", show_default=True, callback=_reference, metavar="VALUE",
+              help="What errors are against: a number, or auto for the extrapolated limit of each type.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True,
+              help="Meshes solved at the same time; values do not depend on it, measured times do.")
+@click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
+@set_option
+@force_option
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, meshes: list[int] | None, types: str | None, formulation: str | None,
+            reference: float | None, jobs: int, output: str | None, overrides: tuple[str, ...], force: bool) -> int:
+    """Refine the mesh and see the goal of a case converge.
+
+    Prints value, error and observed order for each mesh, and the limit of each element type with an error
+    bar after the grid convergence index.
+    """
+    session.subject = {"case": case}
+    from ..study.convergence import convergence
+    from ..study.run import load
+
+    variants = _variants(types, formulation)
+    loaded = load(case, overrides)
+    if output is not None and os.path.exists(output) and os.path.samefile(output, case):
+        raise ResultsError(f"'{output}' is the case itself; choose another output file with -o")
+    with Bar("solving", session.shows_progress) as bar:
+        study = convergence(loaded, variants, meshes, reference, jobs, compiling(session), bar.update)
+    for text in study.warnings:
+        session.warn(text)
+    result = study.as_json()
+    if output is not None:
+        from ..study.convergence_file import write_convergence
+
+        write_convergence(study, loaded, output, session.command_line, force=force)
+        result["output"] = output
+    session.print_json(result)
+    session.out(report(study))
+    if output is not None:
+        session.out(f"\nresults in {output}; next: ancf2d plot {output}")
+    if not study.converged:
+        click.echo("error: no mesh could be solved", err=True)
+        return FAILED
+    return 0
+
+
+def _variants(types: str | None, formulation: str | None) -> list[Variant]:
+    from ..study.variants import Variant, formulation_named, parse_variants
+
+    try:
+        if types is not None:
+            return parse_variants(types, formulation)
+        return [Variant(formulation=None if formulation is None else formulation_named(formulation))]
+    except ValueError as error:
+        raise click.UsageError(f"{error}.") from None
+
+
+def report(study: Convergence) -> str:
+    """Return a study as people read it: the table, then a line for each element type."""
+    lines = [study.title] if study.title else []
+    lines += [f"{study.goal} over meshes", ""]
+    several = len({s.formulation for s in study.series}) > 1
+    rows = [["element", *(["formulation"] if several else []), "elements", "coordinates", study.goal, "error", "order",
+             "time", ""]]
+    for row in study.rows:
+        order = "-" if row.order is None else f"{row.order:.2f}"
+        wall = "-" if row.wall_s is None else duration(row.wall_s)
+        rows.append([row.element, *([row.formulation] if several else []), str(row.elements),
+                     "-" if row.dofs is None else str(row.dofs), number(row.value, 10),
+                     "-" if row.error is None else f"{row.error:.1e}", order, wall,
+                     f"failed: {row.reason}" if row.reason else ""])
+    lines += [*table(rows, left=(0, 1, 8) if several else (0, 7)), ""]
+    lines += [_limit(s, several) for s in study.series]
+    if study.reference is None and any(s.reference is not None for s in study.series):
+        lines += ["", "errors are against the limit of each type and formulation itself; how far that is from the beam "
+                  "or continuum it stands for, they do not tell"]
+    return "\n".join(lines)
+
+
+def _limit(series: Series, several: bool) -> str:
+    e = series.estimate
+    name = f"{series.element} ({series.formulation})" if several else series.element
+    if e.value is None:
+        return f"{name}: {e.note}"
+    bar = "" if e.error_bar is None else f" +- {number(e.error_bar, 2)}"
+    order = "" if e.order is None else f", order {e.order:.2f}"
+    note = f"; {e.note}" if e.note else ""
+    return f"{name}: limit {number(e.value, 10)}{bar}{order}{note}"

@@ -1,0 +1,99 @@
+"""``ancf2d elements``: the element types and what they can be combined with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from ..errors import CaseError, Problem
+from .options import debug_option, json_option
+from .session import Session
+from .text import many, table
+
+
+@click.command(epilog="Examples: 'ancf2d elements', 'ancf2d elements 2d2n', 'ancf2d elements ancf[3,2]'.")
+@click.argument("name", required=False, metavar="[NAME]")
+@json_option
+@debug_option
+@click.pass_obj
+def command(session: Session, name: str | None) -> int:
+    """List element types, or tell all about one.
+
+    The formulation that a type has by default is marked with *.
+    """
+    from ..elements import registry
+
+    types = [registry.ELEMENTS[n] for n in registry.ELEMENTS] if name is None else [_named(name)]
+    found = [_describe(t) for t in types]
+    if name is not None:
+        session.print_json(found[0])
+        session.out(_one(found[0]))
+        return 0
+    p, q = registry.MAX_ORDER
+    session.print_json({"elements": found, "families": [{"name": registry.FAMILY, "max_order": [p, q]}]})
+    rows = [["type", "coordinates", "formulations", "source"]]
+    for t in found:
+        names = [f["name"] + "*" * f["default"] for f in t["formulations"] if f["refused"] is None]
+        rows.append([t["name"], f"{t['dofs']}: {_nodes(t)}", ", ".join(names), t["source"]])
+    rows.append([f"{registry.FAMILY}[p,q]", f"order along p <= {p}, across q <= {q}", "'ancf2d elements ancf[3,2]'",
+                 "any member of the family by its order"])
+    session.out("\n".join(table(rows, left=(0, 1, 2, 3))))
+    session.out("\n* default; 'ancf2d elements NAME' tells all about one")
+    return 0
+
+
+def _named(name: str) -> Any:
+    """Return an element type by name; CaseError with the nearest where there is none."""
+    from ..study.variants import element_named
+
+    try:
+        return element_named(name)
+    except ValueError as error:
+        raise CaseError(Problem(str(error))) from None
+
+
+def _nodes(found: dict[str, Any]) -> str:
+    """Return '2 nodes: r, r_x, r_y'; all nodes of a type have the same coordinates as a rule."""
+    sets = list(dict.fromkeys(tuple(n["coordinates"]) for n in found["nodes"]))
+    return f"{many(len(found['nodes']), 'node')}: " + "; ".join(", ".join(s) for s in sets)
+
+
+def _describe(element: Any) -> dict[str, Any]:
+    """Return an element type as a JSON-able object."""
+    from ..elements.formulations import FORMULATIONS
+
+    formulations = []
+    for f in FORMULATIONS.values():
+        refused = f.refuse(element)
+        rule = None if refused else list(element.quadrature.get(f.name, f.rule(element)))
+        formulations.append({"name": f.name, "default": f.name == element.formulation, "quadrature": rule,
+                             "refused": refused, "doc": f.doc, "source": f.source})
+    return {"name": element.name, "basis": list(element.basis), "dofs": element.n_dof,
+            "nodes": [{"at": n.at, "coordinates": list(n.coordinates)} for n in element.nodes],
+            "formulations": formulations,
+            "shear_factor": None if element.section_kind == "tangent" else element.shear_factor,
+            "preset": {k: list(v) if isinstance(v, tuple) else v for k, v in element.preset.items()},
+            "source": element.source, "note": element.note}
+
+
+def _one(found: dict[str, Any]) -> str:
+    """Return all about one element type as text."""
+    at = ", ".join(f"{n['at']:.4g}" for n in found["nodes"])
+    factors = {None: "none: this type does not shear", "timoshenko": "timoshenko: 10 (1 + nu)/(12 + 11 nu)",
+               "none": "none: 1"}
+    rows = [["basis", ", ".join(found["basis"])],
+            ["nodes", f"{_nodes(found)}, at {at} along the element"],
+            ["coordinates", f"{found['dofs']} per element"],
+            ["shear factor", factors.get(found["shear_factor"], str(found["shear_factor"]))],
+            ["source", found["source"]]]
+    if found["preset"]:
+        rows.append(["preset: paper", ", ".join(f"{k} {v}" for k, v in found["preset"].items())])
+    if found["note"]:
+        rows.append(["note", found["note"]])
+    lines = [found["name"], *table(rows, left=(0, 1), indent="  "), "", "  formulations"]
+    rows = []
+    for f in found["formulations"]:
+        what = f"{' x '.join(map(str, f['quadrature']))} Gauss points" if f["quadrature"] else f"no: {f['refused']}"
+        rows.append([f["name"], "default" if f["default"] else "", what, f["doc"] if f["quadrature"] else ""])
+    return "\n".join([*lines, *table(rows, left=(0, 1, 2, 3), indent="    ")])

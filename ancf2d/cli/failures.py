@@ -1,0 +1,80 @@
+"""What went wrong -> sentences on stderr, the JSON object of a failure, and the exit code."""
+
+from __future__ import annotations
+
+import traceback
+from typing import Any
+
+import click
+
+from ..errors import Ancf2dError, CaseError, ComputationError, Problem
+from .session import Session
+
+FAILED, WRONG, INTERRUPTED = 1, 2, 130
+
+
+def explain(error: BaseException, session: Session) -> int:
+    """Tell what went wrong and return the exit code."""
+    if session.debug:
+        traceback.print_exception(error)
+    if isinstance(error, click.ClickException):
+        error.show()
+        reason, code = error.format_message(), WRONG
+    elif isinstance(error, CaseError):
+        click.echo(problems_text(error.problems, session.subject.get("case", "")), err=True)
+        reason, code = error.problems[0].message, error.exit_code
+    elif isinstance(error, Ancf2dError):
+        text = error.text() if isinstance(error, ComputationError) else f"error: {error}"
+        click.echo(text, err=True)
+        reason, code = _reason(error), error.exit_code
+    elif isinstance(error, KeyboardInterrupt | click.Abort | EOFError):
+        click.echo("interrupted", err=True)
+        reason, code = "interrupted", INTERRUPTED
+    elif isinstance(error, OSError):
+        reason, code = " ".join(filter(None, [error.filename and f"'{error.filename}':", error.strerror])), FAILED
+        click.echo(f"error: {reason}", err=True)
+    elif isinstance(error, MemoryError):
+        reason, code = "there is not enough memory for this", FAILED
+        click.echo(f"error: {reason}", err=True)
+    else:
+        reason, code = f"internal error, please report: {_named(error)}", FAILED
+        click.echo(f"{reason} (--debug shows where)" if not session.debug else reason, err=True)
+    session.print_json(failure_object(error, reason, code, session.subject))
+    return code
+
+
+def _named(error: BaseException) -> str:
+    text = str(error).strip().split("\n")[0]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _reason(error: Ancf2dError) -> str:
+    return error.failure.reason if isinstance(error, ComputationError) else str(error)
+
+
+def failure_object(error: BaseException, reason: str, code: int, subject: dict[str, Any]) -> dict[str, Any]:
+    """Return what ``--json`` prints of a failure."""
+    found: dict[str, Any] = {**subject, "status": "interrupted" if code == INTERRUPTED else "failed", "reason": reason,
+                             "at": {}}
+    if isinstance(error, CaseError):
+        first = error.problems[0]
+        found["at"] = {"file": first.file, "line": first.line, "column": first.column} if first.line else {}
+        found["problems"] = [problem_object(p) for p in error.problems]
+    elif isinstance(error, ComputationError):
+        found.update(at=error.failure.at, advice=error.failure.advice, residuals=error.failure.history)
+    return found
+
+
+def problem_object(problem: Problem) -> dict[str, Any]:
+    """Return a problem as a JSON-able object; ``path`` is dotted as in ``--set``."""
+    return {"file": problem.file, "line": problem.line, "column": problem.column,
+            "path": ".".join(map(str, problem.path)), "message": problem.message, "expected": problem.expected,
+            "near": problem.near}
+
+
+def problems_text(problems: list[Problem], case: str) -> str:
+    """Return problems one below the other, and how many they are."""
+    lines = [str(p) for p in problems]
+    if case:
+        lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'} in {case}")
+    return "\n".join(lines)

@@ -1,0 +1,27 @@
+"""``ancf2d info``: what is in a result file."""
+
+from __future__ import annotations
+
+import click
+
+from .options import debug_option, json_option
+from .session import Session
+
+
+@click.command(epilog="Example: 'ancf2d info beam.h5'.")
+@click.argument("file", type=click.Path(), metavar="OUT.h5")
+@json_option
+@debug_option
+@click.pass_obj
+def command(session: Session, file: str) -> int:
+    """Tell what is in a result file and where it came from.
+
+    An unfinished file (NAME.h5.part) is read as well.
+    """
+    session.subject = {"file": file}
+    from ..results import describe, describe_text
+
+    found = describe(file)
+    session.print_json(found)
+    session.out(describe_text(found))
+    return 0

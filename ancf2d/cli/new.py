@@ -1,0 +1,46 @@
+"""``ancf2d new``: a commented case to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..errors import ResultsError
+from .options import debug_option, force_option
+from .schema import schema_text, write_schema
+from .session import Session
+
+# as in case.TEMPLATES; repeated so that --help need not read the case format
+KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
+
+
+@click.command(epilog="Example: 'ancf2d new beam --kind simply_supported', then edit beam.yaml.")
+@click.argument("name", type=click.Path(), metavar="NAME")
+@click.option("--kind", type=click.Choice(KINDS), default=KINDS[0], show_default=True, help="What to start from.")
+@force_option
+@debug_option
+@click.pass_obj
+def command(session: Session, name: str, kind: str, force: bool) -> int:
+    """Start a commented case NAME.yaml.
+
+    The schema of case files is put beside it if there is none, so that editors complete and check what
+    is typed.
+    """
+    path = Path(name) if name.endswith((".yaml", ".yml")) else Path(name + ".yaml")
+    if path.exists() and not force:
+        raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
+    from ..case import SCHEMA_FILE, template
+
+    text = template(path.stem, kind)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ResultsError(f"cannot write '{path}': {error.strerror}") from error
+    session.out(f"wrote {path}")
+    schema = path.parent / SCHEMA_FILE
+    if not schema.exists():
+        write_schema(schema, schema_text(), False)
+        session.out(f"wrote {schema} (editors check the case against it)")
+    session.out(f"next: edit it, ancf2d validate {path}, ancf2d run {path}")
+    return 0

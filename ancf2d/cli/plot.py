@@ -1,0 +1,105 @@
+"""``ancf2d plot``: figures from result files alone."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..errors import ResultsError
+from .options import debug_option, quiet_option
+from .session import Session
+from .text import table
+
+
+@click.command(epilog="Examples: 'ancf2d plot beam.h5', 'ancf2d plot a.h5 b.h5 load_deflection --save path.pdf', "
+                      "'ancf2d plot beam.h5 --list'.")
+@click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]")
+@click.option("--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
+              "Default, where nothing else is asked for: NAME-KIND.png in the working directory.")
+@click.option("--show", is_flag=True, help="Open a window; needs a display.")
+@click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write what is drawn as a table of numbers.")
+@click.option("--list", "list_only", is_flag=True, help="List the kinds of figure that the file can be drawn as.")
+@click.option("--scale", type=float, help="Magnification of displacements (shape).")
+@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape).")
+@click.option("--probe", multiple=True, help="Probe that is drawn; may be given several times (curves).")
+@click.option("--quantity", multiple=True, help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
+@click.option("--against", type=click.Choice(["elements", "dofs", "wall_s"]),
+              help="What the error is drawn over (convergence).")
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
+            list_only: bool, **options: Any) -> int:
+    """Draw result files; several are overlaid.
+
+    KIND is shape, load_deflection, history, convergence, ...; --list names those that fit a file. Without
+    KIND, what tells most about the first file is drawn.
+    """
+    from ..plot import KINDS, default_kind
+    from ..results import open_results
+
+    files, kind = _split(arguments, tuple(KINDS))
+    chosen = {k: v for k, v in options.items() if v is not None and v != ()}
+    with ExitStack() as stack:
+        results = [stack.enter_context(open_results(f)) for f in files]
+        if list_only:
+            _list(session, results[0])
+            return 0
+        name = kind or default_kind(results[0])
+        if save is None and data is None and not show:
+            save = f"{_stem(files[0])}-{name}.png"
+        _draw(session, results, name, save, data, show, chosen)
+    return 0
+
+
+def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str], str | None]:
+    """Tell files from the kind: a name among them that is no file is meant as a kind."""
+    files: list[str] = []
+    found: list[str] = []
+    for text in arguments:
+        bare = os.sep not in text and "." not in text
+        (found if text in kinds or (bare and not os.path.exists(text)) else files).append(text)
+    if len(found) > 1:
+        raise click.UsageError(f"One kind of figure at a time, got {' and '.join(found)}.")
+    if not files:
+        raise click.UsageError(f"There is no result file to draw: {arguments[0]} is none. The kinds of figure are "
+                               f"{', '.join(kinds)}.")
+    return files, found[0] if found else None
+
+
+def _draw(session: Session, results: list[Any], kind: str, save: str | None, data: str | None, show: bool,
+          options: dict[str, Any]) -> None:
+    from .. import plot
+
+    for path in (save, data):
+        if path is not None and any(os.path.exists(path) and os.path.samefile(path, r.path) for r in results):
+            raise ResultsError(f"'{path}' is the result file itself; choose another name")
+    if save is not None:
+        plot.save(plot.draw(results, kind, **options), save)
+        session.note(f"wrote {save} ({kind})")
+    if data is not None:
+        plot.data_csv(results, data, kind, **options)
+        session.note(f"wrote {data} ({kind})")
+    if show:
+        plot.show(results, kind, **options)
+
+
+def _stem(file: str) -> str:
+    return Path(file).name.removesuffix(".part").removesuffix(".h5")
+
+
+def _list(session: Session, results: Any) -> None:
+    from ..plot import default_kind, list_kinds
+
+    default = default_kind(results)
+    rows = []
+    for kind in list_kinds(results):
+        options = ", ".join(f"--{o}" for o in kind.options)
+        mark = "*" if kind.name == default else ""
+        rows.append([kind.name + mark, *([f"no: {kind.missing}", ""] if kind.missing else [kind.doc, options])])
+    session.out("\n".join(table(rows, left=(0, 1, 2))))
+    session.out("\n* drawn when no kind is named")

@@ -1,0 +1,100 @@
+"""The summary of a run as people read it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..case import Units
+from ..case.units import unit_label
+from .text import duration, many, number, rounded, table
+
+# quantities of one kind share a unit, and a size that round-off is judged against
+_UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
+          "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m"}
+_KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
+          "vy": "velocity", "N": "force", "Q": "force", "fx": "force", "fy": "force"}
+
+
+def run_report(summary: dict[str, Any], units: Units) -> str:
+    """Return the summary of a finished run: status, probes, reactions, expected values."""
+    labels = (units.length, units.force, units.time)
+    lines = [summary["title"]] if summary["title"] else []
+    facts = [summary["solver"], many(summary["elements"], "element"), many(summary["dofs"], "nodal coordinate")]
+    if summary["solver"] != "linear_static":
+        facts.append(f"{many(summary['iterations'], 'iteration')} in {many(summary['steps'], 'step')}")
+    lines.append(f"{summary['status']}: {', '.join(facts)}, {duration(summary['wall_s'])}")
+    if summary.get("load_factor", 1.0) != 1.0:
+        lines.append(f"load factor {number(summary['load_factor'])}")
+    for title, key in (("probe", "probes"), ("reaction", "reactions")):
+        if summary.get(key):
+            lines += ["", *_quantities(title, summary[key], labels)]
+    if summary.get("checks"):
+        lines += ["", *_checks(summary["checks"])]
+    return "\n".join(lines)
+
+
+def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[str, str, str]) -> list[str]:
+    names = list(dict.fromkeys(q for row in values.values() for q in row))
+    scales: dict[str, float] = {}
+    for row in values.values():
+        for q, value in row.items():
+            kind = _KINDS.get(q, q)
+            scales[kind] = max(scales.get(kind, 0.0), abs(value))
+    header = [title, *(f"{q} [{unit_label(_UNITS[q], labels)}]" for q in names)]
+    rows = [[name, *(rounded(row[q], scales[_KINDS.get(q, q)]) if q in row else "" for q in names)]
+            for name, row in values.items()]
+    return table([header, *rows])
+
+
+def _checks(checks: list[dict[str, Any]]) -> list[str]:
+    rows = [["expected", "computed", "known", "", ""]]
+    for c in checks:
+        verdict = "ok" if c["met"] else f"differs by {_difference(c)}"
+        rows.append([c["what"], number(c["value"], 8), number(c["expected"], 8), verdict, c["source"]])
+    return table(rows, left=(0, 3, 4))
+
+
+def _difference(check: dict[str, Any]) -> str:
+    """Return a difference beside what is allowed, both in per cent where there is something to relate them to."""
+    size = abs(check["expected"])
+    if size == 0:
+        return f"{abs(check['difference']):.2g}, allowed {check['allowed']:.2g}"
+    return f"{100 * abs(check['difference']) / size:.2g} %, allowed {100 * check['allowed'] / size:.2g} %"
+
+
+def built_report(model: Any) -> str:
+    """Return what ``-v`` says of a model: what was built, and what was left out because nothing needs it."""
+    from ..solve.post import asks_for_forces
+
+    num, lines = model.numbering, []
+    for name, mesh in model.meshes.items():
+        plan = mesh.plan
+        rule = " x ".join(map(str, plan.rule.normal))
+        if not plan.rule.uniform:
+            rule += f" (shear {' x '.join(map(str, plan.rule.shear))})"
+        alike = "all alike" if len(mesh.classes) == 1 else f"{len(mesh.classes)} different ones"
+        lines.append(f"body {name}: {many(plan.count, 'element')} {plan.element.name} ({alike}), "
+                     f"{plan.formulation.name}, {rule} Gauss points")
+    eliminated = model.n_q - (num.n_unknowns - num.n_multipliers)
+    lines.append(f"unknowns: {num.n_unknowns} of {many(model.n_q, 'nodal coordinate')}; {eliminated} eliminated by "
+                 f"supports and joints; {many(num.n_multipliers, 'multiplier')}")
+    lines.append(f"matrix: {matrix_text(model)}, half-bandwidth {num.half_bandwidth}")
+    formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values()))
+    lines.append(f"kernels: force, tangent and energy of {formulations}")
+    left_out = ["mass matrix (static)"]
+    left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
+    left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
+    lines.append("left out: " + ", ".join(left_out))
+    return "\n".join(lines)
+
+
+_MATRICES = {"SymmetricBand": "symmetric band, LDL^T", "GeneralBand": "band, LU with pivoting (LAPACK): follower loads",
+             "GeneralSparse": "sparse, LU (SuperLU): the mesh is no chain"}
+
+
+def matrix_text(model: Any) -> str:
+    """Return which matrix and factorisation a model's tangent gets."""
+    from ..solve.linear import make_matrix
+
+    kind = type(make_matrix(model)).__name__
+    return _MATRICES.get(kind, kind)

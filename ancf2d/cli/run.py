@@ -1,0 +1,99 @@
+"""``ancf2d run``: one case in, one result file out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from ..errors import ResultsError
+from .failures import FAILED
+from .options import (
+    case_argument,
+    debug_option,
+    force_option,
+    json_option,
+    quiet_option,
+    set_option,
+    verbose_option,
+)
+from .progress import Bar
+from .session import Session
+from .text import many
+
+
+@click.command(epilog="Examples: 'ancf2d run beam.yaml', 'ancf2d run beam.yaml -o fine.h5 --set "
+                      "bodies.beam.element.count=64', 'ancf2d run beam.yaml --json | jq .probes'.")
+@case_argument
+@click.option("-o", "--output", type=click.Path(), metavar="OUT.h5",
+              help="Result file; default: the case's name with .h5, in the working directory.")
+@set_option
+@click.option("--check", is_flag=True, help="Exit with 1 where a value under 'expected' is not met.")
+@force_option
+@json_option
+@quiet_option
+@verbose_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, output: str | None, overrides: tuple[str, ...], check: bool,
+            force: bool) -> int:
+    """Solve a case and write one HDF5 result file.
+
+    Prints probes, reactions and expected values beside the computed ones. A rerun replaces its own
+    earlier result once it has succeeded.
+    """
+    session.subject = {"case": case}
+    from ..study.run import Progress, end_factor, load, run_case
+    from .report import built_report, run_report
+
+    loaded = load(case, overrides)
+    out = output if output is not None else f"{Path(case).stem}.h5"
+    _keep_the_case(case, out)
+    bar = Bar("solving", session.shows_progress)
+    end = end_factor(loaded.case)
+    progress = Progress(state=lambda state: bar.update(state.t / end), warn=session.warn, compiling=compiling(session),
+                        built=lambda model: session.detail(built_report(model)) if session.verbose else None)
+    try:
+        with bar:
+            outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress)
+    except KeyboardInterrupt:
+        _tell_part(session, out)
+        raise
+    session.print_json(outcome.summary)
+    if outcome.failure is not None:
+        click.echo(outcome.failure.text(), err=True)
+        _tell_part(session, out)
+        return FAILED
+    session.out(run_report(outcome.summary, loaded.case.units))
+    session.out(f"\nresults in {out}; next: ancf2d plot {out}")
+    missed = [c for c in outcome.summary["checks"] if not c["met"]]
+    if check and missed:
+        click.echo(f"error: {many(len(missed), 'expected value')} not met", err=True)
+        return FAILED
+    return 0
+
+
+def compiling(session: Session) -> Callable[[], None]:
+    """Return what tells, once, that the first run on a machine takes longer."""
+    told: list[bool] = []
+
+    def tell() -> None:
+        if not told:
+            told.append(True)
+            session.note("compiling kernels for this machine (first run of this kind only) ...")
+    return tell
+
+
+def _keep_the_case(case: str, out: str) -> None:
+    """--force must not put results in place of the case itself."""
+    if os.path.exists(case) and os.path.exists(out) and os.path.samefile(case, out):
+        raise ResultsError(f"'{out}' is the case itself; choose another output file with -o")
+
+
+def _tell_part(session: Session, out: str) -> None:
+    from ..results import part_path
+
+    if part_path(out).exists():
+        session.note(f"what was reached is in {part_path(out)}; next: ancf2d info {part_path(out)}")

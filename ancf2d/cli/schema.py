@@ -1,0 +1,64 @@
+"""``ancf2d schema``: the format of case files, for editors and for readers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..errors import ResultsError
+from .options import debug_option, force_option
+from .session import Session
+
+
+@click.command(epilog="Example: 'ancf2d schema -o ancf2d.schema.json'; cases that 'ancf2d new' writes name it in their "
+                      "first line, where editors with a YAML language server find it.")
+@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
+@click.option("--markdown", is_flag=True, help="The reference of all keys as Markdown, instead of the JSON Schema.")
+@click.option("--definition", is_flag=True, help="The schema of files that describe an element of your own.")
+@force_option
+@debug_option
+@click.pass_obj
+def command(session: Session, output: str | None, markdown: bool, definition: bool, force: bool) -> int:
+    """Print the JSON Schema of case files."""
+    if markdown and definition:
+        raise click.UsageError("--markdown and --definition exclude each other.")
+    text = schema_text(markdown, definition)
+    if output is None:
+        click.echo(text, nl=False)
+        return 0
+    write_schema(Path(output), text, force)
+    session.note(f"wrote {output}")
+    return 0
+
+
+def schema_text(markdown: bool = False, definition: bool = False) -> str:
+    """Return the JSON Schema of cases (or of element definitions), or the reference in Markdown."""
+    from ..case import definition_schema, json_schema, markdown_reference
+    from ..study.run import vocabulary
+
+    names = vocabulary()
+    if markdown:
+        return markdown_reference(names).rstrip("\n") + "\n"
+    schema = definition_schema(names) if definition else json_schema(names)
+    return json.dumps(schema, indent=2) + "\n"
+
+
+def write_schema(path: Path, text: str, force: bool) -> None:
+    """Write a schema; ResultsError where that would replace something else, or cannot be done."""
+    if path.exists() and not force and not _is_schema(path) and path.suffix != ".md":
+        raise ResultsError(f"'{path}' exists and is no schema; replace it with --force")
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ResultsError(f"cannot write '{path}': {error.strerror}") from error
+
+
+def _is_schema(path: Path) -> bool:
+    try:
+        found: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(found, dict) and str(found.get("title", "")).startswith("ancf2d")

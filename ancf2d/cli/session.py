@@ -1,0 +1,75 @@
+"""What one invocation of the command line knows of itself, and how it speaks."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+import click
+
+
+@dataclass
+class Session:
+    """The options that every command shares, and what is known of its subject for a failure's JSON object."""
+
+    arguments: list[str] = field(default_factory=list)
+    debug: bool = False
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    subject: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def command_line(self) -> str:
+        """The command as it was typed, quoted for a shell."""
+        return shlex.join(["ancf2d", *self.arguments])
+
+    def out(self, text: str) -> None:
+        """Print a result to stdout; nothing where JSON alone is wanted, or only errors."""
+        if not self.json and not self.quiet:
+            click.echo(text)
+
+    def note(self, text: str) -> None:
+        """Print a remark to stderr, unless only errors are wanted."""
+        if not self.quiet:
+            click.echo(text, err=True)
+
+    def detail(self, text: str) -> None:
+        """Print what ``-v`` adds to stderr."""
+        if self.verbose and not self.quiet:
+            click.echo(text, err=True)
+
+    def warn(self, text: str) -> None:
+        """Print a warning to stderr."""
+        self.note(f"warning: {text}")
+
+    def print_json(self, value: dict[str, Any]) -> None:
+        """Print the one JSON object of this invocation to stdout, where it was asked for."""
+        if self.json:
+            click.echo(json_text(value))
+
+    @property
+    def shows_progress(self) -> bool:
+        """Whether a progress bar may be drawn: on a terminal only."""
+        return not self.quiet and sys.stderr is not None and sys.stderr.isatty()
+
+
+def json_text(value: Any) -> str:
+    """Return a value as JSON; numbers that JSON has no word for become null."""
+    return json.dumps(_plain(value), indent=2, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, str | int | float | bool | None) else str(value)

@@ -1,0 +1,40 @@
+"""Tables and numbers for people to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Return a number with few digits; '-' where there is none."""
+    return "-" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+
+
+def rounded(value: float, scale: float, digits: int = 6) -> str:
+    """Return a number beside others of size ``scale``: what is below their round-off is shown as 0."""
+    return "0" if abs(value) <= 1e-14 * scale else number(value, digits)
+
+
+def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str = "") -> list[str]:
+    """Return rows of cells as aligned lines: columns in ``left`` to the left, the others to the right."""
+    widths = [max((len(row[k]) for row in rows if k < len(row)), default=0) for k in range(max(map(len, rows)))]
+    lines = []
+    for row in rows:
+        cells = [c.ljust(w) if k in left else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths, strict=False))]
+        lines.append(indent + "  ".join(cells).rstrip())
+    return lines
+
+
+def duration(seconds: float) -> str:
+    """Return a time span in the unit that reads best."""
+    if seconds < 1e-3:
+        return f"{1e6 * seconds:.0f} us"
+    if seconds < 1.0:
+        return f"{1e3 * seconds:.3g} ms"
+    return f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
+
+
+def many(count: int, what: str) -> str:
+    """Return '1 element', '8 elements'."""
+    return f"{count} {what}{'' if count == 1 else 's'}"

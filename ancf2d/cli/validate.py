@@ -1,0 +1,57 @@
+"""``ancf2d validate``: every problem of every case, without solving."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from ..errors import CaseError, Problem
+from .failures import WRONG, problem_object
+from .options import debug_option, json_option, quiet_option, set_option
+from .session import Session
+from .text import many
+
+
+@click.command(epilog="Example: 'ancf2d validate cases/*.yaml'.")
+@click.argument("cases", nargs=-1, required=True, type=click.Path(), metavar="CASE...")
+@set_option
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]) -> int:
+    """Check cases without solving them.
+
+    Every problem is printed with file, line and column, what is wrong, what was expected and the
+    nearest valid name; then one line for each case that is right. Exits with 2 where any is wrong.
+    """
+    found = [_check(case, overrides, session) for case in cases]
+    session.print_json({"status": "ok" if all(f["status"] == "ok" for f in found) else "failed", "cases": found})
+    count = sum(len(f["problems"]) for f in found)
+    wrong = [f["case"] for f in found if f["problems"]]
+    for f in found:
+        if not f["problems"]:
+            session.out(f"{f['case']}: ok")
+    if not wrong:
+        return 0
+    click.echo(f"{many(count, 'problem')} in {wrong[0] if len(wrong) == 1 else many(len(wrong), 'case')}", err=True)
+    return WRONG
+
+
+def _check(case: str, overrides: tuple[str, ...], session: Session) -> dict[str, Any]:
+    """Check one case, print its problems and warnings, return what ``--json`` says of it."""
+    from ..study.run import check, load
+
+    problems: list[Problem] = []
+    warnings: list[str] = []
+    try:
+        warnings = check(load(case, overrides))
+    except CaseError as error:
+        problems = error.problems
+    for problem in problems:
+        click.echo(str(problem), err=True)
+    for text in warnings:
+        session.warn(f"{case}: {text}")
+    return {"case": case, "status": "failed" if problems else "ok",
+            "problems": [problem_object(p) for p in problems], "warnings": warnings}

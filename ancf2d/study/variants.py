@@ -1,0 +1,155 @@
+"""Variants of a case: other element types, finer meshes, as overrides of the case's text."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from ..case import Body, Case, Polyline, Selective
+from ..case.binder import listed, nearest
+from ..elements import registry
+from ..elements.definition import ElementType
+from ..elements.formulations import FORMULATIONS
+
+_MEMBER = re.compile(r"(\w+)\[\s*(\d+)\s*,\s*(\d+)\s*\]")
+
+
+def element_named(name: str) -> ElementType:
+    """Return the element type that ``2d2n`` or ``ancf[3,2]`` names. Raises ValueError with the nearest name."""
+    member = _MEMBER.fullmatch(name.strip())
+    if member and member[1] == registry.FAMILY:
+        return registry.ancf(int(member[2]), int(member[3]))
+    if name.strip() in registry.ELEMENTS:
+        return registry.ELEMENTS[name.strip()]
+    if name.strip() == registry.FAMILY:
+        raise ValueError(f"{registry.FAMILY} needs its orders along and across, e.g. {registry.FAMILY}[3,2]")
+    near = nearest(name, registry.ELEMENTS)
+    hint = f"did you mean '{near}'?" if near else f"there are {listed([*registry.ELEMENTS, 'ancf[p,q]'])}"
+    raise ValueError(f"there is no element type '{name}'; {hint}")
+
+
+def formulation_named(name: str) -> str:
+    """Return the name if it is a formulation. Raises ValueError with the nearest name."""
+    if name not in FORMULATIONS:
+        near = nearest(name, FORMULATIONS)
+        hint = f"did you mean '{near}'?" if near else f"there are {listed(FORMULATIONS)}"
+        raise ValueError(f"there is no formulation '{name}'; {hint}")
+    return name
+
+
+@dataclass(frozen=True)
+class Variant:
+    """An element type with a formulation that replaces those of a case; None keeps what the case has."""
+
+    type: str | None = None
+    order: tuple[int, int] | None = None
+    formulation: str | None = None
+
+    @property
+    def element(self) -> str:
+        """The type as it is written: ``ancf[3,2]``; 'as given' where it is the case's."""
+        order = "" if self.order is None else f"[{self.order[0]},{self.order[1]}]"
+        return f"{self.type or 'as given'}{order}"
+
+
+def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
+    """Return the variants in ``2d2n,ancf[3,2],vallejo:structural``; ``formulation`` for those without one.
+
+    Raises ValueError for what is no type or formulation.
+    """
+    found = []
+    for part in re.split(r",(?![^\[]*\])", text):
+        name, colon, own = (p.strip() for p in part.partition(":"))
+        element = element_named(name)
+        chosen = own if colon else formulation
+        if chosen is not None:
+            formulation_named(chosen)
+        member = _MEMBER.fullmatch(element.name)
+        kind, order = (member[1], (int(member[2]), int(member[3]))) if member else (element.name, None)
+        variant = Variant(kind, order, chosen)
+        if variant not in found:
+            found.append(variant)
+    return found
+
+
+def pieces(body: Body) -> int:
+    """Return how many elements a body needs at least."""
+    return len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
+
+
+def flexible(case: Case) -> dict[str, Body]:
+    """Return the bodies that have a mesh."""
+    return {name: body for name, body in case.bodies.items() if body.element.type != "rigid"}
+
+
+def count_of(body: Body) -> int:
+    """Return the number of elements that a case gives a body (one per piece where it leaves that open)."""
+    return body.element.count or pieces(body)
+
+
+def distribute(case: Case, total: int) -> dict[str, int]:
+    """Return the elements of each body for ``total`` in all, in the proportions of the case.
+
+    Every body gets one per piece at least, so that the sum can exceed ``total``.
+    """
+    bodies = flexible(case)
+    whole = sum(count_of(b) for b in bodies.values())
+    parts = {name: divmod(total * count_of(b), whole) for name, b in bodies.items()}
+    counts = {name: max(part, pieces(bodies[name])) for name, (part, _) in parts.items()}
+    # what rounding down left over goes to the largest remainders
+    for name in sorted(parts, key=lambda n: -parts[n][1]):
+        if sum(counts.values()) < total:
+            counts[name] += 1
+    return counts
+
+
+def proportional(case: Case, counts: dict[str, int]) -> bool:
+    """Whether counts are in the proportions of the case."""
+    bodies = flexible(case)
+    first = next(iter(bodies))
+    return all(counts[n] * count_of(bodies[first]) == counts[first] * count_of(b) for n, b in bodies.items())
+
+
+def default_meshes(case: Case, levels: int = 5) -> list[int]:
+    """Return total element counts that double from the case's own."""
+    total = sum(count_of(b) for b in flexible(case).values())
+    return [total * 2**k for k in range(levels)]
+
+
+def element_data(body: Body, variant: Variant, count: int) -> dict[str, Any]:
+    """Return the ``element`` of a body for a variant and a mesh, as a case has it.
+
+    A type of its own keeps what the case says of it; another one has its own defaults, and of the case only
+    the shear factor, where it shears.
+    """
+    own = body.element
+    same = variant.type is None or (variant.type, variant.order) == (own.type, own.order)
+    data: dict[str, Any] = {"count": count, "shear_factor": own.shear_factor}
+    if same:
+        data.update(type=own.type, order=own.order, preset=own.preset, definition=own.definition,
+                    formulation=own.formulation, quadrature=_written(own.quadrature))
+    else:
+        data.update(type=variant.type, order=variant.order)
+        element = registry.element_type(str(variant.type), variant.order)
+        if element.section_kind == "tangent":
+            data["shear_factor"] = None
+    if variant.formulation is not None:
+        data["formulation"] = variant.formulation
+        if same and variant.formulation != own.formulation:
+            data["quadrature"] = None
+    return {k: v for k, v in data.items() if v is not None}
+
+
+def _written(quadrature: Any) -> Any:
+    if isinstance(quadrature, Selective):
+        return {"normal": quadrature.normal, "shear": quadrature.shear}
+    return quadrature
+
+
+def overrides_for(case: Case, variant: Variant, counts: dict[str, int]) -> list[str]:
+    """Return the ``PATH=VALUE`` overrides that make a case its variant on a mesh."""
+    return [f"bodies.{name}.element={json.dumps(element_data(body, variant, counts[name]))}"
+            for name, body in flexible(case).items()]
+
