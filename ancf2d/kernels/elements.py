@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .jit import kernel
+from .jit import inlined, kernel
 from .laws import geometric, strain
 from .matrix import scatter
 
@@ -19,8 +19,8 @@ class Group(NamedTuple):
     """Elements of one type and formulation, as the kernels see them.
 
     law : sampled law; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2) cosine and sine of the
-    element frame; dofs : (ne, n_dof) coordinates; size : a tuple whose length is n_dof, so that the
-    compiler knows it, or empty.
+    element frame; dofs : (ne, n_dof) coordinates; size : tuples of the lengths n_dof, fields, strains, which
+    the compiler then knows, or empty ones.
     """
 
     law: Any
@@ -31,19 +31,28 @@ class Group(NamedTuple):
     size: Any
 
 
-@kernel
+@inlined
+def _sizes(group):  # type: ignore[no-untyped-def]
+    """Return (n_dof, fields, strains), constants of the compiler where ``group.size`` tells them."""
+    law, size = group.law, group.size
+    n = len(size[0]) if len(size[0]) > 0 else law.B.shape[3]
+    nu = len(size[1]) if len(size[1]) > 0 else law.B.shape[2]
+    ns = len(size[2]) if len(size[2]) > 0 else law.D.shape[2]
+    return n, nu, ns
+
+
+@inlined
 def gather(group, ie, d, out):  # type: ignore[no-untyped-def]
     """Copy the displacements of element ie, turned into its frame."""
     nc = group.components
-    t = group.turn[ie if len(group.turn) > 1 else 0]
-    c, s = t[0], t[1]
-    dofs = group.dofs[ie]
-    for k in range(0, len(dofs), nc):
-        x, y = d[dofs[k]], d[dofs[k + 1]]
+    t = ie if len(group.turn) > 1 else 0
+    c, s = group.turn[t, 0], group.turn[t, 1]
+    for k in range(0, group.dofs.shape[1], nc):
+        x, y = d[group.dofs[ie, k]], d[group.dofs[ie, k + 1]]
         out[k] = c * x + s * y
         out[k + 1] = c * y - s * x
         for m in range(2, nc):
-            out[k + m] = d[dofs[k + m]]
+            out[k + m] = d[group.dofs[ie, k + m]]
 
 
 @kernel
@@ -55,6 +64,14 @@ def _turn_rows(A, nc, c, s):  # type: ignore[no-untyped-def]
             A[k + 1, b] = c * y + s * x
 
 
+@inlined
+def _turn_vector(v, nc, c, s):  # type: ignore[no-untyped-def]
+    for k in range(0, len(v), nc):
+        x, y = v[k], v[k + 1]
+        v[k] = c * x - s * y
+        v[k + 1] = c * y + s * x
+
+
 @kernel
 def _turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
     for a in range(len(A)):
@@ -64,64 +81,63 @@ def _turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
             A[a, k + 1] = c * y + s * x
 
 
-@kernel
-def _station(law, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
+@inlined
+def _station(group, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
     """Fill u, eps, sigma and J of one station; return its energy."""
-    B, D = law.B[c, s], law.D[c, s]
-    for i in range(len(u)):
+    n, nu, ns = _sizes(group)
+    law = group.law
+    for i in range(nu):
         v = 0.0
-        for a in range(len(de)):
-            v += B[i, a] * de[a]
+        for a in range(n):
+            v += law.B[c, s, i, a] * de[a]
         u[i] = v
     strain(law, c, s, u, eps, J)
     energy = 0.0
-    for i in range(len(eps)):
+    for i in range(ns):
         v = 0.0
-        for j in range(len(eps)):
-            v += D[i, j] * eps[j]
+        for j in range(ns):
+            v += law.D[c, s, i, j] * eps[j]
         sigma[i] = v
         energy += 0.5 * v * eps[i]
     return energy
 
 
-@kernel
+@inlined
 def _element_force(group, c, de, u, eps, sigma, J, g, Qe):  # type: ignore[no-untyped-def]
     """Fill Q_e in the element frame; return the strain energy."""
     law = group.law
+    n, nu, ns = _sizes(group)
     Qe[:] = 0.0
     energy = 0.0
     for s in range(law.B.shape[1]):
-        energy += _station(law, c, s, de, u, eps, sigma, J)
-        B = law.B[c, s]
-        for i in range(len(u)):
+        energy += _station(group, c, s, de, u, eps, sigma, J)
+        for i in range(nu):
             v = 0.0
-            for j in range(len(eps)):
+            for j in range(ns):
                 v += J[j, i] * sigma[j]
             g[i] = v
-            for a in range(len(Qe)):
-                Qe[a] += v * B[i, a]
+            for a in range(n):
+                Qe[a] += v * law.B[c, s, i, a]
     return energy
 
 
-@kernel
+@inlined
 def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type: ignore[no-untyped-def]
     """Fill Q_e and K in the element frame; return the strain energy."""
     law = group.law
-    n = len(group.size) if len(group.size) > 0 else len(de)
+    n, nu, ns = _sizes(group)
     Qe[:] = 0.0
     Ke[:] = 0.0
     energy = 0.0
-    nu, ns = len(u), len(eps)
     for s in range(law.B.shape[1]):
-        energy += _station(law, c, s, de, u, eps, sigma, J)
-        B, D = law.B[c, s], law.D[c, s]
+        energy += _station(group, c, s, de, u, eps, sigma, J)
         for i in range(nu):
             g[i] = 0.0
             for j in range(nu):
                 H[i, j] = 0.0
         for p in range(ns):
             for q in range(ns):
-                dpq = D[p, q]
+                dpq = law.D[c, s, p, q]
                 if dpq != 0.0:
                     for i in range(nu):
                         v = dpq * J[p, i]
@@ -133,17 +149,16 @@ def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type:
         geometric(law, c, s, u, sigma, H)
         for i in range(nu):
             for a in range(n):
-                Qe[a] += g[i] * B[i, a]
-            for a in range(n):
+                Qe[a] += g[i] * law.B[c, s, i, a]
                 HB[i, a] = 0.0
             for j in range(nu):
                 h = H[i, j]
                 if h != 0.0:
                     for a in range(n):
-                        HB[i, a] += h * B[j, a]
+                        HB[i, a] += h * law.B[c, s, j, a]
         for i in range(nu):
             for a in range(n):
-                b = B[i, a]
+                b = law.B[c, s, i, a]
                 if b != 0.0:
                     for k in range(n):
                         Ke[a, k] += b * HB[i, k]
@@ -154,41 +169,42 @@ def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type:
 def force(group, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
     law, nc = group.law, group.components
-    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
-    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    n, nu, ns = _sizes(group)
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     energy = 0.0
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
-        energy += _element_force(group, group.cls[ie], de, u, eps, sigma, J, g, Qe[:, 0])
-        t = group.turn[ie if len(group.turn) > 1 else 0]
-        _turn_rows(Qe, nc, t[0], t[1])
+        energy += _element_force(group, group.cls[ie], de, u, eps, sigma, J, g, Qe)
+        it = ie if len(group.turn) > 1 else 0
+        tc, ts = group.turn[it, 0], group.turn[it, 1]
+        _turn_vector(Qe, nc, tc, ts)
         for a in range(n):
-            Q[group.dofs[ie, a]] += Qe[a, 0]
+            Q[group.dofs[ie, a]] += Qe[a]
     return energy
 
 
 @kernel
-def force_tangent(group, d, Q, Qabs, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add Q_e to Q, |Q_e| to Qabs and K to the matrix of the unknowns; return the strain energy."""
+def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy."""
     law, nc = group.law, group.components
-    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
-    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    n, nu, ns = _sizes(group)
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     H, HB, Ke = np.zeros((nu, nu)), np.zeros((nu, n)), np.zeros((n, n))
     energy = 0.0
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
-        energy += _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe[:, 0], Ke)
-        t = group.turn[ie if len(group.turn) > 1 else 0]
-        if t[1] != 0.0 or t[0] != 1.0:
-            _turn_rows(Qe, nc, t[0], t[1])
-            _turn_rows(Ke, nc, t[0], t[1])
-            _turn_columns(Ke, nc, t[0], t[1])
+        energy += _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe, Ke)
+        it = ie if len(group.turn) > 1 else 0
+        tc, ts = group.turn[it, 0], group.turn[it, 1]
+        if ts != 0.0 or tc != 1.0:
+            _turn_vector(Qe, nc, tc, ts)
+            _turn_rows(Ke, nc, tc, ts)
+            _turn_columns(Ke, nc, tc, ts)
         for a in range(n):
-            Q[group.dofs[ie, a]] += Qe[a, 0]
-            Qabs[group.dofs[ie, a]] += abs(Qe[a, 0])
-        scatter(matrix, Ke, group.dofs[ie], place, indptr, index, value)
+            Q[group.dofs[ie, a]] += Qe[a]
+        scatter(matrix, Ke, group.dofs, ie, place, indptr, index, value)
     return energy
 
 
@@ -196,19 +212,20 @@ def force_tangent(group, d, Q, Qabs, matrix, place, indptr, index, value):  # ty
 def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
     """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components."""
     law, nc = group.law, group.components
-    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
-    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros((n, 1))
+    n, nu, ns = _sizes(group)
+    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     H, HB = np.zeros((nu, nu)), np.zeros((nu, n))
     for m in range(len(Q)):
         ie = first + m
         gather(group, ie, d, de)
-        _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe[:, 0], K[m])
-        t = group.turn[ie if len(group.turn) > 1 else 0]
-        _turn_rows(Qe, nc, t[0], t[1])
-        _turn_rows(K[m], nc, t[0], t[1])
-        _turn_columns(K[m], nc, t[0], t[1])
-        Q[m] = Qe[:, 0]
+        _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe, K[m])
+        it = ie if len(group.turn) > 1 else 0
+        tc, ts = group.turn[it, 0], group.turn[it, 1]
+        _turn_vector(Qe, nc, tc, ts)
+        _turn_rows(K[m], nc, tc, ts)
+        _turn_columns(K[m], nc, tc, ts)
+        Q[m] = Qe
 
 
 @kernel
@@ -226,12 +243,47 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def force_noise(group, d, out):  # type: ignore[no-untyped-def]
+    """Add what a unit relative error of every product of Q_e = B^T J^T D eps(B d) can sum up to.
+
+    Times the unit round-off this bounds the error of the forces, cancellation inside the element included.
+    """
+    law = group.law
+    n, nu, ns = _sizes(group)
+    de, u, J = np.zeros(n), np.zeros(nu), np.zeros((ns, nu))
+    eps, sigma, ub, sb = np.zeros(ns), np.zeros(ns), np.zeros(nu), np.zeros(ns)
+    for ie in range(len(group.dofs)):
+        gather(group, ie, d, de)
+        c = group.cls[ie]
+        for s in range(law.B.shape[1]):
+            _station(group, c, s, de, u, eps, sigma, J)
+            B, D = law.B[c, s], law.D[c, s]
+            for i in range(nu):
+                ub[i] = 0.0
+                for a in range(n):
+                    ub[i] += abs(B[i, a] * de[a])
+            for p in range(ns):
+                sb[p] = 0.0
+                for i in range(nu):
+                    sb[p] += abs(J[p, i]) * ub[i]
+            for i in range(nu):
+                g = 0.0
+                for p in range(ns):
+                    t = 0.0
+                    for q in range(ns):
+                        t += abs(D[p, q]) * sb[q]
+                    g += abs(J[p, i]) * t
+                for a in range(n):
+                    out[group.dofs[ie, a]] += abs(B[i, a]) * g
+
+
+@kernel
 def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
     """Fill the strains and D eps at every station: (ne, stations, n_eps) each."""
     law = group.law
-    ns, nu, n = law.D.shape[2], law.B.shape[2], law.B.shape[3]
+    n, nu, ns = _sizes(group)
     de, u, J = np.zeros(n), np.zeros(nu), np.zeros((ns, nu))
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
         for s in range(law.B.shape[1]):
-            _station(law, group.cls[ie], s, de, u, eps_out[ie, s], sigma_out[ie, s], J)
+            _station(group, group.cls[ie], s, de, u, eps_out[ie, s], sigma_out[ie, s], J)

@@ -62,7 +62,12 @@ CACHE = _prepare_cache()
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
-    return numba.njit(cache=True, error_model="numpy")(function)
+    return numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a helper into its callers: a call would copy and count every array of a group."""
+    return numba.njit(inline="always")(function)
 
 
 def cache_is_cold() -> bool:

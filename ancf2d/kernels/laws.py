@@ -21,11 +21,11 @@ def geometric(law: Any, c: int, s: int, u: Any, sigma: Any, H: Any) -> None:
     _BY_LAW[type(law)].geometric(law, c, s, u, sigma, H)
 
 
-@overload(strain)
+@overload(strain, inline="always")
 def _strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
     return _BY_LAW[law.instance_class].strain
 
 
-@overload(geometric)
+@overload(geometric, inline="always")
 def _geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
     return _BY_LAW[law.instance_class].geometric

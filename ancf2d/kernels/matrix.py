@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba.extending import overload
 
-from .jit import kernel
+from .jit import inlined, kernel
 
 
 class SymBand(NamedTuple):
@@ -59,18 +58,52 @@ def add(matrix: Any, i: int, j: int, v: float) -> None:
     _ADD[type(matrix)](matrix, i, j, v)
 
 
-@overload(add)
+@overload(add, inline="always")
 def _add(matrix, i, j, v):  # type: ignore[no-untyped-def]
     return _ADD[matrix.instance_class]
 
 
-@kernel
-def scatter(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add T^T Ke T of one element to the matrix.
+def only_lower(matrix: Any) -> bool:
+    """Return whether a matrix stores its lower half alone."""
+    return isinstance(matrix, SymBand)
+
+
+@overload(only_lower, inline="always")
+def _only_lower(matrix):  # type: ignore[no-untyped-def]
+    lower = matrix.instance_class is SymBand
+    return lambda matrix: lower
+
+
+@inlined
+def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is.
 
     ``place[i]`` of a coordinate: its unknown (>= 0), -1 where it is held, or -2 - k where it is the
     combination k of unknowns, ``index[indptr[k]:indptr[k + 1]]`` with factors ``value``.
     """
+    n = dofs.shape[1]
+    lower = only_lower(matrix)
+    plain = True
+    for a in range(n):
+        if place[dofs[m, a]] < -1:
+            plain = False
+    if plain:
+        for a in range(n):
+            i = place[dofs[m, a]]
+            if i >= 0:
+                for b in range(a + 1 if lower else n):
+                    j = place[dofs[m, b]]
+                    if j >= 0:
+                        if lower and j > i:
+                            add(matrix, j, i, Ke[a, b])
+                        else:
+                            add(matrix, i, j, Ke[a, b])
+    else:
+        _scatter_combined(matrix, Ke, dofs[m], place, indptr, index, value)
+
+
+@kernel
+def _scatter_combined(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
     n = len(dofs)
     for a in range(n):
         i = place[dofs[a]]
@@ -99,22 +132,4 @@ def scatter(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-u
 def scatter_patches(matrix, Ks, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add the matrices (m, n, n) of loads, springs and constraints at their coordinates (m, n)."""
     for m in range(len(dofs)):
-        scatter(matrix, Ks[m], dofs[m], place, indptr, index, value)
-
-
-@kernel
-def symband_product(values, x):  # type: ignore[no-untyped-def]
-    """Return (K x, |K| |x|) of a symmetric band matrix."""
-    n, w = values.shape
-    bw = w - 1
-    y, z = np.zeros(n), np.zeros(n)
-    for i in range(n):
-        for j in range(max(0, i - bw), i):
-            k = values[i, bw + j - i]
-            y[i] += k * x[j]
-            y[j] += k * x[i]
-            z[i] += abs(k * x[j])
-            z[j] += abs(k * x[i])
-        y[i] += values[i, bw] * x[i]
-        z[i] += abs(values[i, bw] * x[i])
-    return y, z
+        scatter(matrix, Ks[m], dofs, m, place, indptr, index, value)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.band import ldl_factor, ldl_solve
-from ..kernels.matrix import Band, Csr, SymBand, symband_product
+from ..kernels.matrix import Band, Csr, SymBand
 from ..model.model import Model, Numbering
 
 # a pivot below this share of the terms it is the difference of is round-off
@@ -36,10 +36,6 @@ class TangentMatrix(Protocol):
         """Set every entry to zero."""
         ...
 
-    def product(self, x: Array) -> tuple[Array, Array]:
-        """Return K x and |K| |x|; only before ``factor``."""
-        ...
-
     def factor(self) -> Pivots:
         """Factor in place."""
         ...
@@ -59,10 +55,6 @@ class SymmetricBand:
     def clear(self) -> None:
         """Set every entry to zero."""
         self.values.fill(0.0)
-
-    def product(self, x: Array) -> tuple[Array, Array]:
-        """Return K x and |K| |x|."""
-        return symband_product(self.values, x)
 
     def factor(self) -> Pivots:
         """Factor in place: K = L D L^T."""
@@ -99,17 +91,6 @@ class GeneralBand:
     def clear(self) -> None:
         """Set every entry to zero."""
         self.values.fill(0.0)
-
-    def product(self, x: Array) -> tuple[Array, Array]:
-        """Return K x and |K| |x|."""
-        n, bw = len(x), self.bw
-        y, z = np.zeros(n), np.zeros(n)
-        for k in range(-bw, bw + 1):
-            j = np.arange(max(0, -k), min(n, n - k))
-            v = self.values[j, 2 * bw + k] * x[j]
-            y[j + k] += v
-            z[j + k] += np.abs(v)
-        return y, z
 
     def factor(self) -> Pivots:
         """Factor: P K = L U."""
@@ -155,11 +136,6 @@ class GeneralSparse:
         """Set every entry to zero."""
         self.values.fill(0.0)
 
-    def product(self, x: Array) -> tuple[Array, Array]:
-        """Return K x and |K| |x|."""
-        K = self._matrix()
-        return K @ x, abs(K) @ np.abs(x)
-
     def factor(self) -> Pivots:
         """Factor: P_r K P_c = L U, with diagonal pivots preferred so that their signs tell the inertia."""
         from scipy.sparse.linalg import splu
@@ -167,7 +143,7 @@ class GeneralSparse:
         K = self._matrix().tocsc()
         scale = np.abs(K.diagonal())
         try:
-            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.001, options={"SymmetricMode": True})
+            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:
             return Pivots(int(np.argmin(scale)), 0, 0.0)
         u = self.lu.U.diagonal()

@@ -16,23 +16,27 @@ from .system import Balance, System
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
 STEPS = 10
-# a residual within this multiple of the round-off floor cannot be told from zero
-FLOOR = 16.0
+# a residual within this multiple of the bound of round-off cannot be told from zero
+FLOOR = 4.0
+# displacements known to less than this many digits are worth a word
+POOR = 1e-6
 # a step that moves this much further than the one before has left the branch
 JUMP = 8.0
-SMALLEST_STEP = 2.0**-24
+SMALLEST_STEP = 2.0**-16
+# easy steps in a row before a cut step grows again
+PATIENCE = 2
 
 
 @dataclass
 class NewtonResult:
-    """A converged state of Newton's method."""
+    """A converged state of Newton's method; ``uncertainty`` [m] where round-off ended it, else 0."""
 
     d: Array
     balance: Balance
     iterations: int
     increments: list[float]
     negative_pivots: int
-    at_floor: bool
+    uncertainty: float
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -73,48 +77,52 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     """Return the equilibrium at t from the state d of t_old. Raises ComputationError when it does not converge.
 
     Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
-    displacements; or that no residual exceeds its round-off floor, or has stopped falling close to it.
+    displacements; or that increments have stopped falling while the residual is no more than round-off.
     """
     num = system.model.numbering
     d = d.copy()
     at = {"factor": f"{t:.6g}"}
     increments: list[float] = []
     residuals: list[float] = []
-    best = np.inf
-    for iteration in range(max_iterations + 1):
-        first_move = iteration == 0 and system.model.moves and t != t_old
-        balance = system.assemble(d, t_old if first_move else t)
-        if first_move:
-            balance = _with_motion(system, d, balance, t)
+    for iteration in range(1, max_iterations + 1):
+        if iteration == 1 and system.model.moves and t != t_old:
+            balance = _with_motion(system, d, t_old, t)
+        else:
+            balance = system.assemble(d, t)
         residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
-        above = float(np.max(np.abs(balance.R) / np.where(balance.floor > 0, balance.floor, np.inf), initial=0.0))
-        settled = not first_move and (above <= FLOOR or (above <= 64 * FLOOR and above > 0.5 * best))
-        if settled or iteration == max_iterations:
-            if not settled:
-                raise ComputationError("Newton's method did not converge", at=at, history=residuals)
-            pivots = system.factor(at)
-            return NewtonResult(d, balance, iteration, increments, pivots.negative - num.n_multipliers, True)
-        best = min(best, above)
         pivots = system.factor(at)
         z = -system.matrix.solve(balance.R)
-        d = _advance(system, d, z, t)
         increments.append(system.norm(z))
+        _check_divergence(increments, system.model.extent, at, residuals)
+        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+        if stalled and _at_floor(balance.R, system.noise(d, t)):
+            negative = pivots.negative - num.n_multipliers
+            return NewtonResult(d, balance, iteration, increments, negative, min(increments[-2:]))
+        d = _advance(system, d, z, t)
         if _converged(increments, system.norm(d[num.free]), tolerance):
             negative = pivots.negative - num.n_multipliers
-            return NewtonResult(d, system.forces(d, t), iteration + 1, increments, negative, False)
-        _check_divergence(increments, system.model.extent, at, residuals)
-    raise AssertionError("the loop returns or raises")
+            return NewtonResult(d, system.forces(d, t), iteration, increments, negative, 0.0)
+    raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at, history=residuals)
 
 
-def _with_motion(system: System, d: Array, balance: Balance, t: float) -> Balance:
-    """Return the residual of the linear predictor for motion prescribed between the old and the new factor."""
+def _at_floor(R: Array, noise: Array) -> bool:
+    """Whether no residual exceeds what round-off can leave."""
+    return bool(np.all(np.abs(R) <= FLOOR * noise))
+
+
+def _with_motion(system: System, d: Array, t_old: float, t: float) -> Balance:
+    """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
+
+    The tangent is that of the old state, which equilibrates the motion it had.
+    """
     model = system.model
+    system.assemble(d, t_old)
     moved = model.displacements(d[model.numbering.free], t)
     loads = system.forces(d, t)
     R = model.numbering.reduce(loads.Q - loads.F + system.action(d, moved - d, t))
-    return Balance(loads.Q, loads.F, R, balance.floor, balance.energy)
+    return Balance(loads.Q, loads.F, R, loads.energy)
 
 
 def _advance(system: System, d: Array, z: Array, t: float) -> Array:
@@ -173,7 +181,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     largest = end / (steps or STEPS)
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     path = _Path([0.0], [d])
-    t, h, cutbacks, number, negative = 0.0, largest, 0, 0, 0
+    t, h, cutbacks, number, negative, easy = 0.0, largest, 0, 0, 0, PATIENCE
     moved = np.inf
     while t < end * (1 - 1e-12):
         target = end if t + h * (1 + 1e-9) >= end else t + h
@@ -184,16 +192,17 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             if rate > JUMP * moved:
                 raise ComputationError("the state jumps to another branch", at={"factor": f"{target:.6g}"})
         except ComputationError as error:
-            h, cutbacks = 0.5 * (target - t), cutbacks + 1
+            h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
             if h < SMALLEST_STEP * end:
-                raise _stuck(error, t, number, negative) from error
+                raise _stuck(error, t, number) from error
             continue
         moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
-        number += 1
+        number, easy = number + 1, easy + 1
         path.push(target, result.d)
         yield _state(system, result, target, number, cutbacks, negative)
         negative = result.negative_pivots
-        h = largest if cutbacks == 0 else min(largest, 2 * (target - t))
+        if easy >= PATIENCE:
+            h = min(largest, 2 * h)
         t, cutbacks = target, 0
 
 
@@ -206,11 +215,15 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
     if result.negative_pivots != negative:
         warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
                         f"instead of {negative}; equilibrium beyond it may be unstable")
+    size = system.norm(result.d[system.model.numbering.free])
+    if result.uncertainty > POOR * size:
+        warnings.append(f"round-off limits the state at factor {t:.6g}: displacements are known to about "
+                        f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more")
     return State(t, result.d, result.balance.Q, result.balance.F, result.balance.energy, history=history,
                  warnings=warnings)
 
 
-def _stuck(error: ComputationError, t: float, number: int, negative: int) -> ComputationError:
+def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
     f = error.failure
     return ComputationError(
         f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..kernels.elements import force, force_tangent, tangent_action
+from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.model import Model
 from .linear import Pivots, make_matrix
@@ -19,15 +19,11 @@ UNIT_ROUNDOFF = 2.0**-53
 
 @dataclass
 class Balance:
-    """Forces at a state. ``Q`` (n_full,): elastic and patch forces; ``F``: dead loads; ``R`` = Q - F on the unknowns.
-
-    ``floor`` (n_unknowns,): what round-off alone can leave of R.
-    """
+    """Forces at a state. ``Q`` (n_full,): elastic and patch forces; ``F``: dead loads; ``R`` = Q - F on the unknowns."""
 
     Q: Array
     F: Array
     R: Array
-    floor: Array
     energy: float
 
 
@@ -72,23 +68,28 @@ class System:
         model = self.model
         self.evaluations += 1
         self.matrix.clear()
-        Q, magnitude = np.zeros(len(d)), np.zeros(len(d))
+        Q = np.zeros(len(d))
         energy = 0.0
         for group in model.groups:
-            energy += force_tangent(group, d, Q, magnitude, self.matrix.target, *self.tables)
+            energy += force_tangent(group, d, Q, self.matrix.target, *self.tables)
         for u, q, K, dofs in self._patches(d, t, elastic=not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
-            np.add.at(magnitude, dofs, np.abs(q))
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), *self.tables)
         if not load_stiffness:
             self._add_loads(Q, d, t)
         F = model.external(t)
-        n = model.numbering
-        R = n.reduce(Q - F)
-        _, spread = self.matrix.product(d[n.free])
-        floor = UNIT_ROUNDOFF * (spread + n.reduce(magnitude + np.abs(F)))
-        return Balance(Q, F, R, np.abs(floor), float(energy))
+        return Balance(Q, F, model.numbering.reduce(Q - F), float(energy))
+
+    def noise(self, d: Array, t: float) -> Array:
+        """Return what round-off alone can leave of the residual at d (n_unknowns,)."""
+        model, n = self.model, self.model.numbering
+        out = np.abs(model.external(t))
+        for group in model.groups:
+            force_noise(group, d, out)
+        for _, q, K, dofs in self._patches(d, t):
+            np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
+        return UNIT_ROUNDOFF * np.abs(n.reduce(out))
 
     def _add_loads(self, Q: Array, d: Array, t: float) -> None:
         e = self.model.e0 + d[:self.model.n_q]
@@ -96,7 +97,7 @@ class System:
             np.add.at(Q, patch.dofs, patch.evaluate(e, d, t)[1])
 
     def forces(self, d: Array, t: float) -> Balance:
-        """Return the forces at d without a tangent (no floor)."""
+        """Return the forces at d without a tangent."""
         model = self.model
         Q = np.zeros(len(d))
         energy = 0.0
@@ -106,7 +107,7 @@ class System:
             energy += u
             np.add.at(Q, dofs, q)
         F = model.external(t)
-        return Balance(Q, F, model.numbering.reduce(Q - F), np.zeros(0), float(energy))
+        return Balance(Q, F, model.numbering.reduce(Q - F), float(energy))
 
     def action(self, d: Array, v: Array, t: float) -> Array:
         """Return K(d) v of elements, springs and constraints in full coordinates."""
