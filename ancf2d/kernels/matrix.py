@@ -39,15 +39,21 @@ def _add_band(matrix, i, j, v):  # type: ignore[no-untyped-def]
     matrix.values[j, 2 * bw + i - j] += v
 
 
-def _add_csr(matrix, i, j, v):  # type: ignore[no-untyped-def]
-    low, high = matrix.indptr[i], matrix.indptr[i + 1]
+@kernel
+def _entry(indptr, indices, i, j):  # type: ignore[no-untyped-def]
+    """Return where entry (i, j) is stored, by bisection."""
+    low, high = indptr[i], indptr[i + 1]
     while high - low > 1:
         middle = (low + high) // 2
-        if matrix.indices[middle] > j:
+        if indices[middle] > j:
             high = middle
         else:
             low = middle
-    matrix.values[low] += v
+    return low
+
+
+def _add_csr(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    matrix.values[_entry(matrix.indptr, matrix.indices, i, j)] += v
 
 
 _ADD = {SymBand: _add_symband, Band: _add_band, Csr: _add_csr}
