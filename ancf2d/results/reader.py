@@ -155,7 +155,7 @@ class Results:
                 raise ResultsError(f"'{self.path}' does not hold {name} of state {i}")
             if dataset.shape[1:] != (self.nq,):
                 raise ValueError(f"/states/{name} has shape {dataset.shape}")
-            return safe.numbers(self._states, name, 2, i % self.nt)
+            return safe.numbers(self._states, name, 2, int(i) % self.nt)
 
     def d(self, i: int) -> np.ndarray:
         """Displacements (nq,) of the nodal coordinates in state i."""

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
+from ancf2d.results.journal import open_hdf5
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
 MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
@@ -49,7 +50,7 @@ def open_file(path: Path) -> h5py.File:
         raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
                            f"'ancf2d run CASE' writes one")
     try:
-        file = h5py.File(path, "r", locking=False)
+        file = open_hdf5(path)
     except (OSError, RuntimeError) as error:
         cut = "truncated" in str(error)
         what = "is cut off: it was not copied or written to its end" if cut else "is damaged"
@@ -135,17 +136,17 @@ def _check_storage(dataset: h5py.Dataset) -> None:
             raise ValueError(f"{name} has chunks of {chunk} entries")
 
 
-def numbers(group: h5py.Group, name: str, ndim: int, selection: Any = ()) -> np.ndarray:
-    """Return a numeric dataset, or a selection of it, of ``ndim`` dimensions."""
+def numbers(group: h5py.Group, name: str, ndim: int, row: int | None = None) -> np.ndarray:
+    """Return a numeric dataset of ``ndim`` dimensions, or one row of it."""
     dataset = child(group, name, h5py.Dataset)
     if dataset is None:
         raise ValueError(f"{group.name}/{name} is missing")
     if dataset.ndim != ndim or dataset.dtype.kind not in "iuf":
         raise ValueError(f"{dataset.name} has shape {dataset.shape} and type {dataset.dtype}")
-    size = dataset.size if selection == () else dataset.size // max(1, len(dataset))
+    size = dataset.size if row is None else dataset.size // max(1, len(dataset))
     if size * dataset.dtype.itemsize > MAX_BYTES:
         raise ValueError(f"{dataset.name} is too large")
-    return dataset[selection]
+    return dataset[()] if row is None else dataset[row]
 
 
 def text(group: h5py.Group | None, name: str) -> str:

@@ -7,9 +7,8 @@ import os
 import time
 from pathlib import Path
 
-import h5py
-
 from ancf2d.errors import ResultsError
+from ancf2d.results.journal import open_hdf5
 from ancf2d.results.records import FORMAT
 from ancf2d.results.safe import attribute
 
@@ -28,7 +27,7 @@ def part_path(path: str | os.PathLike[str]) -> Path:
 def is_ours(path: Path) -> bool:
     """Whether the file is an ancf2d result, judged by its root attribute alone."""
     try:
-        with h5py.File(path, "r", locking=False) as f:
+        with open_hdf5(path) as f:
             return bool(attribute(f, "format") == FORMAT)
     except (OSError, RuntimeError, ValueError, TypeError):
         return False
@@ -142,6 +141,11 @@ class Target:
         except (AttributeError, OSError):  # not Linux, or not on this file system
             name = str(folder / f".{self.path.name}.{os.getpid()}.{time.monotonic_ns()}.part")
             return os.open(name, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666), name, name
+
+    @property
+    def descriptor(self) -> int:
+        """The open file that became NAME.part."""
+        return self._descriptor
 
     def replace(self) -> None:
         """Move the complete file in place of the target, durable on disk before it is visible."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -15,6 +16,7 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.head import coordinate_units, write_head, write_mesh
+from ancf2d.results.journal import JournaledFile
 from ancf2d.results.records import BodyRecord, Column, Units, escape, known_column
 from ancf2d.results.series import CHUNK_BYTES, Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
@@ -75,7 +77,8 @@ class ResultWriter:
                 head.flush()
                 image = head.id.get_file_image()
             self._target.publish(image)
-            self._file = h5py.File(self._target.part, "r+", locking=False)
+            self._stream = JournaledFile(self._target.descriptor)
+            self._file = h5py.File(self._stream, "r+")
             self._open = True
 
     @property
@@ -232,22 +235,19 @@ class ResultWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Make everything so far readable in NAME.part, whatever happens to this process.
-
-        Rows count as stored only after they are on disk: the counts follow in a second flush.
-        """
+        """Make everything so far readable in NAME.part, whatever happens to this process."""
         with self._disk_errors():
             self._settle(Series.spill)
+            self._file.flush()
+            self._stream.commit()
+            self._committed = self._states
             self._last_flush = time.monotonic()
 
     def _settle(self, action: Callable[[Series], None]) -> None:
         for series in self._all_series():
             action(series)
-        self._file.flush()
         counts = np.array([self._states, self._logged, self._probed], np.int64)
         self._file.attrs.modify("committed", counts)
-        self._file.flush()
-        self._committed = self._states
 
     def finish(self, summary: Mapping[str, Any] | None = None, status: str = "converged") -> Path:
         """Close the file and return where it is: the target if ``converged``, else NAME.part.
@@ -268,6 +268,7 @@ class ResultWriter:
             set_text(self._file, "status", status)
             self._file.close()
             self._open = False
+            self._stream.commit()
             if done:
                 self._put_in_place()
             elif self._states:
@@ -299,7 +300,8 @@ class ResultWriter:
     @contextmanager
     def _disk_errors(self, begin: bool = False) -> Iterator[None]:
         try:
-            yield
+            with _uninterrupted():
+                yield
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             self._abandon()
             cause = getattr(error, "strerror", None) or str(error)
@@ -330,6 +332,19 @@ class ResultWriter:
         interrupted = not isinstance(value, Exception)
         reason = str(value) or type(value).__name__ if value else "left before it was finished"
         self.finish({"reason": reason}, "interrupted" if interrupted else "failed")
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C and termination wait until HDF5 has finished writing: it cannot be left midway."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _numbers(values: Sequence[Any]) -> np.ndarray:

@@ -267,8 +267,8 @@ def test_wrong_names_are_answered_with_the_nearest(tmp_path: Path) -> None:
 
 
 def test_a_title_with_dollar_signs_and_braces_is_shown_as_it_is(tmp_path: Path) -> None:
-    text = r"cost $\frac{1 of the $beam_{"
+    text = r"cost $\frac{1$ of the $beam_{$"
     results = opened(bent_beam(tmp_path / "a.h5", header={"title": text}))
-    figure = draw({"$x_{": results, "b": results}, "shape")
+    figure = draw({"$x_{$": results, "b": results}, "shape")
     figure.draw_without_rendering()
     assert figure.axes[0].get_title(loc="left").startswith(text)

@@ -1,18 +1,174 @@
-"""Killed at a random moment: what is on disk is readable, or there is nothing."""
+"""Killed at any moment: what is on disk is the last commit or the one before, never a part of one."""
 
 from __future__ import annotations
 
+import os
 import random
+import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
+from synthetic import HEADER, coordinates, tangent_body
 
-from ancf2d.results import open_results, part_path
+from ancf2d.errors import ResultsError
+from ancf2d.results import ResultWriter, open_results, part_path
+from ancf2d.results import series as series_module
+from ancf2d.results import writer as writer_module
+from ancf2d.results.journal import JournaledFile, open_hdf5
 
 HERE = Path(__file__).parent
+
+
+class KilledError(BaseException):
+    """Stands for a process that is gone."""
+
+
+def kill_at(monkeypatch: pytest.MonkeyPatch, moment: int) -> None:
+    """Let the process 'die' in the middle of its ``moment``-th change to a file."""
+    left = [moment]
+
+    def dying(change: Callable[..., int]) -> Callable[..., int]:
+        def call(descriptor: int, data: object, *rest: int) -> int:
+            left[0] -= 1
+            if left[0] < 0:
+                raise KilledError
+            if left[0] == 0 and change is os.pwrite:
+                change(descriptor, memoryview(data)[:len(data) // 2], *rest)  # type: ignore
+                raise KilledError
+            return change(descriptor, data, *rest)
+        return call
+
+    monkeypatch.setattr(os, "pwrite", dying(os.pwrite))
+    monkeypatch.setattr(os, "ftruncate", dying(os.ftruncate))
+
+
+def grown(path: Path, states: int) -> ResultWriter:
+    """A running file with ``states`` committed states."""
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    w = ResultWriter(path, HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0)
+    for i in range(states):
+        add(w, i)
+    w.flush()
+    return w
+
+
+def add(w: ResultWriter, i: int) -> None:
+    w.append(i, np.full(12, float(i)), {"step": i}, {"tip": {"x": i, "y": -i}})
+
+
+def check_states(path: Path) -> int:
+    """Check that the states in a file are whole; return how many there are."""
+    with open_results(path) as r:
+        np.testing.assert_array_equal(r.t, np.arange(r.nt))
+        for i in np.unique(np.linspace(0, r.nt - 1, 30).astype(int)) if r.nt else ():
+            np.testing.assert_array_equal(r.d(i), float(i))
+        if r.nt:
+            np.testing.assert_array_equal(r.history["step"], np.arange(r.nt))
+            np.testing.assert_array_equal(r.probes["tip"]["y"], -np.arange(r.nt))
+        return r.nt
+
+
+def test_every_moment_of_a_commit_leaves_the_old_states_or_the_new(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
+    monkeypatch.setattr(series_module, "COLUMN_CHUNK", 1)  # index nodes split every 64 rows
+    outcomes = []
+    for moment in range(1, 10_000):
+        path = tmp_path / f"{moment}.h5"
+        w = grown(path, 64)
+        for i in range(64, 70):
+            add(w, i)
+        with monkeypatch.context() as patch:
+            kill_at(patch, moment)
+            try:
+                w.flush()
+                died = False
+            except KilledError:
+                died = True
+        seen = shutil.copy(part_path(path), tmp_path / "seen.h5")
+        w._stream._pages.clear()
+        w.discard()
+        outcomes.append(check_states(seen))
+        if not died:
+            break
+    assert len(outcomes) > 20
+    assert outcomes == sorted(outcomes)
+    assert set(outcomes) == {64, 70}
+
+
+def test_every_moment_of_the_first_commit_leaves_a_readable_file(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
+    outcomes = []
+    for moment in range(1, 10_000):
+        w = grown(tmp_path / f"{moment}.h5", 0)
+        for i in range(3):
+            add(w, i)
+        with monkeypatch.context() as patch:
+            kill_at(patch, moment)
+            try:
+                w.finish({})
+                break
+            except KilledError:
+                outcomes.append(check_states(part_path(w.path)))
+        w._stream._pages.clear()
+        w.discard()
+    assert set(outcomes) == {0, 3}
+
+
+def test_a_journal_that_is_damaged_is_not_read(tmp_path: Path,
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    w = grown(tmp_path / "a.h5", 3)
+    add(w, 3)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "ftruncate", lambda *_: None)
+        w.flush()
+    content = part_path(w.path).read_bytes()
+    w.discard()
+    for place in (slice(-1, None), slice(-12, -8), slice(-20, -12), slice(-8000, -28)):
+        broken = bytearray(content)
+        broken[place] = bytes(b ^ 0xA5 for b in broken[place])
+        (tmp_path / "b.h5").write_bytes(broken)
+        try:  # the pages are in place already, so what lies below is whole
+            assert check_states(tmp_path / "b.h5") == 4
+        except ResultsError:
+            pytest.fail("a file was refused for the damaged journal behind it")
+
+
+def test_reads_see_what_waits_and_sizes_follow(tmp_path: Path) -> None:
+    (tmp_path / "f").write_bytes(bytes(range(256)) * 40)
+    reference = bytearray((tmp_path / "f").read_bytes())
+    descriptor = os.open(tmp_path / "f", os.O_RDWR)
+    rng = np.random.default_rng(2)
+    stream = JournaledFile(descriptor)
+    for k in range(200):
+        at, count = int(rng.integers(0, 30_000)), int(rng.integers(1, 9000))
+        data = rng.bytes(count)
+        stream.seek(at)
+        assert stream.write(data) == count
+        reference.extend(bytes(max(0, at + count - len(reference))))
+        reference[at:at + count] = data
+        if k % 17 == 16:
+            stream.commit()
+            assert (tmp_path / "f").read_bytes() == reference
+        stream.seek(at := int(rng.integers(0, len(reference))))
+        found = bytearray(5000)
+        stream.readinto(found)
+        assert found == reference[at:at + 5000].ljust(5000, b"\0")
+    os.close(descriptor)
+
+
+def test_a_plain_hdf5_file_needs_no_journal(tmp_path: Path) -> None:
+    w = grown(tmp_path / "a.h5", 3)
+    with open_hdf5(part_path(w.path)) as f:
+        assert f["states/t"].shape == (3,)
+    w.discard()
+
 
 ENDLESS = """
 import sys
@@ -25,13 +181,12 @@ e0 = coordinates("tangent", np.linspace(0, 1, {ne} + 1), 0.0)
 print("ready", flush=True)
 with writer.ResultWriter({path!r}, HEADER, [tangent_body("beam", {ne}, 1.0, 0.1)], e0) as w:
     for i in range(10**9):
-        w.append(i, np.full(len(e0), float(i)), {{"step": i}}, {{"tip": {{"x": i}}}})
+        w.append(i, np.full(len(e0), float(i)), {{"step": i}}, {{"tip": {{"x": i, "y": -i}}}})
 """
 
 
-def test_a_kill_at_any_moment_leaves_a_readable_file_or_none(tmp_path: Path) -> None:
+def test_a_process_that_is_killed_leaves_a_readable_file_or_none(tmp_path: Path) -> None:
     rng, paths = random.Random(5), [str(HERE.parents[1]), str(HERE)]
-    reached = 0
     for k in range(8):
         path = tmp_path / f"{k}.h5"
         code = ENDLESS.format(paths=paths, flush=rng.choice([0.0, 0.002]), path=str(path),
@@ -42,12 +197,7 @@ def test_a_kill_at_any_moment_leaves_a_readable_file_or_none(tmp_path: Path) -> 
             time.sleep(rng.uniform(0, 0.25))
             process.kill()
         assert not path.exists()
-        if not part_path(path).exists():
-            continue
-        with open_results(part_path(path)) as r:
-            reached += r.nt
-            np.testing.assert_array_equal(r.t, np.arange(r.nt))
-            for i in sorted({0, r.nt // 2, r.nt - 1}) if r.nt else ():
-                np.testing.assert_array_equal(r.d(i), float(i))
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".part"] * len(list(tmp_path.iterdir()))
-    assert reached > 0
+        if part_path(path).exists():
+            check_states(part_path(path))
+    left = list(tmp_path.iterdir())
+    assert [p.suffix for p in left] == [".part"] * len(left)

@@ -99,7 +99,9 @@ def replaced(name: str, **options: object) -> Callable[[h5py.File], None]:
 
 def external(f: h5py.File) -> None:
     del f["mesh/e0"]
-    f["mesh/e0"] = h5py.ExternalLink("/etc/passwd", "/")
+    with h5py.File(Path(f.filename).with_name("other.h5"), "w") as other:
+        other["e0"] = np.zeros(20)
+    f["mesh/e0"] = h5py.ExternalLink("other.h5", "/e0")
 
 
 def virtual(f: h5py.File) -> None:
@@ -120,11 +122,14 @@ HOSTILE = {
     "a view of another file": virtual,
     "data in another file": replaced("mesh/e0", shape=(20,), dtype=float,
                                      external=[("/etc/passwd", 0, 160)]),
+    "a link inside the file": lambda f: f.move("mesh/e0", "e0") or f.__setitem__(
+        "mesh/e0", h5py.SoftLink("/e0")),
+    "large and empty": replaced("mesh/e0", shape=(10**8,), dtype=float, chunks=(1000,)),
     "huge and empty": replaced("mesh/e0", shape=(10**13,), dtype=float, chunks=(1000,)),
     "huge states": replaced("states/d", shape=(6, 10**13), dtype=float, chunks=(1, 1000)),
     "huge chunks": replaced("states/t", shape=(6,), maxshape=(None,), dtype=float,
                             chunks=(4 * 10**8,), compression="gzip"),
-    "bomb": replaced("mesh/bodies/beam/dofs", shape=(2 * 10**9, 8), dtype=np.int8,
+    "bomb": replaced("mesh/bodies/beam/dofs", shape=(10**8, 8), dtype=np.int8,
                      chunks=(10**6, 8), compression="gzip"),
     "text for numbers": replaced("mesh/e0", data=np.bytes_("not numbers")),
     "numbers for text": replaced("summary", data=np.zeros(3)),

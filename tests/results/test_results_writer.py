@@ -105,6 +105,16 @@ def test_steps_between_states_reach_the_history_only(tmp_path: Path) -> None:
         np.testing.assert_array_equal(r.probes["p"]["x"], [1.0, 2.0])
 
 
+def test_rates_that_appear_late_are_nan_before(tmp_path: Path) -> None:
+    with start(tmp_path / "a.h5") as w:
+        w.append(0, np.zeros(12))
+        w.append(1, np.zeros(12), v=np.ones(12))
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        assert np.isnan(r.v(0)).all()
+        np.testing.assert_array_equal(r.v(1), 1.0)
+
+
 def test_a_probe_that_appears_late_is_nan_before(tmp_path: Path,
                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
@@ -311,10 +321,10 @@ def test_a_full_disk_is_a_results_error_and_keeps_what_was_flushed(
     w.append(0, np.zeros(12))
     w.flush()
 
-    def full(*_: object) -> None:
+    def full(*_: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(series_module.Series, "spill", full)
+    monkeypatch.setattr(os, "pwrite", full)
     w.append(1, np.zeros(12))
     with pytest.raises(ResultsError, match=r"cannot write .*No space left on device"):
         w.flush()
