@@ -1,0 +1,79 @@
+"""Outputs of cases as small readable JSON files, and the comparison with them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+STORED = Path(__file__).parent / "stored"
+RTOL = 1e-9
+KINDS = {"x": "length", "y": "length", "ux": "displacement", "uy": "displacement", "theta": "angle",
+         "fx": "force", "fy": "force", "N": "force", "Q": "force", "m": "moment", "M": "moment",
+         "strain": "energy", "potential": "energy", "kinetic": "energy"}
+
+
+def outputs(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return what is stored of a run."""
+    return {"dofs": summary["dofs"], "elements": summary["elements"], "probes": summary["probes"],
+            "reactions": summary["reactions"], "energy": summary["energy"]}
+
+
+def flatten(stored: dict[str, Any]) -> dict[str, float]:
+    """Return {'probes.tip.ux': value, ...}."""
+    out: dict[str, float] = {}
+    for key, value in stored.items():
+        if isinstance(value, dict):
+            out.update({f"{key}.{k}": v for k, v in flatten(value).items()})
+        else:
+            out[key] = value
+    return out
+
+
+def scales(values: dict[str, float]) -> dict[str, float]:
+    """Return the size of each kind of value; what is zero by symmetry is judged against the others.
+
+    A rotation counts as displacement over length, a moment as force times length, energy as moment.
+    """
+    size = dict.fromkeys(set(KINDS.values()), 0.0)
+    for key, value in values.items():
+        kind = KINDS.get(key.rsplit(".", 1)[-1])
+        if kind:
+            size[kind] = max(size[kind], abs(value))
+    length = max(size["length"], size["displacement"]) or 1.0
+    size["angle"] = max(size["angle"], size["displacement"] / length)
+    size["force"] = max(size["force"], size["moment"] / length)
+    size["moment"] = max(size["moment"], size["force"] * length)
+    return size
+
+
+def differences(new: dict[str, Any], old: dict[str, Any], rtol: float = RTOL) -> list[str]:
+    """Return one line per value that deviates by more than ``rtol`` of itself or of its kind, the worst first."""
+    a, b = flatten(new), flatten(old)
+    found = [(float("inf"), f"{k} is {'new' if k in a else 'gone'}") for k in a.keys() ^ b.keys()]
+    size = scales(b)
+    for key in a.keys() & b.keys():
+        kind = KINDS.get(key.rsplit(".", 1)[-1])
+        allowed = rtol * max(abs(b[key]), size[kind]) if kind else 0.0
+        error = abs(a[key] - b[key])
+        if not error <= allowed:
+            share = error / allowed if allowed else float("inf")
+            apart = f"{error:.3g} apart (allowed {allowed:.3g})"
+            found.append((share, f"{key}: stored {b[key]!r}, now {a[key]!r}, {apart}"))
+    return [text for _, text in sorted(found, reverse=True)]
+
+
+def path(case: Path, root: Path) -> Path:
+    """Return the file that holds the outputs of a case."""
+    return STORED / case.relative_to(root).with_suffix(".json")
+
+
+def write(file: Path, stored: dict[str, Any]) -> None:
+    """Write outputs as JSON, with every digit."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
+
+
+def read(file: Path) -> dict[str, Any]:
+    """Return stored outputs."""
+    return json.loads(file.read_text(encoding="utf-8"))

@@ -1,0 +1,76 @@
+"""Every case under ``cases/`` against what it expects and against stored outputs; a new case is covered unasked."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import stored_outputs
+
+from ancf2d.case import json_schema
+from ancf2d.case.compose import compose
+from ancf2d.case.nodes import Origin, plain_data
+from ancf2d.study.run import load, run_case, vocabulary
+
+CASES = Path(__file__).parents[2] / "cases"
+FILES = sorted(CASES.rglob("*.yaml"))
+EVERY = pytest.mark.parametrize("case", FILES, ids=[str(f.relative_to(CASES).with_suffix("")) for f in FILES])
+# one solution of the linear equations of 128 slender elements loses this much to round-off
+ROUND_OFF = {"fig4_linear_2d2n": 1e-7, "fig4_linear_2d3n": 1e-5}
+
+
+@cache
+def solved(case: Path) -> dict[str, Any]:
+    return run_case(load(case)).summary
+
+
+@EVERY
+def test_expected_values_are_met(case: Path) -> None:
+    summary = solved(case)
+    assert summary["status"] == "converged", summary.get("reason")
+    assert len(summary["checks"]) == len(load(case).case.expected) > 0
+    missed = [f"{c['what']}: {c['value']!r} instead of {c['expected']!r} ({c['source']}), "
+              f"off by {c['difference']:.3g}, allowed {c['allowed']:.3g}" for c in summary["checks"] if not c["met"]]
+    assert not missed, "\n".join(missed)
+
+
+@EVERY
+def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest) -> None:
+    file, now = stored_outputs.path(case, CASES), stored_outputs.outputs(solved(case))
+    if request.config.getoption("--update"):
+        stored_outputs.write(file, now)
+    assert file.exists(), f"{file.name} is missing: pytest --update writes it"
+    found = stored_outputs.differences(now, stored_outputs.read(file), ROUND_OFF.get(case.stem, stored_outputs.RTOL))
+    assert not found, f"{len(found)} values deviate, the worst first:\n" + "\n".join(found[:5])
+
+
+@EVERY
+def test_case_follows_the_json_schema(case: Path) -> None:
+    document = plain_data(compose(case.read_text(encoding="utf-8"), Origin(case.name, [])))
+    jsonschema.validate(document, json_schema(vocabulary()))
+
+
+@EVERY
+def test_case_says_what_it_is_and_where_its_values_come_from(case: Path) -> None:
+    loaded = load(case)
+    assert loaded.case.title
+    assert loaded.case.goal
+    assert loaded.case.output.probes
+    assert loaded.text.startswith("# "), "a case begins with a comment that says what it shows"
+    assert all(e.source for e in loaded.case.expected)
+
+
+def test_no_stored_output_is_left_over() -> None:
+    known = {stored_outputs.path(f, CASES) for f in FILES}
+    assert not [f for f in stored_outputs.STORED.rglob("*.json") if f not in known]
+
+
+def test_a_deviation_is_reported_worst_first() -> None:
+    old = {"dofs": 6, "probes": {"tip": {"x": 1.0, "ux": 1e-3, "theta": 0.0}}}
+    new = {"dofs": 6, "probes": {"tip": {"x": 1.0 + 1e-7, "ux": 2e-3, "theta": 1e-15}}}
+    found = stored_outputs.differences(new, old)
+    assert [line.split(":")[0] for line in found] == ["probes.tip.ux", "probes.tip.x"]
+    assert stored_outputs.differences(dict(new, dofs=7), old)[0].startswith("dofs")
