@@ -23,6 +23,8 @@ POOR = 1e-6
 # a step that moves this much further than the one before has left the branch
 JUMP = 8.0
 SMALLEST_STEP = 2.0**-16
+# tries within one full step before the path is given up
+MOST_TRIES = 60
 # easy steps in a row before a cut step grows again
 PATIENCE = 2
 
@@ -182,9 +184,10 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     path = _Path([0.0], [d])
     t, h, cutbacks, number, negative, easy = 0.0, largest, 0, 0, 0, PATIENCE
-    moved = np.inf
+    moved, mark, tries = np.inf, 0.0, 0
     while t < end * (1 - 1e-12):
         target = end if t + h * (1 + 1e-9) >= end else t + h
+        tries += 1
         try:
             result = newton(system, path.extrapolate(target), target if len(path.t) > 1 else t, target, tolerance,
                             max_iterations)
@@ -193,7 +196,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
                 raise ComputationError("the state jumps to another branch", at={"factor": f"{target:.6g}"})
         except ComputationError as error:
             h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
-            if h < SMALLEST_STEP * end:
+            if h < SMALLEST_STEP * largest or tries > MOST_TRIES:
                 raise _stuck(error, t, number) from error
             continue
         moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
@@ -204,6 +207,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         if easy >= PATIENCE:
             h = min(largest, 2 * h)
         t, cutbacks = target, 0
+        if t >= mark + largest * (1 - 1e-9):
+            mark, tries = t, 0
 
 
 def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, negative: int) -> State:

@@ -1,0 +1,170 @@
+"""Table 2's cantilever with many elements in 10 load steps: wall time and peak memory, ancf2d beside Exudyn.
+
+Each run is a process of its own; the two tools alternate, and medians and ratios are printed. Time is the solve
+alone, after imports, mesh and (for ancf2d) compiled kernels; memory is the process's peak less what it had after
+its imports. Exudyn (``pip install .[peers]``) uses its geometrically exact beam, the like of reissner2.
+
+    python scripts/bench/static_cantilever.py --elements 10000 --repeat 3 --json out.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import time
+
+LENGTH, HEIGHT, WIDTH, E, NU, LOAD, STEPS = 2.0, 0.1, 0.1, 2.07e11, 0.3, 500e3, 10
+SHEAR = 10 * (1 + NU) / (12 + 11 * NU)
+EXUDYN_TOLERANCE = 1e-6
+CASE = """
+bodies:
+  beam:
+    geometry: {{type: line, start: [0, 0], end: [2, 0]}}
+    section: {{height: 0.1, width: 0.1}}
+    material: {{E: 2.07e11, nu: 0.3, rho: 7850}}
+    element: {{type: {element}, count: {count}}}
+boundary_conditions: [{{type: clamp, at: beam@0}}]
+loads: [{{type: force, at: beam@1, value: [0, -500e3]}}]
+solver: {{type: static, steps: 10}}
+output: {{probes: {{tip: beam@1}}}}
+"""
+
+
+def peak_mb() -> float:
+    """Return the peak resident memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def run_ancf2d(element: str, count: int) -> dict:
+    """Solve with ancf2d; return tip, seconds and memory."""
+    from ancf2d.case import load_case_text
+    from ancf2d.model.build import build_model
+    from ancf2d.solve.post import Observer
+    from ancf2d.solve.static import solve_static
+    from ancf2d.study.warmup import warm_up
+
+    warm_up(build_model(load_case_text(CASE.format(element=element, count=2))))
+    base, start = peak_mb(), time.perf_counter()
+    model = build_model(load_case_text(CASE.format(element=element, count=count)))
+    built = time.perf_counter()
+    state, iterations = None, 0
+    for state in solve_static(model, STEPS):
+        iterations += int(state.history["iterations"])
+    seconds = time.perf_counter() - built
+    tip = Observer(model).observe(state)["tip"]
+    return {"u": [tip["ux"], tip["uy"]], "build_s": built - start, "solve_s": seconds, "iterations": iterations,
+            "memory_mb": peak_mb() - base}
+
+
+def run_exudyn(element: str, count: int) -> dict:
+    """Solve with Exudyn's planar geometrically exact beam; return tip, seconds and memory."""
+    import exudyn as exu
+    from exudyn.itemInterface import (
+        Beam2D,
+        CoordinateConstraint,
+        Force,
+        MarkerNodeCoordinate,
+        MarkerNodePosition,
+        NodePointGround,
+        NodeRigidBody2D,
+    )
+
+    base, start = peak_mb(), time.perf_counter()
+    A, I = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12  # noqa: E741
+    system = exu.SystemContainer()
+    mbs = system.AddSystem()
+    nodes = [mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[LENGTH * i / count, 0, 0])) for i in range(count + 1)]
+    for i in range(count):
+        mbs.AddObject(Beam2D(nodeNumbers=[nodes[i], nodes[i + 1]], physicsLength=LENGTH / count,
+                             physicsMassPerLength=7850 * A, physicsCrossSectionInertia=7850 * I,
+                             physicsBendingStiffness=E * I, physicsAxialStiffness=E * A,
+                             physicsShearStiffness=SHEAR * E / (2 * (1 + NU)) * A))
+    ground = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
+    for k in range(3):
+        held = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=k))
+        mbs.AddObject(CoordinateConstraint(markerNumbers=[ground, held]))
+    tip = mbs.AddMarker(MarkerNodePosition(nodeNumber=nodes[-1]))
+    mbs.AddLoad(Force(markerNumber=tip, loadVector=[0, -LOAD, 0]))
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.staticSolver.numberOfLoadSteps = STEPS
+    # the tightest tolerance that it meets with this mesh: 1e-8, its default, lies below round-off here
+    settings.staticSolver.newton.relativeTolerance = EXUDYN_TOLERANCE
+    settings.solutionSettings.writeSolutionToFile = False
+    settings.staticSolver.verboseMode = 0
+    settings.linearSolverType = exu.LinearSolverType.EigenSparse
+    built = time.perf_counter()
+    mbs.SolveStatic(settings)
+    seconds = time.perf_counter() - built
+    u = mbs.GetNodeOutput(nodes[-1], exu.OutputVariableType.Displacement)
+    return {"u": [float(u[0]), float(u[1])], "build_s": built - start, "solve_s": seconds, "iterations": None,
+            "memory_mb": peak_mb() - base}
+
+
+TOOLS = {"ancf2d": run_ancf2d, "exudyn": run_exudyn}
+
+
+def measure(tool: str, element: str, count: int) -> dict:
+    """Run one tool in a process of its own and return what it reports."""
+    done = subprocess.run([sys.executable, __file__, "--child", tool, element, str(count)], capture_output=True,
+                          text=True, check=False)
+    if done.returncode != 0:
+        return {"error": (done.stderr or done.stdout).strip().splitlines()[-1]}
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def main() -> None:
+    """Print the table, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--elements", type=int, default=10000)
+    parser.add_argument("--types", default="reissner2,reissner3,vallejo,kerkkanen")
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--json", help="file to write the measurements to")
+    parser.add_argument("--child", nargs=3, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.child:
+        tool, element, count = args.child
+        print(json.dumps(TOOLS[tool](element, int(count))))
+        return
+    runs = [("ancf2d", t) for t in args.types.split(",")]
+    if importlib.util.find_spec("exudyn"):
+        runs.insert(0, ("exudyn", "geometrically exact"))
+    else:
+        print("exudyn is not installed (pip install exudyn): ancf2d alone", file=sys.stderr)
+    found = {run: [] for run in runs}
+    for _ in range(args.repeat):
+        for run in runs:
+            found[run].append(measure(*run, args.elements))
+    report(found, args)
+
+
+def report(found: dict, args: argparse.Namespace) -> None:
+    """Print medians and the ratio to Exudyn's time."""
+    print(f"{args.elements} elements, {STEPS} load steps, median of {args.repeat}, {platform.processor() or 'cpu'}")
+    print(f"{'tool':8s} {'element':20s} {'build s':>8s} {'solve s':>8s} {'ratio':>6s} {'memory MB':>10s}  tip displacement")
+    peer, rows = None, []
+    for (tool, element), results in found.items():
+        good = [r for r in results if "error" not in r]
+        if not good:
+            print(f"{tool:8s} {element:20s} failed: {results[0]['error']}")
+            continue
+        row = {k: statistics.median(r[k] for r in good) for k in ("build_s", "solve_s", "memory_mb")}
+        peer = row["solve_s"] if tool == "exudyn" else peer
+        ratio = f"{row['solve_s'] / peer:6.2f}" if peer else "     -"
+        u = good[0]["u"]
+        print(f"{tool:8s} {element:20s} {row['build_s']:8.3f} {row['solve_s']:8.3f} {ratio} {row['memory_mb']:10.1f}  "
+              f"{u[0]:.7f} {u[1]:.7f}")
+        rows.append({"tool": tool, "element": element, **row, "u": u, "iterations": good[0]["iterations"]})
+    if args.json:
+        with open(args.json, "w", encoding="utf-8") as file:
+            json.dump({"elements": args.elements, "steps": STEPS, "repeat": args.repeat, "rows": rows}, file, indent=1)
+
+
+if __name__ == "__main__":
+    main()
