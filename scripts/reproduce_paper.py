@@ -1,0 +1,85 @@
+"""Print the seed paper's tables beside what ancf2d computes, digit by digit.
+
+    python scripts/reproduce_paper.py [--table 1] [--json]
+
+Exit code 0 where every verdict is the documented one (see paper_tables.py), else 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from paper_tables import TABLES, Entry, Table
+
+from ancf2d.study.run import load, run_case
+
+CASES = Path(__file__).resolve().parents[1] / "cases" / "paper"
+
+
+@cache
+def probes(case: str, overrides: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    """Return the probes of a solved case. Raises CaseError or ComputationError where it cannot be solved."""
+    outcome = run_case(load(CASES / f"{case}.yaml", list(overrides)))
+    if outcome.failure is not None:
+        raise outcome.failure
+    return outcome.summary["probes"]
+
+
+def rounded(value: float, like: str) -> str:
+    """Return a value with as many decimals as the printed text."""
+    return f"{value:.{len(like.partition('.')[2])}f}"
+
+
+def judge(entry: Entry, value: float) -> dict[str, Any]:
+    """Return the verdict on one entry whose computed value, in the table's unit, is given."""
+    digits = rounded(value, entry.printed)
+    same = digits.lstrip("-") == entry.printed if entry.sign_lost else digits == entry.printed
+    documented = same if entry.computed is None else digits == entry.computed and not same
+    verdict = "same to all printed digits" if same else f"differs: computed {digits}, printed {entry.printed}"
+    return {"row": entry.row, "column": entry.column, "printed": entry.printed, "computed": digits, "value": value,
+            "same": same, "documented": documented, "verdict": verdict, "why": "" if same else entry.why}
+
+
+def examine(table: Table) -> list[dict[str, Any]]:
+    """Return the verdicts on all entries of a table."""
+    return [judge(e, probes(e.case, e.overrides)[e.probe][e.quantity] * e.scale) for e in table.entries]
+
+
+def report(table: Table, verdicts: Sequence[dict[str, Any]]) -> str:
+    """Return a table with its verdicts as text; each reason stands once, below."""
+    reasons = list(dict.fromkeys(v["why"] for v in verdicts if v["why"]))
+    lines = [f"{table.title} [{table.unit}]", *table.notes, "",
+             f"{'':14} {'':8} {'printed':>10} {'computed':>10}  verdict"]
+    for v in verdicts:
+        mark = f" [{reasons.index(v['why']) + 1}]" if v["why"] else ""
+        alarm = "" if v["documented"] else "   <-- NOT AS DOCUMENTED"
+        word = "same to all printed digits" if v["same"] else "differs"
+        lines.append(f"{v['row']:14} {v['column']:8} {v['printed']:>10} {v['computed']:>10}  {word}{mark}{alarm}")
+    same = sum(v["same"] for v in verdicts)
+    lines += ["", f"{same} of {len(verdicts)} entries are the same to all printed digits."]
+    return "\n".join(lines + [f"[{i}] {text}." for i, text in enumerate(reasons, 1)])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Examine the tables that are asked for; return the exit code."""
+    parser = argparse.ArgumentParser(description="The paper's tables beside what ancf2d computes.")
+    parser.add_argument("--table", choices=sorted(TABLES), action="append", help="only this table (repeatable)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    options = parser.parse_args(arguments)
+    found = {name: examine(TABLES[name]) for name in options.table or sorted(TABLES)}
+    if options.json:
+        print(json.dumps({"tables": {n: {"title": TABLES[n].title, "unit": TABLES[n].unit, "entries": v}
+                                     for n, v in found.items()}}, indent=1))
+    else:
+        print("\n\n".join(report(TABLES[n], v) for n, v in found.items()))
+    return 0 if all(v["documented"] for verdicts in found.values() for v in verdicts) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

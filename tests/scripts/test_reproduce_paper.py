@@ -1,0 +1,70 @@
+"""The paper's tables, entry by entry, and that a verdict other than the documented one is an error."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+@pytest.fixture
+def reproduce(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import reproduce_paper
+
+    return reproduce_paper
+
+
+def test_every_entry_has_its_documented_verdict(reproduce) -> None:
+    for table in reproduce.TABLES.values():
+        for verdict in reproduce.examine(table):
+            assert verdict["documented"], verdict
+            assert verdict["same"] or verdict["why"], verdict
+
+
+def test_entries_that_follow_to_all_printed_digits(reproduce) -> None:
+    same = {name: sum(e.computed is None for e in table.entries) for name, table in reproduce.TABLES.items()}
+    assert same == {"1": 21, "2": 4}
+    assert {name: len(table.entries) for name, table in reproduce.TABLES.items()} == {"1": 30, "2": 10}
+
+
+def test_one_unit_in_the_last_printed_digit_is_a_difference(reproduce) -> None:
+    entry = reproduce.TABLES["1"].entries[0]
+    assert reproduce.judge(entry, -0.0736254)["same"]
+    off = reproduce.judge(entry, -0.0736256)
+    assert not off["same"]
+    assert not off["documented"]
+    assert off["verdict"] == "differs: computed -0.073626, printed -0.073625"
+
+
+def test_an_entry_that_should_differ_and_does_not_is_not_as_documented(reproduce) -> None:
+    entry = next(e for e in reproduce.TABLES["2"].entries if e.computed)
+    assert reproduce.judge(entry, float(entry.computed))["documented"]
+    assert not reproduce.judge(entry, float(entry.printed))["documented"]
+
+
+def test_a_lost_minus_sign_is_no_difference_only_where_the_paper_lost_it(reproduce) -> None:
+    kept, lost = (next(e for e in reproduce.TABLES["1"].entries if e.column == c and e.computed is None)
+                  for c in ("2d2n", "omar"))
+    assert reproduce.judge(lost, -float(lost.printed))["same"]
+    assert not reproduce.judge(kept, -float(kept.printed))["same"]
+
+
+def test_an_undocumented_verdict_is_an_error(reproduce, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(reproduce, "probes", lambda case, overrides: {"mid": {"uy": -1e-4}})
+    assert reproduce.main(["--table", "1"]) == 1
+    assert "NOT AS DOCUMENTED" in capsys.readouterr().out
+
+
+def test_command_line() -> None:
+    done = subprocess.run([sys.executable, SCRIPTS / "reproduce_paper.py", "--table", "2", "--json"],
+                          capture_output=True, text=True, timeout=120, check=True)
+    tables = json.loads(done.stdout)["tables"]
+    assert list(tables) == ["2"]
+    assert tables["2"]["entries"][3]["printed"] == "-0.68070"
+    assert tables["2"]["entries"][3]["same"]
