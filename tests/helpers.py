@@ -174,3 +174,24 @@ def random_state(model: Model, size: float, seed: int = 0) -> np.ndarray:
     d = np.zeros(len(model.numbering.place))
     d[:model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
     return d
+
+
+def dense(target: Any, n: int) -> np.ndarray:
+    """Return the matrix that kernels filled as a full array (n, n)."""
+    kind, A = type(target).__name__, target.values
+    out = np.zeros((n, n))
+    if kind == "SymBand":
+        bw = A.shape[1] - 1
+        for i in range(n):
+            for j in range(max(0, i - bw), i + 1):
+                out[i, j] = out[j, i] = A[i, bw + j - i]
+    elif kind == "Band":
+        bw = (A.shape[1] - 1) // 3
+        for j in range(n):
+            for i in range(max(0, j - bw), min(n, j + bw + 1)):
+                out[i, j] = A[j, 2 * bw + i - j]
+    else:
+        for i in range(n):
+            row = slice(target.indptr[i], target.indptr[i + 1])
+            out[i, target.indices[row]] = A[row]
+    return out

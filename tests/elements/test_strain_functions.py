@@ -86,6 +86,14 @@ def test_structural_is_refused_where_a_coordinate_would_have_no_stiffness():
     assert not refused & {"omar", "kerkkanen", "vallejo", "li", "ancf[3,1]"}
 
 
+@pytest.mark.parametrize("formulation", ["enhanced", "strain_split"])
+def test_splits_are_refused_where_they_would_fail_in_plain_tension(formulation):
+    """Coupling on the axis only is the mean over the section as long as eps_yy is linear in y."""
+    refused = {n for n, t in helpers.TYPES.items() if FORMULATIONS[formulation].refuse(t) is not None}
+    assert {"ancf[3,3]", "ancf[8,5]", "2d2n", "2d3n", "cable", "reissner3"} <= refused
+    assert not refused & {"omar", "kerkkanen", "vallejo", "li", "patel", "ancf[1,2]", "ancf[2,2]"}
+
+
 @pytest.mark.parametrize("name", helpers.TYPES)
 def test_the_default_formulation_of_a_type_is_one_it_offers(name):
     element = helpers.TYPES[name]

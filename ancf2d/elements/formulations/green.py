@@ -139,6 +139,9 @@ def _refuse_split(element: ElementType) -> str | None:
     if element.common_coefficients:
         return (f"the y^2 of {element.name} is tied to x^2: without Poisson coupling over the section it would "
                 "add the bending stiffness once more")
+    if element.degree_y > 2:
+        return (f"the section of {element.name} stretches unevenly (y^3): Poisson coupling with the strain of the axis "
+                "alone would miss its mean, and plain tension come out wrong")
     return _needs_body(element)
 
 

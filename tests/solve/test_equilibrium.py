@@ -1,0 +1,94 @@
+"""Large displacements: reactions balance whatever is applied, in force and in moment about the moved points."""
+
+import helpers
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+EI = 5.0 * 0.2 * 0.3**3 / 12
+small = st.floats(-1, 1)
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.DEFAULTS, ids=helpers.ids(helpers.DEFAULTS))
+@settings(max_examples=4, deadline=None)
+@given(fx=small, fy=small, m=small, q=small, follower=small)
+def test_total_load_equals_reactions_at_large_displacement(name, formulation, fx, fy, m, q, follower):
+    geometry = helpers.ARC
+    loads = [{"type": "force", "at": "beam@1", "value": [0.8 * EI * fx, 0.8 * EI * fy]},
+             {"type": "moment", "at": "beam@1", "value": 0.5 * EI * m},
+             {"type": "distributed", "on": "beam", "value": [0.0, EI * q]},
+             {"type": "follower_force", "at": "beam@1", "value": [0.0, 0.3 * EI * follower]}]
+    bodies = {"beam": helpers.body(geometry, helpers.element(name, 4, formulation))}
+    out = helpers.solved(bodies, {"type": "static", "steps": 2}, loads=loads,
+                         bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}])
+    wall = out.reactions()["wall"]
+    length, model = 1.2 * 1.2, out.model
+    d, e = out.d[:model.n_q], model.e0 + out.d[:model.n_q]
+    patches = [p for p in model.loads.patches if not p.symmetric]
+    Q = np.zeros(model.n_q)
+    for patch in patches:
+        np.add.at(Q, patch.dofs, -patch.evaluate(e, d, 1.0)[1])
+    mesh = model.meshes["beam"]
+    push = np.array([Q[mesh.kinds == 0].sum(), Q[mesh.kinds == 1].sum()])
+    scale = EI
+    np.testing.assert_allclose([wall["fx"], wall["fy"]],
+                               -np.array([0.8 * EI * fx, 0.8 * EI * fy + EI * q * line_length(mesh, length)]) - push,
+                               atol=1e-7 * scale)
+
+
+def line_length(mesh, length: float) -> float:
+    """A distributed load is per reference length of the arc, not of its interpolation."""
+    return length
+
+
+@pytest.mark.parametrize("name", helpers.KINDS.values())
+@settings(max_examples=6, deadline=None)
+@given(fx=small, fy=small, m=small, s=st.floats(0.3, 1.0))
+def test_moment_about_the_support_is_that_of_the_loads_where_they_have_moved(name, fx, fy, m, s):
+    F, M = np.array([EI * fx, EI * fy]), 0.5 * EI * m
+    loads = [{"type": "force", "at": f"beam@{s}", "value": F.tolist()}, {"type": "moment", "at": "beam@1", "value": M}]
+    bodies = {"beam": helpers.body(helpers.line(1.2, 0.3), helpers.element(name, 5))}
+    out = helpers.solved(bodies, loads=loads, bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}])
+    wall, r = out.reactions()["wall"], out.r(f"beam@{s}")
+    assert wall["m"] == pytest.approx(-M - (r[0] * F[1] - r[1] * F[0]), abs=1e-7 * EI)
+    np.testing.assert_allclose([wall["fx"], wall["fy"]], -F, atol=1e-7 * EI)
+
+
+@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+def test_three_supports_share_the_load_in_equilibrium(name):
+    bodies = {"beam": helpers.body(helpers.line(2.0, 0.3), helpers.element(name, 6))}
+    bc = [{"name": "a", "type": "pin", "at": "beam@0"}, {"name": "b", "type": "roller", "at": "beam@0.42", "normal": [1, 3]},
+          {"name": "c", "type": "roller", "at": "beam@1", "fixed": "y"}]
+    F = np.array([0.3, -0.5]) * EI
+    for solver in ("linear_static", "static"):
+        out = helpers.solved(bodies, solver, bc=bc, loads=[{"type": "force", "at": "beam@0.7", "value": F.tolist()}])
+        r = out.reactions()
+        np.testing.assert_allclose([sum(v[k] for v in r.values()) for k in ("fx", "fy")], -F, atol=1e-9 * EI)
+        assert r["b"]["fx"] * 3 == pytest.approx(r["b"]["fy"], rel=1e-9)
+        assert r["c"]["fx"] == pytest.approx(0, abs=1e-12 * EI)
+        # moment about the origin, of points where they are (linear theory: where they were)
+        where = {k: out.r(f"beam@{s}") if solver == "static" else helpers.np.array([2 * s * np.cos(0.3), 2 * s * np.sin(0.3)])
+                 for k, s in (("a", 0), ("b", 0.42), ("c", 1), ("load", 0.7))}
+        total = where["load"][0] * F[1] - where["load"][1] * F[0]
+        total += sum(where[k][0] * r[k]["fy"] - where[k][1] * r[k]["fx"] + r[k]["m"] for k in "abc")
+        assert total == pytest.approx(0, abs=1e-8 * EI)
+
+
+@pytest.mark.parametrize("name", helpers.KINDS.values())
+def test_section_forces_are_those_of_the_free_body_beyond(name):
+    """N, Q, M at s of a cantilever under a tip force: the force in the section's axes and its moment about the point."""
+    from ancf2d.solve.post import section_forces
+
+    F = np.array([0.4, -0.6]) * EI
+    bodies = {"beam": helpers.body(helpers.line(1.2), helpers.element(name, 6))}
+    for solver in ("linear_static", "static"):
+        out = helpers.solved(bodies, solver, bc=[{"type": "clamp", "at": "beam@0"}], loads=helpers.tip(*F))
+        for s in (0.0, 0.25, 0.5, 0.9):
+            N, Q, M = section_forces(out.model, out.state, out.point(f"beam@{s}"))
+            linear = solver == "linear_static"
+            angle = 0.0 if linear else out.theta(f"beam@{s}")
+            arm = np.array([1.2 * (1 - s), 0.0]) if linear else out.r("beam@1") - out.r(f"beam@{s}")
+            c, si = np.cos(angle), np.sin(angle)
+            expected = [c * F[0] + si * F[1], -si * F[0] + c * F[1], arm[0] * F[1] - arm[1] * F[0]]
+            np.testing.assert_allclose([N, Q, M], expected, atol=1e-7 * EI)

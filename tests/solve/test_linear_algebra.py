@@ -1,0 +1,202 @@
+"""Band, general band and compressed rows against dense algebra on real scenes; inertia; what is singular is named."""
+
+import helpers
+import numpy as np
+import pytest
+from helpers import dense
+
+from ancf2d.errors import ComputationError
+from ancf2d.model.order import half_bandwidth, order_unknowns
+from ancf2d.solve.linear import GeneralBand, GeneralSparse, SymmetricBand, _pattern, make_matrix
+from ancf2d.solve.static import FLOOR
+from ancf2d.solve.system import System
+
+
+def bars(corners, specs):
+    out = {}
+    for k, (a, b, spec) in enumerate(zip(corners[:-1], corners[1:], specs, strict=True)):
+        geometry = {"type": "line", "start": list(a), "end": list(b)}
+        out[f"b{k}"] = helpers.body(geometry, helpers.element(*spec))
+    return out
+
+
+def pin(*points, kind="pin"):
+    return {"type": kind, "between": list(points)}
+
+
+def chain():
+    bodies = bars([(0, 0), (1, 0), (2, 0.3), (3, 0.3)], [("vallejo", 3), ("omar", 2), ("cable", 3)])
+    return {"bodies": bodies, "bc": [{"type": "clamp", "at": "b0@0"}],
+            "joints": [pin("b0@1", "b1@0", kind="weld"), pin("b1@1", "b2@0", kind="weld")]}
+
+
+def loop():
+    bodies = bars([(0, 0), (1, 0), (0.5, 0.8), (0, 0)], [("vallejo", 4), ("reissner3", 4), ("cable", 4)])
+    return {"bodies": bodies, "bc": [{"type": "pin", "at": "b0@0"}, {"type": "roller", "at": "b0@1", "fixed": "y"}],
+            "joints": [pin("b0@1", "b1@0"), pin("b1@1", "b2@0"), pin("b2@1", "b0@0")]}
+
+
+def star():
+    ends = [(np.cos(a), np.sin(a)) for a in (0, 1.3, 2.5, 4.0, 5.2)]
+    bodies = {f"b{k}": helpers.body({"type": "line", "start": [0, 0], "end": list(e)}, helpers.element("vallejo", 2 + k))
+              for k, e in enumerate(ends)}
+    return {"bodies": bodies, "bc": [{"type": "clamp", "at": f"b{k}@1"} for k in (0, 2)],
+            "joints": [pin(*(f"b{k}@0" for k in range(5)), kind="weld")]}
+
+
+def stepped():
+    spec = helpers.element("ancf[3,3]", 3)
+    return {"bodies": {"b": helpers.body({"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.7]]}, spec)},
+            "bc": [{"type": "clamp", "at": "b@0", "hold": "breathe"}, {"type": "roller", "at": "b@0.63", "normal": [1, 2]}]}
+
+
+SCENES = {f.__name__: f for f in (chain, loop, star, stepped)}
+KINDS = {"symmetric band": lambda m, n, bw: SymmetricBand(n, bw), "general band": lambda m, n, bw: GeneralBand(n, bw),
+         "compressed rows": lambda m, n, bw: GeneralSparse(n, *_pattern(m))}
+
+
+def system_of(scene: str, kind: str | None = None):
+    model = helpers.build(**SCENES[scene]())
+    system = System(model)
+    if kind is not None:
+        system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
+    return model, system
+
+
+def reduction(model) -> np.ndarray:
+    """Return T (n_full, n_unknowns), column by column."""
+    num = model.numbering
+    T = np.zeros((len(num.place), num.n_unknowns))
+    for k, unit in enumerate(np.eye(num.n_unknowns)):
+        num.expand(unit, T[:, k])
+    return T
+
+
+def state(model, system):
+    d = model.displacements(0.01 * np.random.default_rng(3).normal(size=model.numbering.n_unknowns) / system_scale(system), 1.0)
+    return d
+
+
+def system_scale(system):
+    return np.where(system.weights > 0, system.weights, 1.0)
+
+
+def congruence(model, system, d) -> np.ndarray:
+    """Return T^T K T, with K column by column from the elements' and patches' actions."""
+    T = reduction(model)
+    K = np.stack([system.action(d, column, 1.0) for column in np.eye(len(d))], axis=1)
+    return T.T @ K @ T
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_kind_of_matrix_holds_and_solves_the_reduced_tangent(scene, kind):
+    model, system = system_of(scene, kind)
+    d = state(model, system)
+    K = congruence(model, system, d)
+    system.assemble(d, 1.0)
+    s = 1 / np.sqrt(np.abs(K).max(axis=1))
+    scaled = K * np.outer(s, s)
+    assembled = dense(system.matrix.target, len(K)) * np.outer(s, s)
+    np.testing.assert_allclose(assembled, scaled, atol=1e-12)
+    b = np.random.default_rng(4).normal(size=len(K))
+    pivots = system.matrix.factor()
+    assert pivots.bad == -1
+    assert 0 < pivots.smallest <= 1e3
+    x, expected = system.matrix.solve(b / s) / s, np.linalg.solve(scaled, b)
+    np.testing.assert_allclose(x, expected, atol=1e-9 * np.abs(expected).max())
+    negative = int((np.linalg.eigvalsh(scaled) < 0).sum())
+    if kind == "general band":
+        # row exchanges leave the sign of the determinant
+        assert pivots.negative == negative % 2
+    elif kind == "symmetric band" or not model.constraints:
+        # SuperLU exchanges rows at the zero diagonal of a multiplier
+        assert pivots.negative == negative
+
+
+@pytest.mark.parametrize("kind", ["symmetric band", "compressed rows"])
+def test_negative_pivots_are_the_inertia_beyond_a_critical_load(kind):
+    """Compressed beyond Euler's load a strut has one negative eigenvalue, beyond the second load two."""
+    EI = 5.0 * 0.1 * 0.1**3 / 12
+    for factor, expected in ((0.5, 0), (2.5, 1), (6.0, 2)):
+        P = factor * EI * np.pi**2
+        strut = {"b": helpers.body(helpers.line(1.0), helpers.element("cable", 16), {"height": 0.1, "width": 0.1})}
+        model = helpers.build(strut, bc=[{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}])
+        system = System(model)
+        system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
+        strain = -P / (5.0 * 0.01)
+        d = np.zeros(model.n_q)
+        for i in np.flatnonzero(model.meshes["b"].kinds == 0):
+            d[i] = strain * model.e0[i]
+        d[model.meshes["b"].kinds == 3] = strain
+        system.assemble(d, 1.0)
+        assert system.matrix.factor().negative == expected
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_forces_with_and_without_tangent_are_the_same(scene):
+    model, system = system_of(scene)
+    d = state(model, system)
+    balance, forces = system.assemble(d, 1.0), system.forces(d, 1.0)
+    np.testing.assert_allclose(balance.R, forces.R, atol=1e-13 * np.abs(forces.Q).max())
+    assert balance.energy == pytest.approx(forces.energy, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+def test_the_bound_of_round_off_covers_the_forces_of_a_turned_body_and_not_much_more(name):
+    beam = {"b": helpers.body(helpers.line(2.0, 0.4), helpers.element(name, 8), {"height": 0.1, "width": 0.1}, helpers.STEEL)}
+    model = helpers.build(beam, bc=[{"type": "clamp", "at": "b@0"}])
+    system = System(model)
+    full = helpers.rotate(np.zeros(model.n_q), model, 1.3, (0.4, 0.2))
+    d = np.zeros(len(model.numbering.place))
+    d[:model.n_q] = full
+    R, noise = system.forces(d, 1.0).R, system.noise(d, 1.0)
+    assert (np.abs(R) <= FLOOR * noise).all()
+    weights = np.where(system.weights > 0, system.weights, 1.0)
+    assert np.max(noise / weights) < 1e3 * max(np.max(np.abs(R) / weights), 1.0)
+
+
+def test_a_general_order_is_replaced_where_another_makes_the_band_narrower():
+    n = 60
+    shuffled = np.random.default_rng(1).permutation(n)
+    sets = [np.stack([shuffled[:-1], shuffled[1:]], axis=1)]
+    natural = half_bandwidth(np.arange(n), sets)
+    position, width = order_unknowns(n, sets, 1)
+    assert natural > 20
+    assert width == half_bandwidth(position, sets) == 1
+    assert sorted(position.tolist()) == list(range(n))
+    kept, same = order_unknowns(n, [np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)], 1)
+    np.testing.assert_array_equal(kept, np.arange(n))
+    assert same == 1
+
+
+def test_the_matrix_suits_the_scene():
+    assert isinstance(make_matrix(helpers.build(**chain())), SymmetricBand)
+    scene = chain()
+    follower = [{"type": "follower_force", "at": "b2@1", "value": [0, 1]}]
+    assert isinstance(make_matrix(helpers.build(**scene, loads=follower)), GeneralBand)
+    spokes = {f"b{k}": helpers.body({"type": "line", "start": [0, 0], "end": [np.cos(k), np.sin(k)]}, helpers.element("vallejo", 4))
+              for k in range(30)}
+    joints = [pin(*(f"b{k}@0" for k in range(30)), kind="weld")]
+    model = helpers.build(spokes, bc=[{"type": "clamp", "at": f"b{k}@1"} for k in range(30)], joints=joints)
+    matrix = make_matrix(model)
+    assert isinstance(matrix, GeneralSparse) or model.numbering.half_bandwidth <= 60
+
+
+def test_long_chains_have_the_band_of_one_element():
+    for name in helpers.SMALL_TYPES:
+        model = helpers.build({"b": helpers.body(helpers.line(1.0), helpers.element(name, 20))},
+                              bc=[{"type": "clamp", "at": "b@0"}])
+        assert model.numbering.half_bandwidth <= helpers.TYPES[name].n_dof - 1
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_a_singular_tangent_names_the_coordinate_that_is_free(solver):
+    """With one Gauss point a kerkkanen element in continuum form cannot see its bending."""
+    spec = helpers.element("kerkkanen", 1, "continuum", quadrature=[1, 1])
+    beam = {"b": helpers.body(helpers.line(1.0), spec)}
+    with pytest.raises(ComputationError, match=r"singular: r?[xy]?(y_x|y_y|x|y) of b at S = 1") as error:
+        helpers.solved(beam, solver, bc=[{"type": "pin", "at": "b@0"}, {"type": "prescribed", "at": "b@0", "angle": 0.0}],
+                       loads=[{"type": "force", "at": "b@1", "value": [0, 1]}])
+    if solver == "linear_static":
+        assert "zero-energy modes" in error.value.failure.advice
