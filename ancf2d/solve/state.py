@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from ..elements.shape import Array
 
@@ -11,7 +12,9 @@ from ..elements.shape import Array
 class State:
     """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.
 
-    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates.
+    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``report`` is merged into the
+    summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
+    ``tables``: name -> columns.
     """
 
     t: float
@@ -22,3 +25,6 @@ class State:
     linear: bool = False
     history: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
+    arrays: dict[str, tuple[Array, str, str]] = field(default_factory=dict)
+    tables: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
