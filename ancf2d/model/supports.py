@@ -76,7 +76,8 @@ def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> Non
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
         raise SupportError(("hold",), f"the section of {element.name} is rigid: it cannot breathe", "section or all")
-    tx, ty = math.cos(point.angle), math.sin(point.angle)
+    angle = point.director()[1] - 0.5 * math.pi
+    tx, ty = math.cos(angle), math.sin(angle)
     axis = point.position()
     out.rows.append(Row(*along(axis, tx, ty), owner, "axial position"))
     out.rows.append(Row(*along(point.position("uniform"), -ty, tx), owner, "mean transverse position"))
