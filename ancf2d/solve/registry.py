@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from ..case import Case, LinearStatic, LoadedCase, Static
 from ..errors import Problem
 from ..model.model import Model
@@ -43,6 +45,12 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     if case.steady_rotation is not None:
         problems.append(loaded.source.problem(("steady_rotation",), "steady_rotation is not available yet"))
     return problems
+
+
+def initial_state(model: Model) -> State:
+    """Return the reference, from which static paths start."""
+    zero = np.zeros(len(model.numbering.place))
+    return State(0.0, model.displacements(zero[:model.numbering.n_unknowns], 0.0), zero, zero, 0.0)
 
 
 def solve(model: Model) -> Iterator[State]:

@@ -19,7 +19,7 @@ UNIT_ROUNDOFF = 2.0**-53
 
 @dataclass
 class Balance:
-    """Forces at a state. ``Q`` (n_full,): elastic and patch forces; ``F``: dead loads; ``R`` = Q - F on the unknowns."""
+    """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns."""
 
     Q: Array
     F: Array

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, LoadedCase, Vocabulary, load_case
+from ..case import Case, LoadedCase, Static, Vocabulary, load_case
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
@@ -138,7 +138,7 @@ class _Clock:
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> Outcome:
     from ..solve.post import Observer
-    from ..solve.registry import solve
+    from ..solve.registry import initial_state, solve
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
@@ -148,6 +148,9 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     state, failure, probes, totals, report = None, None, {}, {"iterations": 0, "steps": 0}, {}
     try:
         for state in clock:
+            if writer is not None and totals["steps"] == 0 and isinstance(loaded.case.solver, Static):
+                start = initial_state(model)
+                writer.append(start.t, start.d[:model.n_q], None, Observer(model).observe(start))
             probes = observer.observe(state)
             totals["iterations"] += int(state.history["iterations"])
             totals["steps"] += 1
