@@ -58,8 +58,8 @@ class App(click.Group):
             from difflib import get_close_matches
 
             near = get_close_matches(args[0], COMMANDS, 1)
-            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(COMMANDS)}."
-            ctx.fail(f"No such command '{args[0]}'; {hint}")
+            hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(COMMANDS)}"
+            ctx.fail(f"no such command '{args[0]}'; {hint}")
         return super().resolve_command(ctx, args)
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
@@ -108,7 +108,7 @@ def _silence_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-@click.group(cls=App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+@click.group("ancf2d", cls=App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
              epilog="'ancf2d COMMAND --help' says more. Start with 'ancf2d new beam', then 'ancf2d run beam.yaml'.")
 @click.version_option(__version__, prog_name="ancf2d")
 @debug_option

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import click
@@ -69,12 +70,18 @@ def _describe(element: Any) -> dict[str, Any]:
         rule = None if refused else list(element.quadrature.get(f.name, f.rule(element)))
         formulations.append({"name": f.name, "default": f.name == element.formulation, "quadrature": rule,
                              "refused": refused, "doc": f.doc, "source": f.source})
-    return {"name": element.name, "basis": list(element.basis), "dofs": element.n_dof,
+    return {"name": element.name, "basis": [_tidy(b) for b in element.basis], "dofs": element.n_dof,
             "nodes": [{"at": n.at, "coordinates": list(n.coordinates)} for n in element.nodes],
             "formulations": formulations,
             "shear_factor": None if element.section_kind == "tangent" else element.shear_factor,
             "preset": {k: list(v) if isinstance(v, tuple) else v for k, v in element.preset.items()},
             "source": element.source, "note": element.note}
+
+
+def _tidy(function: str) -> str:
+    """Return a basis function without powers of 0 and 1: ``x^1*y^0`` is x."""
+    factors = [re.sub(r"\^1\b", "", f) for f in function.split("*") if not re.fullmatch(r"[xy]\^0", f)]
+    return "*".join(factors) or "1"
 
 
 def _one(found: dict[str, Any]) -> str:
@@ -92,8 +99,10 @@ def _one(found: dict[str, Any]) -> str:
     if found["note"]:
         rows.append(["note", found["note"]])
     lines = [found["name"], *table(rows, left=(0, 1), indent="  "), "", "  formulations"]
-    rows = []
-    for f in found["formulations"]:
-        what = f"{' x '.join(map(str, f['quadrature']))} Gauss points" if f["quadrature"] else f"no: {f['refused']}"
-        rows.append([f["name"], "default" if f["default"] else "", what, f["doc"] if f["quadrature"] else ""])
-    return "\n".join([*lines, *table(rows, left=(0, 1, 2, 3), indent="    ")])
+    offered = [[f["name"], "default" if f["default"] else "", f"{' x '.join(map(str, f['quadrature']))} Gauss points",
+                f["doc"]] for f in found["formulations"] if f["refused"] is None]
+    lines += table(offered, left=(0, 1, 2, 3), indent="    ")
+    refused = [[f["name"], f["refused"]] for f in found["formulations"] if f["refused"] is not None]
+    if refused:
+        lines += ["", "  not offered", *table(refused, left=(0, 1), indent="    ")]
+    return "\n".join(lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from typing import Any
 
 import click
@@ -16,10 +15,11 @@ FAILED, WRONG, INTERRUPTED = 1, 2, 130
 def explain(error: BaseException, session: Session) -> int:
     """Tell what went wrong and return the exit code."""
     if session.debug:
+        import traceback
+
         traceback.print_exception(error)
     if isinstance(error, click.ClickException):
-        error.show()
-        reason, code = error.format_message(), WRONG
+        reason, code = _usage(error), WRONG
     elif isinstance(error, CaseError):
         click.echo(problems_text(error.problems, session.subject.get("case", "")), err=True)
         reason, code = error.problems[0].message, error.exit_code
@@ -29,9 +29,11 @@ def explain(error: BaseException, session: Session) -> int:
         reason, code = _reason(error), error.exit_code
     elif isinstance(error, KeyboardInterrupt | click.Abort | EOFError):
         click.echo("interrupted", err=True)
+        session.parting()
         reason, code = "interrupted", INTERRUPTED
     elif isinstance(error, OSError):
-        reason, code = " ".join(filter(None, [error.filename and f"'{error.filename}':", error.strerror])), FAILED
+        what = "the output" if error.filename is None else f"'{error.filename}'"
+        reason, code = f"cannot read or write {what}: {error.strerror or error}", FAILED
         click.echo(f"error: {reason}", err=True)
     elif isinstance(error, MemoryError):
         reason, code = "there is not enough memory for this", FAILED
@@ -41,6 +43,23 @@ def explain(error: BaseException, session: Session) -> int:
         click.echo(f"{reason} (--debug shows where)" if not session.debug else reason, err=True)
     session.print_json(failure_object(error, reason, code, session.subject))
     return code
+
+
+def _usage(error: click.ClickException) -> str:
+    """Tell what is wrong with the command line, in the words of all other errors; return the reason."""
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return "no command"
+    reason = error.format_message()
+    if isinstance(error, click.NoSuchOption):
+        from difflib import get_close_matches
+
+        near = get_close_matches(error.option_name, error.possibilities or [], 1, 0.7)
+        reason = f"no such option '{error.option_name}'" + (f"; did you mean '{near[0]}'?" if near else "")
+    context = getattr(error, "ctx", None)
+    hint = "" if context is None else f" (see '{context.command_path} --help')"
+    click.echo(f"error: {reason[:1].lower()}{reason[1:].rstrip('.')}{hint}", err=True)
+    return reason
 
 
 def _named(error: BaseException) -> str:
@@ -58,7 +77,7 @@ def failure_object(error: BaseException, reason: str, code: int, subject: dict[s
                              "at": {}}
     if isinstance(error, CaseError):
         first = error.problems[0]
-        found["at"] = {"file": first.file, "line": first.line, "column": first.column} if first.line else {}
+        found["at"] = {"file": first.file, **({"line": first.line, "column": first.column} if first.line else {})}
         found["problems"] = [problem_object(p) for p in error.problems]
     elif isinstance(error, ComputationError):
         found.update(at=error.failure.at, advice=error.failure.advice, residuals=error.failure.history)

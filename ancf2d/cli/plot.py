@@ -80,10 +80,10 @@ def _draw(session: Session, results: list[Any], kind: str, save: str | None, dat
             raise ResultsError(f"'{path}' is the result file itself; choose another name")
     if save is not None:
         plot.save(plot.draw(results, kind, **options), save)
-        session.note(f"wrote {save} ({kind})")
+        session.out(f"wrote {save} ({kind})")
     if data is not None:
         plot.data_csv(results, data, kind, **options)
-        session.note(f"wrote {data} ({kind})")
+        session.out(f"wrote {data} ({kind})")
     if show:
         plot.show(results, kind, **options)
 

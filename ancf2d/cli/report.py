@@ -49,17 +49,20 @@ def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[s
 def _checks(checks: list[dict[str, Any]]) -> list[str]:
     rows = [["expected", "computed", "known", "", ""]]
     for c in checks:
-        verdict = "ok" if c["met"] else f"differs by {_difference(c)}"
-        rows.append([c["what"], number(c["value"], 8), number(c["expected"], 8), verdict, c["source"]])
+        rows.append([c["what"], number(c["value"], 8), number(c["expected"], 8), _verdict(c), c["source"]])
     return table(rows, left=(0, 3, 4))
 
 
-def _difference(check: dict[str, Any]) -> str:
-    """Return a difference beside what is allowed, both in per cent where there is something to relate them to."""
+def _verdict(check: dict[str, Any]) -> str:
+    """Return 'ok', or a difference beside what is allowed: in per cent where there is something to relate it to."""
+    if check["met"]:
+        return "ok"
+    if check["value"] is None:
+        return "not computed"
     size = abs(check["expected"])
     if size == 0:
-        return f"{abs(check['difference']):.2g}, allowed {check['allowed']:.2g}"
-    return f"{100 * abs(check['difference']) / size:.2g} %, allowed {100 * check['allowed'] / size:.2g} %"
+        return f"differs by {abs(check['difference']):.2g}, allowed {check['allowed']:.2g}"
+    return f"differs by {100 * abs(check['difference']) / size:.2g} %, allowed {100 * check['allowed'] / size:.2g} %"
 
 
 def built_report(model: Any) -> str:

@@ -55,12 +55,9 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     end = end_factor(loaded.case)
     progress = Progress(state=lambda state: bar.update(state.t / end), warn=session.warn, compiling=compiling(session),
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)
-    try:
-        with bar:
-            outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress)
-    except KeyboardInterrupt:
-        _tell_part(session, out)
-        raise
+    session.parting = lambda: _tell_part(session, out)
+    with bar:
+        outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress)
     session.print_json(outcome.summary)
     if outcome.failure is not None:
         click.echo(outcome.failure.text(), err=True)

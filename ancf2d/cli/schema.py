@@ -30,7 +30,7 @@ def command(session: Session, output: str | None, markdown: bool, definition: bo
         click.echo(text, nl=False)
         return 0
     write_schema(Path(output), text, force)
-    session.note(f"wrote {output}")
+    session.out(f"wrote {output}")
     return 0
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +23,7 @@ class Session:
     quiet: bool = False
     verbose: bool = False
     subject: dict[str, Any] = field(default_factory=dict)
+    parting: Callable[[], None] = lambda: None  # called after an interruption: what is left of the work
 
     @property
     def command_line(self) -> str:

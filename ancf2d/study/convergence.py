@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ..case import LoadedCase, load_case_text
-from ..errors import CaseError, ComputationError
+from ..case.overrides import OPTION
+from ..errors import CaseError, ComputationError, Problem
 from .goal import error_scale, smallest_scale
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import run_jobs
@@ -164,14 +165,22 @@ def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int]) -> Job:
 
 def _warm_up(first: Sequence[Job], compiling: Callable[[], None]) -> None:
     """Compile once, before several processes would; raise CaseError where no variant can be solved."""
-    errors = []
+    problems, refused = [], 0
     for job in first:
         try:
             warm_up(prepare(job.load()), compiling)
         except CaseError as error:
-            errors.append(error)
-    if len(errors) == len(first):
-        raise CaseError([p for error in errors for p in error.problems])
+            refused += 1
+            problems += [_about(job.variant, p) for p in error.problems]
+    if refused == len(first):
+        raise CaseError(problems)
+
+
+def _about(variant: Variant, problem: Problem) -> Problem:
+    """Return a problem of an element type that the command line names, without the overrides that it became."""
+    if not problem.file.startswith(OPTION):
+        return problem
+    return Problem(problem.message, file=f"--element {variant.label}", path=problem.path, expected=problem.expected)
 
 
 def solve_job(job: Job) -> Row:

@@ -30,4 +30,5 @@ def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command
     attrs = {"goal": study.goal, "reference": "auto" if study.reference is None else study.reference}
     with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
         writer.table("convergence", table, attrs)
-        return writer.finish(study.as_json(), "converged")
+        # the rows are in the table already
+        return writer.finish({k: v for k, v in study.as_json().items() if k != "rows"}, "converged")

@@ -12,7 +12,7 @@ ROUND_OFF = 1e-10
 # differences below this share that no longer fall are round-off too
 SUSPECT = 1e-7
 ASSUMED_ORDER = 2.0  # of two meshes, and the most that is trusted outside the asymptotic range
-LEAST_ORDER = 0.5
+LEAST_ORDER, LEAST_UNCONFIRMED = 0.5, 1.0  # lower ones are signs of meshes that are too coarse
 CONFIRMED, DOUBTFUL = 1.25, 3.0  # safety factors of the grid convergence index
 
 
@@ -117,10 +117,10 @@ def _limit(n: Sequence[float], f: Sequence[float]) -> Estimate:
     if p <= 0.0:
         return Estimate(None, None, p, False, "not asymptotic: the differences grow; finer meshes are needed")
     confirmed = len(f) == 3 or (before is not None and abs(p - before) <= max(0.15 * p, 0.2))
-    if confirmed and p >= LEAST_ORDER:
+    if confirmed and p >= (LEAST_UNCONFIRMED if len(f) == 3 else LEAST_ORDER):
         value, bar = _extrapolate(n, f, p, CONFIRMED)
         return Estimate(value, bar, p, True, "three meshes: no fourth confirms the order" if len(f) == 3 else "")
-    value, _ = _extrapolate(n, f, p, DOUBTFUL)
+    value, _ = _extrapolate(n, f, max(p, LEAST_ORDER), DOUBTFUL)
     trusted = min(p, before if before is not None and before > 0 else p, ASSUMED_ORDER)
     _, bar = _extrapolate(n, f, max(trusted, LEAST_ORDER), DOUBTFUL)
     then = "no order" if before is None else f"{before:.2f}"

@@ -53,6 +53,11 @@ class Variant:
         order = "" if self.order is None else f"[{self.order[0]},{self.order[1]}]"
         return f"{self.type or 'as given'}{order}"
 
+    @property
+    def label(self) -> str:
+        """Type and formulation as they are written: ``vallejo:structural``."""
+        return self.element + (f":{self.formulation}" if self.formulation else "")
+
 
 def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
     """Return the variants in ``2d2n,ancf[3,2],vallejo:structural``; ``formulation`` for those without one.

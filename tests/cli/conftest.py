@@ -1,0 +1,44 @@
+"""A folder with a small case, and the command line called as a user calls it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from commandline import BEAM
+
+from ancf2d.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory with the case ``beam.yaml``."""
+    (tmp_path / "beam.yaml").write_text(BEAM)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def call(folder: Path) -> Callable[..., Result]:
+    """The command line in this process, as ``call("run", "beam.yaml")``."""
+    def invoke(*arguments: str) -> Result:
+        return CliRunner().invoke(main, list(arguments))
+    return invoke
+
+
+@pytest.fixture
+def call_json(call: Callable[..., Result]) -> Callable[..., dict[str, Any]]:
+    """As ``call``, returning the one JSON object that stdout must be."""
+    def invoke(*arguments: str) -> dict[str, Any]:
+        found = json.loads(call(*arguments).stdout, parse_constant=_no_constant)
+        assert isinstance(found, dict)
+        return found
+    return invoke
+
+
+def _no_constant(name: str) -> None:
+    raise AssertionError(f"{name} is no JSON")

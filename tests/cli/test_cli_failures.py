@@ -1,0 +1,210 @@
+"""How invocations end: exit codes, what is said, and where."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from commandline import BEAM, start
+
+from ancf2d.results import open_results
+from ancf2d.study import run as study_run
+
+Call = Callable[..., Result]
+
+# enough small steps that an interruption comes in the middle
+LONG = BEAM.replace("count: 2", "count: 200").replace("{type: linear_static}", "{type: static, steps: 100000}")
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["rum", "beam.yaml"], "did you mean 'run'?"),
+    (["frobnicate"], "no such command 'frobnicate'; there are new, validate, run"),
+    (["run"], "missing argument 'CASE'"),
+    (["run", "beam.yaml", "--forse"], "no such option '--forse'; did you mean '--force'?"),
+    (["run", "none.yaml"], "cannot read the file"),
+    (["run", "."], "cannot read the file"),
+    (["run", "beam.yaml", "-o", "no/such/folder.h5"], "the folder 'no/such' does not exist"),
+    (["run", "beam.yaml", "--set", "bodies.beam.element.cuont=3"], "did you mean 'count'?"),
+    (["run", "beam.yaml", "--set", "nonsense"], "not PATH=VALUE"),
+    (["convergence", "beam.yaml", "--elements", "2,x"], "no list of numbers of elements"),
+    (["convergence", "beam.yaml", "--elements", "0"], "no list of numbers of elements"),
+    (["convergence", "beam.yaml", "--reference", "nan"], "neither a number nor auto"),
+    (["convergence", "beam.yaml", "--jobs", "0"], "--jobs"),
+    (["convergence", "beam.yaml", "--element", "cabel"], "did you mean 'cable'?"),
+    (["convergence", "beam.yaml", "--element", "ancf"], "needs its orders"),
+    (["convergence", "beam.yaml", "--element", "ancf[9,9]"], "outside"),
+    (["convergence", "beam.yaml", "--element", "vallejo:structual"], "did you mean 'structural'?"),
+    (["convergence", "beam.yaml", "--formulation", "structual"], "did you mean 'structural'?"),
+    (["plot", "none.h5"], "there is no result file 'none.h5'"),
+    (["plot", "shape"], "there is no result file to draw"),
+    (["plot", "beam.yaml"], "is no HDF5 file"),
+    (["info", "beam.yaml"], "is no HDF5 file"),
+    (["info", "none.h5"], "there is no result file"),
+    (["compare", "none.h5", "none.h5"], "there is no result file"),
+    (["compare", "a.h5", "b.h5", "--rtol", "-1"], "--rtol"),
+    (["elements", "cabel"], "did you mean 'cable'?"),
+    (["new", "no/such/folder"], "cannot write"),
+    (["new", "x", "--kind", "bridge"], "cantilever"),
+    (["schema", "--markdown", "--definition"], "exclude each other"),
+], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
+def test_wrong_command_line_or_input_is_2_with_one_sentence_on_stderr(call: Call, arguments: list[str],
+                                                                     said: str) -> None:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert said in result.stderr
+    assert result.stderr.count("error: ") == 1
+    assert "Traceback" not in result.stderr
+
+
+def test_all_problems_of_a_case_are_printed_and_counted(call: Call, folder: Path) -> None:
+    wrong = BEAM.replace("count: 2", "cont: 2").replace("at: beam@1, value", "at: bean@1, value")
+    (folder / "beam.yaml").write_text(wrong)
+    result = call("run", "beam.yaml")
+    assert result.exit_code == 2
+    assert "beam.yaml:7:28: error: unknown key 'cont'" in result.stderr
+    assert "did you mean 'beam'?" in result.stderr
+    assert result.stderr.rstrip().split("\n")[-1] == f"{result.stderr.count('error: ')} problems in beam.yaml"
+
+
+@pytest.mark.parametrize("command", [["run"], ["convergence"]])
+def test_wrong_case_is_one_json_object_too(call: Call, folder: Path, command: list[str]) -> None:
+    (folder / "beam.yaml").write_text(BEAM.replace("count: 2", "count: two"))
+    result = call(*command, "beam.yaml", "--json")
+    found = json.loads(result.stdout)
+    assert result.exit_code == 2
+    assert found["status"] == "failed"
+    assert "count" in found["reason"]
+    assert (found["at"]["line"], found["at"]["column"]) == (7, 35)
+    assert found["problems"][0]["path"] == "bodies.beam.element.count"
+
+
+def test_unexpected_exception_is_one_line_and_a_traceback_only_with_debug(call: Call,
+                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*args: Any, **options: Any) -> None:
+        raise ZeroDivisionError("division by zero\nsecond line")
+    monkeypatch.setattr(study_run, "run_case", broken)
+    result = call("run", "beam.yaml")
+    assert result.exit_code == 1
+    assert result.stderr == ("internal error, please report: ZeroDivisionError: division by zero (--debug shows "
+                             "where)\n")
+    debug = call("run", "beam.yaml", "--debug", "--json")
+    assert "Traceback" in debug.stderr
+    assert json.loads(debug.stdout)["status"] == "failed"
+    assert "Traceback" in call("--debug", "run", "beam.yaml").stderr
+
+
+def test_lack_of_memory_is_no_internal_error(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*args: Any, **options: Any) -> None:
+        raise MemoryError
+    monkeypatch.setattr(study_run, "run_case", broken)
+    result = call("run", "beam.yaml")
+    assert (result.exit_code, result.stderr) == (1, "error: there is not enough memory for this\n")
+
+
+def test_warnings_of_libraries_are_silent_unless_debugging(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    def noisy(*args: Any, **options: Any) -> None:
+        import warnings
+
+        warnings.warn("overflow somewhere", RuntimeWarning, stacklevel=1)
+        raise KeyboardInterrupt
+    monkeypatch.setattr(study_run, "run_case", noisy)
+    result = call("run", "beam.yaml")
+    assert result.exit_code == 130
+    assert "overflow" not in result.stderr
+
+
+def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(LONG)
+    process = start(["run", "beam.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
+    part = folder / "beam.h5.part"
+    _wait_until(lambda: part.exists() and part.stat().st_size > 100_000, process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert json.loads(out)["status"] == "interrupted"
+    assert "interrupted" in err
+    assert "what was reached is in beam.h5.part" in err
+    assert "Traceback" not in err
+    assert not (folder / "beam.h5").exists()
+    with open_results(part) as found:
+        assert 0 < found.t[-1] < 1
+        assert found.status == "interrupted"
+
+
+def test_interrupted_study_with_processes_ends_at_once_and_leaves_none_behind(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(LONG)
+    process = start(["convergence", "beam.yaml", "--jobs", "2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    cwd=folder, start_new_session=True)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    if not children.exists():
+        process.kill()
+        pytest.skip("this system does not list the children of a process")
+    _wait_until(lambda: len(children.read_text().split()) >= 3, process)
+    pids = children.read_text().split()
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    for _ in range(100):
+        if not any(_alive(pid) for pid in pids):
+            return
+        time.sleep(0.05)
+    raise AssertionError("processes are left behind")
+
+
+def _alive(pid: str) -> bool:
+    status = Path(f"/proc/{pid}/status")
+    return status.exists() and "Z (zombie)" not in status.read_text()
+
+
+def _wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    process.kill()
+    raise AssertionError("nothing happened in 30 seconds")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["elements"]], ids=" ".join)
+def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -> None:
+    process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=30) in (0, 1)
+    assert err == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_full_disk_under_stdout_is_said(folder: Path) -> None:
+    with open("/dev/full", "w") as full:
+        process = start(["elements"], stdout=full, stderr=subprocess.PIPE, cwd=folder)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert err == "error: cannot read or write the output: No space left on device\n"
+
+
+def test_closed_stdout_and_letters_that_it_lacks_do_no_harm(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(BEAM.replace("Cantilever", "Kragträger Δ"))
+    command = [sys.executable, "-m", "ancf2d", "validate", "beam.yaml"]
+    closed = subprocess.run(["sh", "-c", '"$@" >&-', "sh", *command], capture_output=True, text=True, cwd=folder)
+    assert (closed.returncode, closed.stderr) == (0, "")
+    found = subprocess.run([*command[:3], "run", "beam.yaml"], capture_output=True, cwd=folder,
+                           env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert (found.returncode, found.stderr) == (0, b"")
+    assert found.stdout.startswith("Kragträger \\u0394 with".encode("latin-1"))

@@ -1,0 +1,225 @@
+"""validate, convergence, plot, info, compare, elements, schema and new, as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from commandline import BEAM
+
+from ancf2d.case import TEMPLATES
+from ancf2d.cli.new import KINDS
+from ancf2d.elements.formulations import FORMULATIONS
+from ancf2d.elements.registry import ELEMENTS
+from ancf2d.results import open_results
+
+Call = Callable[..., Result]
+CallJson = Callable[..., dict[str, Any]]
+
+# ---------------------------------------------------------------------------- validate
+
+def test_validate_prints_problems_to_stderr_and_ok_per_valid_case_to_stdout(call: Call, folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))
+    (folder / "loose.yaml").write_text(BEAM.replace("type: clamp", "type: pin"))
+    result = call("validate", "beam.yaml", "wrong.yaml", "loose.yaml")
+    assert result.exit_code == 2
+    assert result.stdout == "beam.yaml: ok\n"
+    assert "wrong.yaml:6:" in result.stderr
+    # a pinned beam can turn: seen without solving
+    assert "mechanism" in result.stderr
+    assert result.stderr.rstrip().endswith("2 problems in 2 cases")
+    assert call("validate", "beam.yaml").exit_code == 0
+    assert call("validate", "beam.yaml", "-q").output == ""
+    assert sorted(os.listdir(folder)) == ["beam.yaml", "loose.yaml", "wrong.yaml"]
+
+
+def test_validate_json_lists_the_problems_of_every_case(call_json: CallJson, folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))
+    found = call_json("validate", "beam.yaml", "wrong.yaml", "none.yaml", "--json")
+    assert found["status"] == "failed"
+    assert [c["status"] for c in found["cases"]] == ["ok", "failed", "failed"]
+    problem = found["cases"][1]["problems"][0]
+    assert (problem["file"], problem["line"], problem["path"]) == ("wrong.yaml", 6, "bodies.beam.section.EI")
+    assert call_json("validate", "beam.yaml", "--json")["status"] == "ok"
+
+
+def test_validate_reports_solver_and_model_problems_together(call: Call, folder: Path) -> None:
+    """What no solver offers does not hide a mechanism."""
+    result = call("validate", "beam.yaml", "--set", "solver={type: static, method: arc_length}", "--set",
+                  "boundary_conditions.root={type: pin, at: beam@0}")
+    if "arc_length" not in result.stderr:
+        pytest.skip("arc length is available")
+    assert "mechanism" in result.stderr
+
+
+# ---------------------------------------------------------------------------- convergence
+
+def test_convergence_of_an_exact_element_is_round_off(call: Call, call_json: CallJson) -> None:
+    found = call_json("convergence", "beam.yaml", "--elements", "1,2,4", "--json")
+    assert [row["elements"] for row in found["rows"]] == [1, 2, 4]
+    assert found["extrapolated"] == pytest.approx(-8e-3, rel=1e-10)
+    assert found["order"] is None
+    assert found["asymptotic"] is True
+    assert found["error_bar"] < 1e-12
+    assert "order undefined" in call("convergence", "beam.yaml", "--elements", "1,2,4").stdout
+
+
+def test_convergence_writes_a_table_that_plot_draws(call: Call, folder: Path) -> None:
+    result = call("convergence", "beam.yaml", "--element", "reissner2,reissner3", "--elements", "2,4,8", "-o",
+                  "study.h5", "--reference", "-0.0080200000")
+    assert result.exit_code == 0, result.output
+    # F L^3/(3 E I) + F L/kGA
+    assert "limit -0.00802" in result.stdout
+    with open_results("study.h5") as found:
+        table = found.tables["convergence"]
+        assert list(table["elements"]) == [2, 4, 8, 2, 4, 8]
+        assert list(table["element"]) == ["reissner2"] * 3 + ["reissner3"] * 3
+        assert found.attrs["command_line"].startswith("ancf2d convergence beam.yaml")
+        assert [e["element"] for e in found.summary["elements"]] == ["reissner2", "reissner3"]
+    assert call("plot", "study.h5").stdout == "wrote study-convergence.png (convergence)\n"
+    assert (folder / "study-convergence.png").stat().st_size > 1000
+    assert "convergence" in call("info", "study.h5").stdout
+
+
+def test_convergence_row_that_fails_is_a_row(call: Call, call_json: CallJson) -> None:
+    arguments = ("convergence", "beam.yaml", "--element", "cable:structural,reissner2", "--elements", "2,4")
+    found = call_json(*arguments, "--json")
+    assert [row["status"] for row in found["rows"]] == ["failed"] * 2 + ["converged"] * 2
+    assert "cable has no formulation structural" in found["rows"][0]["reason"]
+    assert call(*arguments).exit_code == 0
+    alone = call("convergence", "beam.yaml", "--element", "cable:structural")
+    assert alone.exit_code == 2
+    assert alone.stderr.startswith("--element cable:structural: error: cable has no formulation structural")
+
+
+def test_convergence_without_goal_is_a_wrong_case(call: Call, folder: Path) -> None:
+    (folder / "beam.yaml").write_text(BEAM.replace("goal: {probe: tip, quantity: uy}\n", ""))
+    result = call("convergence", "beam.yaml")
+    assert result.exit_code == 2
+    assert "the case has no goal" in result.stderr
+
+
+# ---------------------------------------------------------------------------- plot, info, compare
+
+@pytest.fixture
+def solved(call: Call) -> Call:
+    assert call("run", "beam.yaml", "--set", "solver={type: static, steps: 3}", "-q").exit_code == 0
+    return call
+
+
+def test_plot_saves_where_it_is_told_and_next_to_nothing_else(solved: Call, folder: Path) -> None:
+    assert solved("plot", "beam.h5").stdout == "wrote beam-shape.png (shape)\n"
+    assert solved("plot", "beam.h5", "load_deflection", "--save", "path.svg", "--data", "path.csv").exit_code == 0
+    assert sorted(os.listdir(folder)) == ["beam-shape.png", "beam.h5", "beam.yaml", "path.csv", "path.svg"]
+    assert "tip uy" in (folder / "path.csv").read_text()
+
+
+def test_plot_lists_kinds_and_explains_those_that_do_not_fit(solved: Call, folder: Path) -> None:
+    result = solved("plot", "beam.h5", "--list")
+    assert "shape*" in result.stdout
+    assert "no: it holds no convergence table" in result.stdout
+    assert sorted(os.listdir(folder)) == ["beam.h5", "beam.yaml"]
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["shap"], "did you mean 'shape'?"),
+    (["convergence"], "it holds no convergence table"),
+    (["history", "--probe", "tipp"], "did you mean 'tip'?"),
+    (["history", "--scale", "3"], "history has no option 'scale'"),
+    (["--state", "99"], "no state 99"),
+    (["--save", "figure.xyz"], "unknown suffix '.xyz'"),
+    (["--save", "beam.h5"], "is the result file itself"),
+    (["--data", "./beam.h5"], "is the result file itself"),
+    (["shape", "history"], "one kind of figure at a time"),
+], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
+def test_plot_refuses_with_a_sentence(solved: Call, folder: Path, arguments: list[str], said: str) -> None:
+    before = (folder / "beam.h5").read_bytes()
+    result = solved("plot", "beam.h5", *arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert (folder / "beam.h5").read_bytes() == before
+
+
+def test_several_files_are_overlaid(solved: Call, folder: Path) -> None:
+    assert solved("run", "beam.yaml", "-o", "other.h5", "-q", "--set", "solver={type: static, steps: 5}").exit_code == 0
+    assert solved("plot", "beam.h5", "other.h5", "load_deflection", "--data", "both.csv").exit_code == 0
+    text = (folder / "both.csv").read_text()
+    assert "beam: tip uy" in text
+    assert "other: tip uy" in text
+
+
+def test_compare_agrees_or_exits_with_1(solved: Call, call_json: CallJson) -> None:
+    assert solved("compare", "beam.h5", "beam.h5").stdout == "beam.h5 and beam.h5 agree\n"
+    solved("run", "beam.yaml", "-o", "other.h5", "-q", "--set", "solver={type: static, steps: 3}", "--set",
+           "loads.0.value.1=-3.003")
+    result = solved("compare", "beam.h5", "other.h5")
+    assert result.exit_code == 1
+    assert "/probes/tip/uy" in result.stdout
+    found = call_json("compare", "beam.h5", "other.h5", "--json")
+    assert found["status"] == "differ"
+    assert found["differences"]
+    assert solved("compare", "beam.h5", "other.h5", "--rtol", "1e-2").exit_code == 0
+
+
+def test_info_tells_origin_in_text_and_json(solved: Call, call_json: CallJson) -> None:
+    assert "ancf2d run beam.yaml --set 'solver={type: static, steps: 3}'" in solved("info", "beam.h5").stdout
+    assert call_json("info", "beam.h5", "--json")["steps"] == 3
+
+
+# ---------------------------------------------------------------------------- elements, schema, new
+
+def test_elements_lists_every_type_with_its_default_formulation(call: Call, call_json: CallJson) -> None:
+    lines = call("elements").stdout.split("\n")
+    for name, element in ELEMENTS.items():
+        line = next(line for line in lines if line.startswith(f"{name} "))
+        assert f"{element.formulation}*" in line
+    found = call_json("elements", "--json")["elements"]
+    assert [e["name"] for e in found] == list(ELEMENTS)
+
+
+@pytest.mark.parametrize("name", [*ELEMENTS, "ancf[3,2]"])
+def test_element_tells_why_a_formulation_is_not_offered(call: Call, call_json: CallJson, name: str) -> None:
+    found = call_json("elements", name, "--json")
+    assert {f["name"] for f in found["formulations"]} == set(FORMULATIONS)
+    assert sum(f["default"] for f in found["formulations"]) == 1
+    text = call("elements", name).stdout
+    for f in found["formulations"]:
+        assert (f["refused"] is None) == (f["quadrature"] is not None)
+        assert f["refused"] is None or f["refused"] in text
+    assert len(found["basis"]) == len(set(found["basis"]))
+    assert not any("^0" in b or "^1" in b for b in found["basis"])
+
+
+def test_schema_knows_the_element_types_and_replaces_no_other_file(call: Call, folder: Path) -> None:
+    schema = json.loads(call("schema").stdout)
+    assert "vallejo" in json.dumps(schema)
+    assert "definition" in call("schema", "--definition").stdout
+    assert call("schema", "--markdown").stdout.startswith("# Case files")
+    for _ in range(2):
+        assert call("schema", "-o", "s.json").exit_code == 0
+    assert json.loads((folder / "s.json").read_text()) == schema
+    assert call("schema", "-o", "beam.yaml").exit_code == 2
+    assert (folder / "beam.yaml").read_text() == BEAM
+
+
+def test_kinds_of_new_are_those_of_the_case_format() -> None:
+    assert KINDS == TEMPLATES
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_case_points_editors_at_a_schema_that_is_there(call: Call, folder: Path, kind: str) -> None:
+    result = call("new", "first", "--kind", kind)
+    assert result.exit_code == 0
+    assert "ancf2d run first.yaml" in result.stdout
+    first, *_ = (folder / "first.yaml").read_text().split("\n")
+    schema = first.removeprefix("# yaml-language-server: $schema=")
+    assert (folder / schema).exists()
+    before = (folder / "first.yaml").read_text()
+    assert call("new", "first.yaml").exit_code == 2
+    assert (folder / "first.yaml").read_text() == before
+    assert call("new", "first", "--force").exit_code == 0

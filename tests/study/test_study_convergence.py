@@ -1,0 +1,188 @@
+"""Convergence of real cases, against what the mathematics of their elements says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.errors import CaseError
+from ancf2d.study.convergence import Convergence, convergence
+from ancf2d.study.goal import error_scale, smallest_scale
+from ancf2d.study.run import Progress, checks, run_case, vocabulary
+from ancf2d.study.variants import Variant, parse_variants
+
+F, L, EI, KGA = -3.0, 2.0, 1.0e3, 3.0e5
+BENDING, SHEAR = F * L**3 / (3 * EI), F * L / KGA
+CANTILEVER = f"""\
+title: Cantilever with a tip force
+bodies:
+  beam:
+    geometry: {{type: line, start: [0, 0], end: [{L}, 0]}}
+    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}
+    element: {{type: reissner2, count: 2}}
+boundary_conditions:
+  - {{name: root, type: clamp, at: beam@0}}
+loads:
+  - {{type: force, at: beam@1, value: [0, {F}]}}
+solver: {{type: linear_static}}
+goal: {{probe: tip, quantity: uy}}
+output:
+  probes: {{tip: beam@1}}
+"""
+
+
+def load(text: str = CANTILEVER, *overrides: str) -> LoadedCase:
+    return load_case_text(text, overrides=overrides, vocabulary=vocabulary())
+
+
+def values(study: Convergence) -> list[float | None]:
+    return [row.value for row in study.rows]
+
+
+def test_linear_elements_with_one_point_converge_as_their_closed_form_says() -> None:
+    """Tip deflection F L^3/(3 EI) (1 - 1/(4 n^2)) + F L/kGA.
+
+    Source: Hughes, Taylor & Kanoknukulchai, IJNME 11 (1977) 1529, the one-point element on a tip force.
+    """
+    study = convergence(load(), meshes=[2, 4, 8, 16])
+    for row in study.rows:
+        assert row.value == pytest.approx(BENDING * (1 - 1 / (4 * row.elements**2)) + SHEAR, rel=1e-10)
+        assert row.dofs == 3 * (row.elements + 1)
+        assert row.error == pytest.approx(abs(BENDING / (4 * row.elements**2)) / abs(BENDING + SHEAR), rel=1e-6)
+        assert row.wall_s is not None
+        assert 0 < row.wall_s < 1
+    found = study.series[0].estimate
+    assert found.order == pytest.approx(2.0, abs=1e-6)
+    assert found.value == pytest.approx(BENDING + SHEAR, rel=1e-9)
+    assert found.asymptotic
+    assert [row.order for row in study.rows[:2]] == [None, None]
+    assert [row.order for row in study.rows[2:]] == pytest.approx([2.0, 2.0], abs=1e-6)
+
+
+def test_uneven_meshes_give_the_same_limit() -> None:
+    found = convergence(load(), meshes=[3, 4, 7, 15]).series[0].estimate
+    assert found.order == pytest.approx(2.0, abs=1e-6)
+    assert found.value == pytest.approx(BENDING + SHEAR, rel=1e-9)
+
+
+def test_errors_and_orders_against_a_given_reference() -> None:
+    study = convergence(load(), meshes=[2, 4, 8], reference=BENDING)
+    for row in study.rows:
+        assert row.value is not None
+        assert row.error == pytest.approx(abs(row.value - BENDING) / abs(BENDING), rel=1e-12)
+    assert study.rows[0].order is None
+    assert study.rows[1].order is not None
+
+
+def test_cubic_elements_are_exact_at_nodes_and_so_have_no_order() -> None:
+    study = convergence(load(), parse_variants("cable"), [1, 2, 4, 8])
+    assert values(study) == pytest.approx([BENDING] * 4, rel=1e-11)
+    assert study.series[0].estimate.order is None
+    assert "order undefined" in study.series[0].estimate.note
+
+
+def test_slow_approach_is_not_called_asymptotic_and_its_bar_covers_the_limit() -> None:
+    """2d3n locks on coarse meshes; the beam's deflection is within its error bar all the same."""
+    found = convergence(load(), parse_variants("2d3n"), [4, 8, 16, 32]).series[0].estimate
+    assert not found.asymptotic
+    assert "not asymptotic" in found.note
+    assert found.value is not None
+    assert found.error_bar is not None
+    assert abs(found.value - (BENDING + SHEAR)) < found.error_bar
+
+
+def test_default_meshes_double_from_the_cases_own() -> None:
+    assert [row.elements for row in convergence(load()).rows] == [2, 4, 8, 16, 32]
+
+
+def test_values_do_not_depend_on_the_number_of_processes() -> None:
+    text = CANTILEVER.replace("linear_static}", "static, steps: 2}")
+    variants = parse_variants("reissner2,2d2n,vallejo:structural")
+    one = convergence(load(text), variants, [2, 4, 8])
+    two = convergence(load(text), variants, [2, 4, 8], processes=2)
+    assert values(one) == values(two)
+    assert [s.estimate for s in one.series] == [s.estimate for s in two.series]
+
+
+def test_overrides_of_the_case_hold_on_every_mesh() -> None:
+    study = convergence(load(CANTILEVER, "loads.0.value=[0, -6]"), parse_variants("cable"), [1, 2])
+    assert values(study) == pytest.approx([2 * BENDING] * 2, rel=1e-10)
+
+
+def test_failed_meshes_are_rows_and_the_rest_is_judged() -> None:
+    """One Newton iteration is not enough for a bending beam, and is for none of its meshes."""
+    text = CANTILEVER.replace("linear_static}", "static, max_iterations: 1}").replace(str(F), "-600")
+    study = convergence(load(text), meshes=[2, 4])
+    assert [row.status for row in study.rows] == ["failed", "failed"]
+    assert all(row.reason and row.value is None for row in study.rows)
+    found = study.as_json()
+    assert found["status"] == "failed"
+    assert found["reason"]
+    assert found["extrapolated"] is None
+
+
+def test_bodies_are_refined_in_proportion_and_what_cannot_be_is_said() -> None:
+    first = ("  first:\n    geometry: {type: line, start: [-1, 0], end: [0, 0]}\n"
+             f"    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}\n    element: {{type: reissner2, count: 1}}\n")
+    half = CANTILEVER.replace("bodies:\n", "bodies:\n" + first)
+    half = half.replace("at: beam@0}", "at: first@0}").replace(
+        "loads:", "joints:\n  - {type: weld, between: [first@1, beam@0]}\nloads:")
+    study = convergence(load(half), meshes=[2, 3, 4, 6, 12])
+    assert [row.elements for row in study.rows] == [2, 3, 4, 6, 12]
+    assert [w.split(" elements")[0] for w in study.warnings] == ["2", "4"]
+    assert study.series[0].estimate.value == pytest.approx(F * 3.0**3 / (3 * EI) + F * 3.0 / KGA, rel=1e-3)
+
+
+def test_json_is_the_contracts_object() -> None:
+    found = convergence(load(), meshes=[2, 4, 8, 16]).as_json()
+    assert set(found["rows"][0]) >= {"element", "elements", "dofs", "value", "error", "order", "wall_s"}
+    assert found["rows"][0]["element"] == "reissner2"
+    assert {"extrapolated", "error_bar", "order", "asymptotic"} <= set(found)
+    several = convergence(load(), parse_variants("reissner2,cable"), [2, 4]).as_json()
+    assert several["extrapolated"] is None
+    assert [e["element"] for e in several["elements"]] == ["reissner2", "cable"]
+
+
+def test_wrong_case_is_reported_where_it_is_wrong() -> None:
+    with pytest.raises(CaseError, match="the case has no goal"):
+        convergence(load(CANTILEVER.replace("goal: {probe: tip, quantity: uy}\n", "")))
+    with pytest.raises(CaseError, match="mechanism") as error:
+        convergence(load(CANTILEVER.replace("type: clamp", "type: pin")))
+    assert error.value.problems[0].line > 0
+    with pytest.raises(CaseError, match=r"--element cable:structural: .*no formulation structural"):
+        convergence(load(), [Variant("cable", None, "structural")])
+
+
+def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None:
+    """The tip's ux is round-off beside uy: judged against 1e-3 of the largest displacement."""
+    loaded = load(CANTILEVER, "goal.quantity=ux")
+    states = []
+    outcome = run_case(loaded, progress=Progress(state=states.append))
+    assert loaded.case.goal is not None
+    d = states[0].d[:outcome.model.n_q]
+    smallest = smallest_scale(loaded.case.goal, outcome.summary, outcome.model, d)
+    assert smallest == pytest.approx(1e-3 * abs(outcome.summary["probes"]["tip"]["uy"]), rel=1e-6)
+    assert error_scale(1e-20, smallest) == smallest
+    assert error_scale(-5.0, smallest) == 5.0
+    found = convergence(loaded, meshes=[2, 4, 8]).series[0].estimate
+    assert "round-off" in found.note
+
+
+def test_expected_value_that_is_not_computed_is_not_met() -> None:
+    loaded = load(CANTILEVER + "expected: [{probe: tip, quantity: uy, value: -8.0e-3, rtol: 1}]\n")
+    assert checks(loaded.case, {"probes": {"tip": {"uy": -8e-3}}})[0]["met"]
+    missing = checks(loaded.case, {"probes": {}})[0]
+    assert (missing["met"], missing["value"], missing["difference"]) == (False, None, None)
+
+
+def test_element_of_the_users_own_is_refined_too(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(
+        "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, {at: 1, coordinates: "
+        "[r, r_x]}]\n")
+    text = CANTILEVER.replace("{type: reissner2, count: 2}", "{definition: own.yaml, count: 2}")
+    loaded = load_case_text(text, str(tmp_path / "case.yaml"), vocabulary=vocabulary(), directory=str(tmp_path))
+    study = convergence(loaded, meshes=[2, 4])
+    assert study.rows[0].element == "mine"
+    assert values(study) == pytest.approx([BENDING] * 2, rel=1e-9)
