@@ -12,7 +12,7 @@ from .definition import ElementType, derivative_order
 Array = NDArray[np.float64]
 
 
-class UnsolvableBasis(ValueError):
+class UnsolvableBasisError(ValueError):
     """The nodal coordinates do not determine the polynomial coefficients."""
 
 
@@ -35,7 +35,7 @@ def _solve(A: NDArray, B: NDArray) -> NDArray:
     for k in range(n):
         p = k + int(np.argmax(np.abs(A[k:, k])))
         if abs(A[p, k]) < 1e-13 * n:
-            raise UnsolvableBasis(f"rank {k} of {n}: some combination of the basis vanishes in every "
+            raise UnsolvableBasisError(f"rank {k} of {n}: some combination of the basis vanishes in every "
                                   "nodal coordinate")
         A[[k, p]], B[[k, p]] = A[[p, k]], B[[p, k]]
         f = A[k + 1:, k] / A[k, k]
@@ -57,7 +57,7 @@ def _reduced(basis: NDArray) -> NDArray:
         p, c = np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape)
         rows[[k, k + p]] = rows[[k + p, k]]
         if abs(rows[k, c]) < 1e-12:
-            raise UnsolvableBasis("the basis functions are not independent")
+            raise UnsolvableBasisError("the basis functions are not independent")
         rows[k] /= rows[k, c]
         others = np.arange(len(rows)) != k
         rows[others] -= np.outer(rows[others, c], rows[k])
@@ -71,7 +71,7 @@ class ShapeFunctions:
     nodal coordinates applied to the basis (seed paper, Sec. 2.1). Everything is computed in extended
     precision and rounded once.
 
-    Raises UnsolvableBasis where the nodal coordinates do not determine the basis.
+    Raises UnsolvableBasisError where the nodal coordinates do not determine the basis.
     """
 
     def __init__(self, element: ElementType, l: float, h: float, nu: float) -> None:
@@ -86,7 +86,7 @@ class ShapeFunctions:
                 basis[b, i, j] = c
             basis[b] /= np.abs(basis[b]).max()
         if len(expanded) != element.n_shape:
-            raise UnsolvableBasis(f"{len(expanded)} basis functions for {element.n_shape} nodal coordinates")
+            raise UnsolvableBasisError(f"{len(expanded)} basis functions for {element.n_shape} nodal coordinates")
         basis = _reduced(basis)
         rows = []
         for node, name in element.functionals:

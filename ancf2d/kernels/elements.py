@@ -168,7 +168,7 @@ def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type:
 @kernel
 def force(group, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
-    law, nc = group.law, group.components
+    nc = group.components
     n, nu, ns = _sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
@@ -187,7 +187,7 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
 @kernel
 def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy."""
-    law, nc = group.law, group.components
+    nc = group.components
     n, nu, ns = _sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
@@ -211,7 +211,7 @@ def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ig
 @kernel
 def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
     """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components."""
-    law, nc = group.law, group.components
+    nc = group.components
     n, nu, ns = _sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))

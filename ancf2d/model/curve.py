@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ def share_count(lengths: list[float], count: int) -> list[int]:
 
 
 def _straight_pieces(points: list[tuple[float, float]], count: int) -> tuple[Piece, ...]:
-    pairs = list(zip(points[:-1], points[1:], strict=True))
+    pairs = list(pairwise(points))
     lengths = [math.dist(a, b) for a, b in pairs]
     pieces, s0 = [], 0.0
     previous: float | None = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -33,6 +32,13 @@ def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
             and replace(pa.section, **drop) == replace(pb.section, **drop))
 
 
+def _same_nodes(a: PointRef, b: PointRef) -> bool:
+    if a.node is None or b.node is None or not same_kind(a.mesh, b.mesh):
+        return False
+    nodes = a.mesh.plan.element.nodes
+    return nodes[a.node].coordinates == nodes[b.node].coordinates
+
+
 def share_all(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
     """Share every coordinate of two nodes, gradients turned by the angle between the references."""
     element = a.mesh.plan.element
@@ -55,12 +61,11 @@ def share_all(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
 def _weld(points: list[PointRef], owner: str, out: Equations) -> None:
     a = points[0]
     for b in points[1:]:
-        if same_kind(a.mesh, b.mesh) and a.node is not None and b.node is not None:
-            if a.mesh.plan.element.nodes[a.node].coordinates == b.mesh.plan.element.nodes[b.node].coordinates:
-                share_all(a, b, owner, out)
-                continue
-        _share_position(a, b, owner, out)
-        align(a, b, owner, out)
+        if _same_nodes(a, b):
+            share_all(a, b, owner, out)
+        else:
+            _share_position(a, b, owner, out)
+            align(a, b, owner, out)
 
 
 def weld_corners(mesh: BodyMesh, out: Equations) -> None:

@@ -11,7 +11,7 @@ from ..elements import registry
 from ..elements.definition import ElementType, NodeSpec, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.section import Section
-from ..elements.shape import ShapeFunctions, UnsolvableBasis
+from ..elements.shape import ShapeFunctions, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .curve import Array, Piece, pieces_of
 from .section import SectionError, is_axis_type, resolve_section
@@ -53,7 +53,7 @@ class BodyPlan:
         return r, float(theta)
 
 
-class Refused(ValueError):
+class RefusedError(ValueError):
     def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
         super().__init__(message)
         self.key, self.expected, self.near = key, expected, near
@@ -78,8 +78,9 @@ def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
         if "r" not in nodes[0].coordinates:
             raise ValueError("the end nodes need the coordinate r")
         ShapeFunctions(element, 1.0, 0.5, 0.3)
-    except (ValueError, UnsolvableBasis) as error:
-        raise Refused(("element", "definition"), f"element {definition.name} in {spec.definition}: {error}") from error
+    except (ValueError, UnsolvableBasisError) as error:
+        message = f"element {definition.name} in {spec.definition}: {error}"
+        raise RefusedError(("element", "definition"), message) from error
     return element
 
 
@@ -87,7 +88,7 @@ def _element_type(spec: Element, definition: ElementDefinition | None) -> Elemen
     if definition is not None:
         return _user_element(spec, definition)
     if spec.type in ("auto", "rigid"):
-        raise Refused(("element", "type"), f"element type {spec.type} is not available yet",
+        raise RefusedError(("element", "type"), f"element type {spec.type} is not available yet",
                        "one of " + ", ".join(registry.names()))
     return registry.element_type(spec.type, spec.order)
 
@@ -97,7 +98,7 @@ def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
     reason = formulation.refuse(element)
     if reason is not None:
         offered = [f.name for f in FORMULATIONS.values() if f.refuse(element) is None]
-        raise Refused(("element", "formulation"), f"{element.name} has no formulation {name}: {reason}",
+        raise RefusedError(("element", "formulation"), f"{element.name} has no formulation {name}: {reason}",
                        "one of " + ", ".join(offered))
     return formulation
 
@@ -105,14 +106,14 @@ def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
 def _rule(chosen: object, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
     if isinstance(chosen, Selective):
         if not formulation.selective:
-            raise Refused(("element", "quadrature"), f"formulation {formulation.name} has one rule for all strains",
-                           "[nx, ny]")
+            raise RefusedError(("element", "quadrature"),
+                               f"formulation {formulation.name} has one rule for all strains", "[nx, ny]")
         return Rule(tuple(chosen.normal), tuple(chosen.shear))
     if chosen == "exact":
         rule = formulation.exact(element)
         if rule is None or curved:
             why = "on an arc" if curved else f"for formulation {formulation.name}"
-            raise Refused(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
+            raise RefusedError(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
     if chosen is None:
         chosen = element.quadrature.get(formulation.name, formulation.rule(element))
@@ -120,19 +121,19 @@ def _rule(chosen: object, element: ElementType, formulation: Formulation, curved
 
 
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None) -> BodyPlan:
-    """Resolve one body. Raises Refused, SectionError or CaseError with the reason."""
+    """Resolve one body. Raises RefusedError, SectionError or CaseError with the reason."""
     spec = body.element
     element = _element_type(spec, definition)
     preset = element.preset if spec.preset == "paper" else {}
     if spec.preset == "paper" and not preset:
         offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
-        raise Refused(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
+        raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
     curved = any(p.kappa != 0.0 for p in pieces_of(body.geometry, spec.count))
     rule = _rule(spec.quadrature or preset.get("quadrature"), element, formulation, curved)
     k = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
-        raise Refused(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
+        raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
     return BodyPlan(name, element, formulation, rule, section, pieces_of(body.geometry, spec.count))
@@ -144,7 +145,7 @@ def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]
     for name, body in loaded.case.bodies.items():
         try:
             plans[name] = plan_body(name, body, loaded.definitions.get(name))
-        except (Refused, SectionError) as error:
+        except (RefusedError, SectionError) as error:
             path = ("bodies", name, *error.key)
             problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
         except CaseError as error:

@@ -27,7 +27,7 @@ class Rotation:
         self.V[0, :len(cx)], self.V[1, len(cx):] = wx, wy
 
     def value(self, e: Array, d: Array, near: float = 0.0) -> float:
-        """Return theta, on the turn nearest to ``near`` (from atan2 of displacements, so that small ones keep digits)."""
+        """Return theta on the turn nearest to ``near``, from displacements, so that small angles keep their digits."""
         if self.point.turns_by_theta:
             return float(self.weights @ d[self.dofs])
         v, dv = self.V @ e[self.dofs], self.V @ d[self.dofs]

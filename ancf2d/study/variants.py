@@ -127,7 +127,7 @@ def element_data(body: Body, variant: Variant, count: int) -> dict[str, Any]:
     """Return the ``element`` of a body for a variant and a mesh, as a case has it.
 
     A type of its own keeps what the case says of it; another one has its own defaults, and of the case only
-    the shear factor, where it shears.
+    the shear factor, where it shears, and the preset, where the paper has the type.
     """
     own = body.element
     same = variant.type is None or (variant.type, variant.order) == (own.type, own.order)
@@ -138,6 +138,8 @@ def element_data(body: Body, variant: Variant, count: int) -> dict[str, Any]:
     else:
         data.update(type=variant.type, order=variant.order)
         element = registry.element_type(str(variant.type), variant.order)
+        if element.preset and variant.formulation is None:
+            data["preset"] = own.preset
         if element.section_kind == "tangent":
             data["shear_factor"] = None
     if variant.formulation is not None:

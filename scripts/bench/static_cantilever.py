@@ -76,7 +76,7 @@ def run_exudyn(element: str, count: int) -> dict:
     )
 
     base, start = peak_mb(), time.perf_counter()
-    A, I = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12  # noqa: E741
+    A, I = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12
     system = exu.SystemContainer()
     mbs = system.AddSystem()
     nodes = [mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[LENGTH * i / count, 0, 0])) for i in range(count + 1)]
@@ -147,7 +147,7 @@ def main() -> None:
 def report(found: dict, args: argparse.Namespace) -> None:
     """Print medians and the ratio to Exudyn's time."""
     print(f"{args.elements} elements, {STEPS} load steps, median of {args.repeat}, {platform.processor() or 'cpu'}")
-    print(f"{'tool':8s} {'element':20s} {'build s':>8s} {'solve s':>8s} {'ratio':>6s} {'memory MB':>10s}  tip displacement")
+    print(f"{'tool':8s} {'element':20s} {'build s':>8s} {'solve s':>8s} {'ratio':>6s} {'memory MB':>10s}  tip")
     peer, rows = None, []
     for (tool, element), results in found.items():
         good = [r for r in results if "error" not in r]

@@ -10,7 +10,7 @@ import pytest
 from ancf2d.elements.definition import coordinate_components, derivative_order
 from ancf2d.elements.polynomial import parse
 from ancf2d.elements.registry import ELEMENTS, MAX_ORDER, ancf, element_type
-from ancf2d.elements.shape import ShapeFunctions, UnsolvableBasis, gauss, lobatto
+from ancf2d.elements.shape import ShapeFunctions, UnsolvableBasisError, gauss, lobatto
 
 L, H, NU = 0.7, 0.2, 0.3
 POINTS = np.random.default_rng(1).uniform(size=(40, 2)) * [1, 2] - [0, 1]
@@ -124,14 +124,14 @@ def test_2d2n_depends_on_the_direction_of_its_axis_and_omar_does_not():
 def test_a_term_that_no_nodal_coordinate_of_li_sees_is_refused():
     li = ELEMENTS["li"]
     with_x2y2 = replace(li, basis=(*li.basis[:-1], "x^2*y^2"))
-    with pytest.raises(UnsolvableBasis, match="vanishes in every nodal coordinate"):
+    with pytest.raises(UnsolvableBasisError, match="vanishes in every nodal coordinate"):
         ShapeFunctions(with_x2y2, L, H, NU)
 
 
 @pytest.mark.parametrize("basis", [("1", "x", "y"), ("1", "x", "y", "x*y", "x^2"), ("1", "x", "y", "x+y"),
                                    ("1", "x", "y", "y^2")])
 def test_a_basis_of_wrong_size_or_dependent_is_refused(basis):
-    with pytest.raises(UnsolvableBasis):
+    with pytest.raises(UnsolvableBasisError):
         ShapeFunctions(replace(ELEMENTS["kerkkanen"], basis=basis), L, H, NU)
 
 

@@ -84,7 +84,7 @@ class AreaSection:
     """A section of any form, by its area and second moment of area."""
 
     A: float = key(Number("m^2", gt=0), "Area", example=6)
-    I: float = key(Number("m^4", gt=0), "Second moment of area", example=2)  # noqa: E741
+    I: float = key(Number("m^4", gt=0), "Second moment of area", example=2)
     height: float = key(Number("m", gt=0), "Height, in the plane, of the real section", example=2)
 
 

@@ -81,7 +81,8 @@ def green_strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
     dL = dLL / (L + L0)
     L3, L30 = LL * L, LL0 * L0
     eps[0] = 0.5 * dLL
-    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - c0 / L30 * dL * (LL + L * L0 + LL0)) / L3
+    dL3 = dL * (LL + L * L0 + LL0)
+    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - c0 / L30 * dL3) / L3
     k = c0 / L30 + eps[1]
     J[0, 0], J[0, 1] = fx, fy
     J[1, 0], J[1, 1] = gy / L3 - 3.0 * k * fx / LL, -gx / L3 - 3.0 * k * fy / LL
@@ -143,7 +144,8 @@ def _refuse(element: ElementType) -> str | None:
 
 FORMULATIONS = (
     Formulation("cable", Cable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain, geometric,
-                "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear", selective=False),
+                "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
+                selective=False),
     Formulation("green", GreenCable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, green_strain,
                 green_geometric, "Berzeri & Shabana 2000",
                 "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False),
