@@ -53,12 +53,12 @@ BEAM188_COMPUTED = ("-0.073203", "-0.091319", "-0.095848", "-0.096980", "-0.0972
 BEAM188_WHY = ("BEAM188 is ANSYS's own; a geometrically exact beam with linear interpolation gives other coarse values "
                "with any shear factor, and its limit with k = 10(1+nu)/(12+11nu) is -0.097357 (computed with that k)")
 OMAR_2_WHY = "the last digit of this one entry does not follow; the other six of the column do"
-ANALYTICAL_WHY = ("Euler-Bernoulli gives -0.096618, with shear and k = 10(1+nu)/(12+11nu) -0.097357, with 5/6 -0.097372: "
-                  "the printed value follows from none of them")
+ANALYTICAL_WHY = ("Euler-Bernoulli gives -0.096618, with shear and k = 10(1+nu)/(12+11nu) -0.097357, with 5/6 "
+                  "-0.097372: the printed value follows from none of them")
 TABLE_2_2D2N_WHY = ("no support, quadrature or orientation tried gives the printed tip; 2d3n and omar, with the same "
                     "support, load and quadrature, follow to all digits")
-TABLE_2_BEAM_WHY = ("ANSYS's own; a geometrically exact beam with shear factor 5/6 ends at (-0.14477, -0.68089), on which "
-                    "Exudyn and OpenSees agree, and no shear factor gives the printed pair")
+TABLE_2_BEAM_WHY = ("ANSYS's own; a geometrically exact beam with shear factor 5/6 ends at (-0.14477, -0.68089), on "
+                    "which Exudyn and OpenSees agree, and no shear factor gives the printed pair")
 
 
 def _table_1() -> tuple[Entry, ...]:

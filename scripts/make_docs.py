@@ -1,0 +1,159 @@
+"""Write the parts of README.md and docs/ that are made from the program itself; --check only compares.
+
+A part stands between ``<!-- generated: NAME -->`` and ``<!-- end -->``; docs/case-reference.md is made as a whole.
+Exit code of --check: 0 where everything is current, else 1 with the names of what is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+import reproduce_paper
+
+from ancf2d.case import markdown_reference
+from ancf2d.elements import registry
+from ancf2d.elements.formulations import FORMULATIONS
+from ancf2d.errors import ComputationError
+from ancf2d.solve.registry import SOLVERS
+from ancf2d.study.run import load, run_case, vocabulary
+
+ROOT = Path(__file__).resolve().parents[1]
+CASES = ROOT / "cases"
+MARKED = re.compile(r"(<!-- generated: (\S+) -->\n).*?(\n<!-- end -->)", re.S)
+# a difference below this is round-off, whose digits depend on the machine
+ROUND_OFF = 1e-9
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows, the first of them the head, as a Markdown table."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def elements() -> str:
+    """Return the table of element types."""
+    rows = [["type", "basis", "nodal coordinates", "formulations (the first is the default)", "after"]]
+    for t in registry.ELEMENTS.values():
+        offered = [f.name for f in FORMULATIONS.values() if f.refuse(t) is None]
+        offered.sort(key=lambda name, default=t.formulation: name != default)
+        names = ", ".join(dict.fromkeys(c for _, c in t.functionals)) + (", theta" if t.has_theta else "")
+        rows.append([f"`{t.name}`", ", ".join(t.basis), f"{names} at {len(t.nodes)} nodes", ", ".join(offered),
+                     t.source])
+    p, q = registry.MAX_ORDER
+    rows.append([f"`{registry.FAMILY}`", f"x^i y^j, i <= p, j <= q; `order: [p, q]`, p up to {p}, q up to {q}",
+                 "r, r_y, r_yy, ... at p + 1 nodes", "enhanced (q = 1) or continuum, and others",
+                 "Garcia-Vallejo et al. 2007, with orders"])
+    return markdown_table(rows)
+
+
+# title, case, its probe: the beams on which element types are compared
+BEAMS = (("linear", "paper/table1_2d3n", "mid"), ("large deflection", "paper/table2_2d3n", "tip"),
+         ("thick, large deflection", "static/thick_cantilever_exact", "tip"))
+EXACT = "{type: reissner3, count: 256}"
+
+
+@cache
+def deflection(case: str, probe: str, element: str) -> float:
+    """Return uy of a probe of a case with another element. Raises CaseError and ComputationError."""
+    outcome = run_case(load(CASES / f"{case}.yaml", [f"bodies.beam.element={element}"]))
+    if outcome.failure is not None:
+        raise outcome.failure
+    return outcome.summary["probes"][probe]["uy"]
+
+
+def error(case: str, probe: str, element: str) -> str:
+    """Return the relative error against the geometrically exact beam, two digits, or that there is no solution."""
+    try:
+        value = abs(deflection(case, probe, element) / deflection(case, probe, EXACT) - 1)
+    except ComputationError:
+        return "no solution"
+    return "< 1e-9" if value < ROUND_OFF else f"{value:.1e}"
+
+
+def accuracy(counts: Sequence[int], beams: Sequence[tuple[str, str, str]]) -> str:
+    """Return the errors of every type on the given beams and meshes."""
+    labels = {f"`{name}`": f"type: {name}" for name in registry.ELEMENTS}
+    labels[f"`{registry.FAMILY}` [3, 3]"] = f"type: {registry.FAMILY}, order: [3, 3]"
+    labels |= {f"`{t.name}`, preset: paper": f"type: {t.name}, preset: paper"
+               for t in registry.ELEMENTS.values() if t.preset}
+    rows = [["type", *(f"{title}, {n}" for title, _, _ in beams for n in counts)]]
+    for label, element in labels.items():
+        rows.append([label, *(error(case, probe, f"{{{element}, count: {n}}}")
+                              for _, case, probe in beams for n in counts)])
+    return markdown_table(rows)
+
+
+def benchmarks() -> str:
+    """Return every expected value of every case beside the computed one."""
+    rows = [["case", "what", "expected", "computed", "off by", "allowed", "source"]]
+    for file in sorted(CASES.rglob("*.yaml")):
+        name = file.relative_to(CASES).with_suffix("").as_posix()
+        for c in run_case(load(file)).summary["checks"]:
+            scale = abs(c["expected"]) or 1.0
+            off, tiny = abs(c["difference"]), abs(c["value"]) < ROUND_OFF * c["allowed"]
+            rows.append([f"[{name}](../cases/{name}.yaml)", c["what"], f"{c['expected']:.9g}",
+                         "0" if tiny else f"{c['value']:.7g}",
+                         "round-off" if off < ROUND_OFF * scale else f"{off:.1e}", f"{c['allowed']:.1e}", c["source"]])
+    return markdown_table(rows)
+
+
+def paper() -> str:
+    """Return the paper's tables with a verdict per entry."""
+    tables = reproduce_paper.TABLES.values()
+    return "\n\n".join(f"```text\n{reproduce_paper.report(t, reproduce_paper.examine(t))}\n```" for t in tables)
+
+
+def case_reference() -> str:
+    """Return the reference of case files, with the solvers that can be run."""
+    text = markdown_reference(vocabulary())
+    runs = {kind.__name__ for kind in SOLVERS}
+    solvers = text[text.index("\n## solver\n"):text.index("\n## goal\n")]
+    for kind, tag in re.findall(r"^### (\w+) \(`type: (\w+)`\)$", solvers, re.M):
+        if kind not in runs:
+            text = re.sub(rf"^\* `{tag}`: .*\n", "", text, flags=re.M)
+            text = re.sub(rf" or \[{tag}\]\([^)]*\)", "", text)
+            text = re.sub(rf"^### {kind} \(`type: {tag}`\)\n.*?(?=^##)", "", text, flags=re.M | re.S)
+    return text
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "elements": elements,
+    "accuracy": lambda: accuracy((8,), BEAMS),
+    "accuracy-meshes": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[1:2]),
+    "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
+    "benchmarks": benchmarks,
+    "paper": paper,
+}
+
+
+def current(file: Path) -> str:
+    """Return what a document should say."""
+    if file.name == "case-reference.md":
+        return case_reference()
+    return MARKED.sub(lambda m: m[1] + PARTS[m[2]]() + m[3], file.read_text(encoding="utf-8"))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check all documents; return the exit code."""
+    parser = argparse.ArgumentParser(description="Generated parts of the documents.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 where one is not current")
+    check = parser.parse_args(arguments).check
+    stale = []
+    for file in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "docs" / "case-reference.md"):
+        text = current(file)
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            stale.append(file.relative_to(ROOT).as_posix())
+            if not check:
+                file.write_text(text, encoding="utf-8")
+    if stale:
+        print(f"{'not current' if check else 'written'}: {', '.join(dict.fromkeys(stale))}")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

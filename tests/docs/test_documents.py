@@ -1,0 +1,113 @@
+"""Every command of README.md and docs/ runs and prints what is shown; generated parts are current; links lead to files."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+EVERY = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
+NAMED_FILE = re.compile(r"[Ss]ave this as `([\w.-]+)`:\n\n```yaml\n(.*?)^```$", re.M | re.S)
+TIME = re.compile(r"\b[\d.]+ (us|ms|s)\b")
+# a number this small is a zero with round-off in it
+ZERO = re.compile(r"-?\b\d(\.\d+)?e-(0[7-9]|[1-9]\d)\b")
+
+
+def commands(text: str) -> list[tuple[str, list[str] | None]]:
+    """Return (command, lines it prints) of the console blocks and (command, None) of the bash blocks, in order."""
+    out: list[tuple[str, list[str] | None]] = []
+    for language, body in BLOCK.findall(text):
+        if language == "bash":
+            out += [(line, None) for line in body.splitlines() if line and not line.startswith("#")]
+        elif language == "console":
+            for line in body.splitlines():
+                if line.startswith("$ "):
+                    out.append((line[2:], []))
+                else:
+                    out[-1][1].append(line)
+    return out
+
+
+def normal(line: str) -> str:
+    """Return a line without measured times, round-off and the width of columns."""
+    line = ZERO.sub("0", TIME.sub("TIME", line))
+    return " ".join(line.split())
+
+
+def agrees(shown: list[str], printed: str) -> bool:
+    """Whether a command printed what is shown; a line ``...`` stands for any number of lines."""
+    pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(normal(line)) + "\n" for line in shown)
+    text = "".join(normal(line) + "\n" for line in printed.splitlines())
+    return re.fullmatch(pattern.replace(re.escape("\n"), "\n"), text) is not None
+
+
+@pytest.fixture
+def workplace(tmp_path: Path) -> Path:
+    for name in ("cases", "scripts", "docs"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+@EVERY
+def test_commands_run_and_print_what_is_shown(document: Path, workplace: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    for name, content in NAMED_FILE.findall(text):
+        (workplace / name).write_text(content, encoding="utf-8")
+    places = [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
+    environment = {**os.environ, "PATH": os.pathsep.join(places), "MPLBACKEND": "agg"}
+    for command, shown in commands(text):
+        done = subprocess.run(command, shell=True, cwd=workplace, env=environment, capture_output=True, text=True,
+                              timeout=300, check=False)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        if shown is not None:
+            assert agrees(shown, done.stdout), f"{command} prints\n{done.stdout}\n{done.stderr}"
+
+
+@EVERY
+def test_links_lead_to_files(document: Path) -> None:
+    text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)
+    targets = [t.partition("#")[0] for t in re.findall(r"\]\(([^)\s]+)\)", text) if not t.startswith("http")]
+    assert [t for t in targets if t and not (document.parent / t).exists()] == []
+    paths = re.findall(r"`((?:cases|docs|scripts|tests|ancf2d)/[\w./-]+)`", text)
+    assert [p for p in paths if not (ROOT / p).exists()] == []
+
+
+@EVERY
+def test_links_to_headings_lead_to_headings(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    slugs = {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-")
+             for h in re.findall(r"^#+ (.*)$", text, re.M)}
+    assert [a for a in re.findall(r"\]\(#([^)]+)\)", text) if a not in slugs] == []
+
+
+def test_readme_has_two_set_up_commands_of_one_line_each() -> None:
+    blocks = [body for language, body in BLOCK.findall((ROOT / "README.md").read_text(encoding="utf-8"))
+              if language == "sh"]
+    assert [len(b.splitlines()) for b in blocks] == [1, 1]
+    assert "ancf2d run cases/paper/" in blocks[0]
+    assert "-m pytest" in blocks[1]
+
+
+def test_first_case_fits_on_a_screen() -> None:
+    (_, case), = NAMED_FILE.findall((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(case.splitlines()) <= 20
+
+
+def test_generated_parts_are_current(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import make_docs
+
+    assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python scripts/make_docs.py"
+
+
+def test_output_is_compared_but_for_times_and_round_off() -> None:
+    assert agrees(["tip  1.5  3 ms  -5.2e-09", "...", "end"], "tip 1.5 12.1 ms 7e-12\nany\nmore\nend\n")
+    assert not agrees(["tip  1.5"], "tip 1.6\n")
+    assert not agrees(["a"], "a\nb\n")
