@@ -1,0 +1,166 @@
+"""Newton's method and load steps: order of convergence, cutting back, limit points, scales from 1e-12 to units."""
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.errors import ComputationError
+from ancf2d.solve.static import TOLERANCE, newton
+from ancf2d.solve.system import System
+
+STEEL_EI = 2.07e11 * 0.1**4 / 12
+
+
+def beam(name: str, formulation: str | None = None, count: int = 8):
+    return {"beam": helpers.body(helpers.line(2.0), helpers.element(name, count, formulation), {"height": 0.1, "width": 0.1},
+                                 helpers.STEEL)}
+
+
+CLAMP = [{"name": "w", "type": "clamp", "at": "beam@0"}]
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+def test_newton_converges_quadratically(name, formulation):
+    loads = [*helpers.tip(0.0, -0.3 * STEEL_EI), {"type": "moment", "at": "beam@1", "value": 0.1 * STEEL_EI},
+             {"type": "follower_force", "at": "beam@0.5", "value": [0.0, 0.1 * STEEL_EI]}]
+    model = helpers.build(beam(name, formulation), bc=CLAMP, loads=loads)
+    system = System(model)
+    steps = increments(system, 12)
+    size = max(steps)
+    # a tangent that is off by 1e-4 of itself could not reduce an increment further than by that
+    assert min(b / a for a, b in zip(steps, steps[1:], strict=False) if a > 1e-9 * size) < 1e-4
+    assert min(steps[:10]) < 1e-13 * size
+
+
+def increments(system, most: int) -> list[float]:
+    """Return the increments of full Newton steps from the reference at the whole load."""
+    model = system.model
+    d = np.zeros(len(model.numbering.place))
+    out = []
+    for _ in range(most):
+        balance = system.assemble(d, 1.0)
+        system.factor({})
+        z = -system.matrix.solve(balance.R)
+        d = model.displacements(d[model.numbering.free] + z, 1.0)
+        out.append(system.norm(z))
+    return out
+
+
+def test_converged_states_are_in_equilibrium_to_the_tolerance():
+    loads = helpers.tip(0.0, -STEEL_EI)
+    model = helpers.build(beam("vallejo"), bc=CLAMP, loads=loads)
+    loose = newton(System(model), np.zeros(model.n_q), 1.0, 0.2, 1e-3, 30)
+    tight = newton(System(model), np.zeros(model.n_q), 1.0, 0.2, TOLERANCE, 30)
+    assert loose.iterations < tight.iterations
+    error = np.abs(loose.d - tight.d) * np.append(model.weights, np.zeros(len(loose.d) - model.n_q))
+    assert 1e-12 < error.max() < 1e-2
+
+
+@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+def test_a_load_too_large_for_one_step_is_cut_and_reaches_the_same_state(name):
+    loads = helpers.tip(0.0, -6 * STEEL_EI)
+    one = helpers.solved(beam(name), {"type": "static", "steps": 1}, bc=CLAMP, loads=loads)
+    many = helpers.solved(beam(name), {"type": "static", "steps": 40}, bc=CLAMP, loads=loads)
+    np.testing.assert_allclose(one.u("beam@1"), many.u("beam@1"), rtol=1e-7)
+    assert one.state.t == many.state.t == 1.0
+    assert len(many.states) >= 40
+
+
+def test_cutting_back_is_recorded():
+    loads = helpers.tip(0.0, -30 * STEEL_EI)
+    out = helpers.solved(beam("kerkkanen"), {"type": "static", "steps": 1, "max_iterations": 8}, bc=CLAMP, loads=loads)
+    assert sum(s.history["cutbacks"] for s in out.states) > 0
+    assert all(s.history["iterations"] <= 8 for s in out.states)
+
+
+@pytest.mark.parametrize("steps", [1, 3, 10])
+def test_no_load_step_is_larger_than_asked_for(steps):
+    out = helpers.solved(beam("cable"), {"type": "static", "steps": steps}, bc=CLAMP, loads=helpers.tip(0.0, -0.1 * STEEL_EI))
+    factors = [0.0, *(s.t for s in out.states)]
+    assert np.diff(factors).max() <= 1 / steps + 1e-12
+    assert factors[-1] == 1.0
+    assert len(out.states) == steps
+
+
+def test_the_path_may_end_elsewhere_than_at_one():
+    half = helpers.solved(beam("cable"), {"type": "static", "until": {"load_factor": 0.5}}, bc=CLAMP,
+                          loads=helpers.tip(0.0, -STEEL_EI))
+    whole = helpers.solved(beam("cable"), bc=CLAMP, loads=helpers.tip(0.0, -0.5 * STEEL_EI))
+    assert half.state.t == pytest.approx(0.5)
+    np.testing.assert_allclose(half.u("beam@1"), whole.u("beam@1"), rtol=1e-8)
+
+
+def shallow_arch(name: str, P: float):
+    arch = {"a": helpers.body({"type": "arc", "center": [0, -10], "radius": 10.0, "from": np.pi / 2 + 0.25, "to": np.pi / 2 - 0.25},
+                              helpers.element(name, 16), {"height": 0.1, "width": 0.1}, helpers.STEEL)}
+    bc = [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "a@1"}]
+    return helpers.solved(arch, bc=bc, loads=[{"type": "force", "at": "a@0.5", "value": [0.0, -P]}])
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
+def test_snap_through_is_refused_with_the_load_that_was_reached_and_advice(name):
+    below = shallow_arch(name, 0.5e5)
+    assert below.u("a@0.5")[1] < 0
+    with pytest.raises(ComputationError, match="no equilibrium was found beyond load factor") as error:
+        shallow_arch(name, 1e7)
+    assert "arc_length" in error.value.failure.advice
+    reached = float(error.value.failure.reason.split("load factor ")[1].split(":")[0])
+    assert 0 < reached < 1
+    # on the branch: the same arch carries just that load, and not a tenth more
+    shallow_arch(name, 0.99 * reached * 1e7)
+    with pytest.raises(ComputationError):
+        shallow_arch(name, 1.1 * reached * 1e7)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-12, 1e-20])
+@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+def test_tiny_loads_give_tiny_displacements_in_proportion(name, factor):
+    P = 1000.0 * factor
+    nonlinear = helpers.solved(beam(name), bc=CLAMP, loads=helpers.tip(0.0, -P))
+    linear = helpers.solved(beam(name), "linear_static", bc=CLAMP, loads=helpers.tip(0.0, -1000.0))
+    assert nonlinear.u("beam@1")[1] / factor == pytest.approx(linear.u("beam@1")[1], rel=1e-6)
+    assert nonlinear.reactions()["w"]["fy"] == pytest.approx(P, rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+@pytest.mark.parametrize("name", helpers.TYPES)
+def test_no_load_is_no_displacement_exactly(name, solver):
+    bodies = {"beam": helpers.body(helpers.ARC, helpers.element(name, 3))}
+    out = helpers.solved(bodies, solver, bc=CLAMP)
+    assert not out.d.any()
+    assert out.state.energy == 0.0
+    assert all(v == 0.0 for v in out.reactions()["w"].values())
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+def test_answers_do_not_depend_on_units(name, formulation, solver):
+    """Metres, millimetres, kilometres; newtons and meganewtons."""
+    def tip(length: float, force: float):
+        arc = {"type": "arc", "center": [0, 0], "radius": 2 * length, "from": 0.3, "to": 1.3}
+        bodies = {"beam": helpers.body(arc, helpers.element(name, 4, formulation),
+                                       {"height": 0.1 * length, "width": 0.1 * length},
+                                       {**helpers.STEEL, "E": 2.07e11 * force / length**2})}
+        loads = [*helpers.tip(2e5 * force, -5e5 * force),
+                 {"type": "moment", "at": "beam@1", "value": 1e5 * force * length},
+                 {"type": "distributed", "on": "beam", "value": [0, 1e4 * force / length]}]
+        out = helpers.solved(bodies, {"type": solver}, bc=[*CLAMP, {"type": "roller", "at": "beam@0.6", "normal": [1, 1]}], loads=loads)
+        r = out.reactions()["w"]
+        return np.array([*out.u("beam@1") / length, out.theta("beam@1"), r["fx"] / force, r["m"] / (force * length)])
+
+    metres = tip(1.0, 1.0)
+    for units in ((1000.0, 1.0), (1e-3, 1e-6)):
+        np.testing.assert_allclose(tip(*units), metres, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("E", "slenderness"), [(1.0, 1e2), (1e15, 1e2), (2.07e11, 1e4), (2.07e11, 1.0)])
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "omar"])
+def test_stiff_soft_stout_and_slender_beams_are_solved(name, E, slenderness):
+    h = 1.0 / slenderness
+    P = 0.5 * E * h**4 / 12
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element(name, 8), {"height": h, "width": h},
+                                   {"E": E, "nu": 0.3, "rho": 1.0})}
+    out = helpers.solved(bodies, bc=CLAMP, loads=helpers.tip(0.0, -P))
+    if slenderness >= 100:
+        assert out.u("beam@1")[1] == pytest.approx(-0.162143575658, rel=3e-2)
+    assert out.state.t == 1.0
