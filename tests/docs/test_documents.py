@@ -1,4 +1,4 @@
-"""Every command of README.md and docs/ runs and prints what is shown; generated parts are current; links lead to files."""
+"""Every command of the documents runs and prints what is shown; generated parts are current; links lead to files."""
 
 from __future__ import annotations
 
