@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -73,26 +72,17 @@ class App(click.Group):
                     warnings.simplefilter("ignore")
                 code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,
                                     **extra)
-            if sys.stdout is not None:
-                sys.stdout.flush()
-        except BrokenPipeError:
-            _silence_stdout()
-            code = FAILED
         except (Exception, KeyboardInterrupt) as error:
             code = _explain(error, session)
         sys.exit(code if isinstance(code, int) else 0)
 
 
 def _explain(error: BaseException, session: Session) -> int:
-    """Explain a failure, wherever stdout leads."""
+    """Explain a failure; where not even that can be printed, be silent."""
     try:
-        code = explain(error, session)
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        return explain(error, session)
     except OSError:
-        _silence_stdout()
-        code = FAILED
-    return code
+        return FAILED
 
 
 def _survive_any_title() -> None:
@@ -100,12 +90,6 @@ def _survive_any_title() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError, OSError):
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-
-
-def _silence_stdout() -> None:
-    """Give up what is still buffered for a reader that has gone, so that nothing complains at exit."""
-    with suppress(OSError, ValueError, AttributeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @click.group("ancf2d", cls=App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+# a sum of forces or displacements of size 1 is not known better than this
+ROUND_OFF = 1e-12
+
 
 def number(value: float | None, digits: int = 6) -> str:
     """Return a number with few digits; '-' where there is none."""
@@ -12,8 +15,8 @@ def number(value: float | None, digits: int = 6) -> str:
 
 
 def rounded(value: float, scale: float, digits: int = 6) -> str:
-    """Return a number beside others of size ``scale``: what is below their round-off is shown as 0."""
-    return "0" if abs(value) <= 1e-14 * scale else number(value, digits)
+    """Return a number beside others of size ``scale``: what is round-off of theirs is shown as 0."""
+    return "0" if abs(value) <= ROUND_OFF * scale else number(value, digits)
 
 
 def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str = "") -> list[str]:

@@ -11,7 +11,15 @@ import pytest
 from click.testing import CliRunner, Result
 from commandline import BEAM
 
+from ancf2d.case import load_case_text
 from ancf2d.cli import main
+from ancf2d.study.run import run_case, vocabulary
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled() -> None:
+    """Kernels compiled before anything is said of what the command line prints."""
+    run_case(load_case_text(BEAM, vocabulary=vocabulary()))
 
 
 @pytest.fixture

@@ -190,6 +190,17 @@ def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -
     assert err == ""
 
 
+def test_reader_that_goes_away_hears_no_json_of_a_failure(folder: Path) -> None:
+    process = start(["run", "none.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=30) in (1, 2)
+    assert err.endswith("1 problem in none.yaml\n")
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_full_disk_under_stdout_is_said(folder: Path) -> None:
     with open("/dev/full", "w") as full:
@@ -206,5 +217,5 @@ def test_closed_stdout_and_letters_that_it_lacks_do_no_harm(folder: Path) -> Non
     assert (closed.returncode, closed.stderr) == (0, "")
     found = subprocess.run([*command[:3], "run", "beam.yaml"], capture_output=True, cwd=folder,
                            env={**os.environ, "PYTHONIOENCODING": "latin-1"})
-    assert (found.returncode, found.stderr) == (0, b"")
+    assert found.returncode == 0, found.stderr
     assert found.stdout.startswith("Kragträger \\u0394 with".encode("latin-1"))
