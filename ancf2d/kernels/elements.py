@@ -12,15 +12,18 @@ import numpy as np
 
 from .jit import inlined, kernel
 from .laws import geometric, strain
-from .matrix import scatter
+from .matrix import scatter_patches
+
+
+# entries of the batch of element matrices that stays in the first-level cache
+BATCH = 4096
 
 
 class Group(NamedTuple):
     """Elements of one type and formulation, as the kernels see them.
 
     law : sampled law; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2) cosine and sine of the
-    element frame; dofs : (ne, n_dof) coordinates; size : tuples of the lengths n_dof, fields, strains, which
-    the compiler then knows, or empty ones.
+    element frame; dofs : (ne, n_dof) coordinates.
     """
 
     law: Any
@@ -28,17 +31,15 @@ class Group(NamedTuple):
     turn: Any
     dofs: Any
     components: int
-    size: Any
 
 
 @inlined
 def _sizes(group):  # type: ignore[no-untyped-def]
-    """Return (n_dof, fields, strains), constants of the compiler where ``group.size`` tells them."""
-    law, size = group.law, group.size
-    n = len(size[0]) if len(size[0]) > 0 else law.B.shape[3]
-    nu = len(size[1]) if len(size[1]) > 0 else law.B.shape[2]
-    ns = len(size[2]) if len(size[2]) > 0 else law.D.shape[2]
-    return n, nu, ns
+    """Return (n_dof, fields, strains).
+
+    Known at run time only: sizes known to the compiler gain nothing measurable, and each would compile anew.
+    """
+    return group.law.B.shape[3], group.law.B.shape[2], group.law.D.shape[2]
 
 
 @inlined
@@ -185,61 +186,64 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy."""
-    nc = group.components
-    n, nu, ns = _sizes(group)
-    de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
-    eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
-    H, HB, Ke = np.zeros((nu, nu)), np.zeros((nu, n)), np.zeros((n, n))
-    energy = 0.0
-    for ie in range(len(group.dofs)):
-        gather(group, ie, d, de)
-        energy += _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe, Ke)
-        it = ie if len(group.turn) > 1 else 0
-        tc, ts = group.turn[it, 0], group.turn[it, 1]
-        if ts != 0.0 or tc != 1.0:
-            _turn_vector(Qe, nc, tc, ts)
-            _turn_rows(Ke, nc, tc, ts)
-            _turn_columns(Ke, nc, tc, ts)
-        for a in range(n):
-            Q[group.dofs[ie, a]] += Qe[a]
-        scatter(matrix, Ke, group.dofs, ie, place, indptr, index, value)
-    return energy
-
-
-@kernel
 def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
-    """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components."""
+    """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components; return their energy."""
     nc = group.components
     n, nu, ns = _sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     H, HB = np.zeros((nu, nu)), np.zeros((nu, n))
+    energy = 0.0
     for m in range(len(Q)):
         ie = first + m
         gather(group, ie, d, de)
-        _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe, K[m])
+        energy += _element_tangent(group, group.cls[ie], de, u, eps, sigma, J, g, H, HB, Qe, K[m])
         it = ie if len(group.turn) > 1 else 0
         tc, ts = group.turn[it, 0], group.turn[it, 1]
-        _turn_vector(Qe, nc, tc, ts)
-        _turn_rows(K[m], nc, tc, ts)
-        _turn_columns(K[m], nc, tc, ts)
-        Q[m] = Qe
+        if ts != 0.0 or tc != 1.0:
+            _turn_vector(Qe, nc, tc, ts)
+            _turn_rows(K[m], nc, tc, ts)
+            _turn_columns(K[m], nc, tc, ts)
+        for a in range(n):
+            Q[m, a] = Qe[a]
+    return energy
+
+
+@kernel
+def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy.
+
+    Element matrices are made a cache-sized batch at a time: the law's code is compiled once for every use.
+    """
+    n = group.law.B.shape[3]
+    batch = max(1, BATCH // (n * n))
+    Qe, Ke = np.zeros((batch, n)), np.zeros((batch, n, n))
+    energy = 0.0
+    for first in range(0, len(group.dofs), batch):
+        count = min(batch, len(group.dofs) - first)
+        energy += element_matrices(group, d, first, Qe[:count], Ke[:count])
+        scatter_patches(matrix, Ke, group.dofs, first, count, place, indptr, index, value)
+        for m in range(count):
+            for a in range(n):
+                Q[group.dofs[first + m, a]] += Qe[m, a]
+    return energy
 
 
 @kernel
 def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     """Add K(d) v, summed over elements in full coordinates, to ``out``."""
     n = group.law.B.shape[3]
-    Q, K = np.zeros((1, n)), np.zeros((1, n, n))
-    for ie in range(len(group.dofs)):
-        element_matrices(group, d, ie, Q, K)
-        for a in range(n):
-            s = 0.0
-            for b in range(n):
-                s += K[0, a, b] * v[group.dofs[ie, b]]
-            out[group.dofs[ie, a]] += s
+    batch = max(1, BATCH // (n * n))
+    Qe, Ke = np.zeros((batch, n)), np.zeros((batch, n, n))
+    for first in range(0, len(group.dofs), batch):
+        count = min(batch, len(group.dofs) - first)
+        element_matrices(group, d, first, Qe[:count], Ke[:count])
+        for m in range(count):
+            for a in range(n):
+                s = 0.0
+                for b in range(n):
+                    s += Ke[m, a, b] * v[group.dofs[first + m, b]]
+                out[group.dofs[first + m, a]] += s
 
 
 @kernel

@@ -135,7 +135,7 @@ def _scatter_combined(matrix, Ke, dofs, place, indptr, index, value):  # type: i
 
 
 @kernel
-def scatter_patches(matrix, Ks, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add the matrices (m, n, n) of loads, springs and constraints at their coordinates (m, n)."""
-    for m in range(len(dofs)):
-        scatter(matrix, Ks[m], dofs, m, place, indptr, index, value)
+def scatter_patches(matrix, Ks, dofs, first, count, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add the matrices Ks (count, n, n) of elements (or patches) first, first + 1, ... with coordinates dofs (m, n)."""
+    for m in range(count):
+        scatter(matrix, Ks[m], dofs, first + m, place, indptr, index, value)

@@ -75,7 +75,8 @@ class System:
         for u, q, K, dofs in self._patches(d, t, elastic=not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
-            scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), *self.tables)
+            scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), 0, len(dofs),
+                            *self.tables)
         if not load_stiffness:
             self._add_loads(Q, d, t)
         F = model.external(t)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..case import LinearStatic
 from ..model.model import Model
 
 # reading kernels from the cache takes less than this; more means that some are being compiled
@@ -40,13 +41,15 @@ def _touch(model: Model) -> None:
     _touch_matrix(type(matrix))
     tables = (num.place, num.indptr, num.index, num.value)
     if model.patches or model.constraints:
-        scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), *tables)
+        scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
     d = np.zeros(len(num.place))
     for group in model.groups:
         none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
         force_tangent(none, d, d, matrix.target, *tables)
-        force(none, d, d)
-        if model.moves or type(model.case.solver).__name__ == "LinearStatic":
+        linear = isinstance(model.case.solver, LinearStatic)
+        if not linear:
+            force(none, d, d)
+        if model.moves or linear:
             tangent_action(none, d, d, d)
         if asks_for_forces(model.case):
             n = none.law.B.shape[3]

@@ -96,5 +96,5 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
         Ks.append(Ke)
         sets.append(dofs)
     scatter(matrix, Ks[0], np.array(sets), 0, *tables)
-    scatter_patches(matrix, np.array(Ks[1:]), np.array(sets[1:]), *tables)
+    scatter_patches(matrix, np.array(Ks[1:]), np.array(sets), 1, 2, *tables)
     np.testing.assert_allclose(dense(matrix, n), expected, atol=1e-12)
