@@ -14,7 +14,6 @@ from .jit import inlined, kernel
 from .laws import geometric, strain
 from .matrix import scatter_patches
 
-
 # entries of the batch of element matrices that stays in the first-level cache
 BATCH = 4096
 
