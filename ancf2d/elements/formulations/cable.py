@@ -54,19 +54,14 @@ def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
     ex, ey = fx / LL, fy / LL
     H[0, 0] += N * (1.0 - fx * ex) + M * (-4.0 * gy * ex - k * (2.0 - 8.0 * fx * ex))
     H[1, 1] += N * (1.0 - fy * ey) + M * (4.0 * gx * ey - k * (2.0 - 8.0 * fy * ey))
-    mixed = -N * fx * ey + M * (2.0 * gx * ex - 2.0 * gy * ey + 8.0 * k * fx * ey)
-    H[0, 1] += mixed
-    H[1, 0] += mixed
-    h02, h03 = M * 2.0 * fy * ex, M * (1.0 - 2.0 * fx * ex)
-    h12, h13 = -M * (1.0 - 2.0 * fy * ey), -M * 2.0 * fx * ey
-    H[0, 2] += h02
-    H[2, 0] += h02
-    H[0, 3] += h03
-    H[3, 0] += h03
-    H[1, 2] += h12
-    H[2, 1] += h12
-    H[1, 3] += h13
-    H[3, 1] += h13
+    H[0, 1] += -N * fx * ey + M * (2.0 * gx * ex - 2.0 * gy * ey + 8.0 * k * fx * ey)
+    H[0, 2] += M * 2.0 * fy * ex
+    H[0, 3] += M * (1.0 - 2.0 * fx * ex)
+    H[1, 2] += -M * (1.0 - 2.0 * fy * ey)
+    H[1, 3] += -M * 2.0 * fx * ey
+    for i in range(4):
+        for j in range(i):
+            H[i, j] = H[j, i]
 
 
 def green_strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
@@ -99,19 +94,14 @@ def green_geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
     ex, ey = fx / LL, fy / LL
     H[0, 0] += sigma[0] + M * (-6.0 * gy * ex - 3.0 * w / LL * (1.0 - 5.0 * fx * ex))
     H[1, 1] += sigma[0] + M * (6.0 * gx * ey - 3.0 * w / LL * (1.0 - 5.0 * fy * ey))
-    mixed = M * (3.0 * gx * ex - 3.0 * gy * ey + 15.0 * w / LL * fx * ey)
-    H[0, 1] += mixed
-    H[1, 0] += mixed
-    h02, h03 = M * 3.0 * fy * ex, M * (1.0 - 3.0 * fx * ex)
-    h12, h13 = -M * (1.0 - 3.0 * fy * ey), -M * 3.0 * fx * ey
-    H[0, 2] += h02
-    H[2, 0] += h02
-    H[0, 3] += h03
-    H[3, 0] += h03
-    H[1, 2] += h12
-    H[2, 1] += h12
-    H[1, 3] += h13
-    H[3, 1] += h13
+    H[0, 1] += M * (3.0 * gx * ex - 3.0 * gy * ey + 15.0 * w / LL * fx * ey)
+    H[0, 2] += M * 3.0 * fy * ex
+    H[0, 3] += M * (1.0 - 3.0 * fx * ex)
+    H[1, 2] += -M * (1.0 - 3.0 * fy * ey)
+    H[1, 3] += -M * 3.0 * fx * ey
+    for i in range(4):
+        for j in range(i):
+            H[i, j] = H[j, i]
 
 
 def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[Array, Array, Array]:
