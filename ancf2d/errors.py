@@ -101,7 +101,9 @@ class ComputationError(Ancf2dError):
         if f.at:
             lines.append("  at: " + ", ".join(f"{k} {v}" for k, v in f.at.items()))
         if f.history:
-            lines.append("  residuals: " + " ".join(f"{r:.2e}" for r in f.history))
+            shown = [f"{r:.2e}" for r in f.history]
+            shown = shown if len(shown) <= 9 else [*shown[:3], "...", *shown[-5:]]
+            lines.append("  residuals: " + " ".join(shown))
         if f.advice:
             lines.append(f"  try: {f.advice}")
         return "\n".join(lines)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from importlib import resources
-
 from ..errors import CaseError, Problem
 from .binder import listed, nearest
 from .emit import text_scalar
 from .json_schema import SCHEMA_FILE, schema_comment
 
-TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum")
+TEMPLATES = ("cantilever", "simply_supported", "frame")
 
 
 def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> str:
@@ -20,6 +18,8 @@ def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> 
     if kind not in TEMPLATES:
         raise CaseError(Problem(f"there is no template '{kind}'", expected=listed(TEMPLATES),
                                 near=nearest(kind, TEMPLATES)))
+    from importlib import resources
+
     body = resources.files(__package__).joinpath("templates", f"{kind}.yaml").read_text("utf-8")
     title, rest = body.split("\n", 1)
     title = title.removeprefix("title: ").replace("{name}", name)

@@ -46,7 +46,7 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
     out = np.zeros((len(found), 3 * len(meshes)))
     for i, (coords, coefs) in enumerate(found):
         owner = np.searchsorted(first, coords, side="right") - 1
-        for b in np.unique(owner):
+        for b in sorted(set(owner.tolist())):
             part = owner == b
             seen = coefs[part] @ rigid_motion(meshes[b], coords[part], e0, centres[b])
             out[i, 3 * b:3 * b + 3] = seen * [1.0, 1.0, 1.0 / sizes[b]]

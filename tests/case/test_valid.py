@@ -144,8 +144,8 @@ def test_templates(kind, vocabulary, validator):
 
 
 def test_unknown_template():
-    with pytest.raises(CaseError, match="did you mean 'pendulum'"):
-        template("x", "pendolum")
+    with pytest.raises(CaseError, match="did you mean 'cantilever'"):
+        template("x", "cantiliver")
 
 
 def test_schema_speaks_to_editors(vocabulary):
