@@ -35,6 +35,9 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
         return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
                                       expected="linear_static or static")]
     problems = []
+    if case.accuracy is not None:
+        problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
+                                              expected="no accuracy ('ancf2d convergence' estimates the error)"))
     if isinstance(case.solver, Static):
         if case.solver.method != "newton":
             problems.append(loaded.source.problem(
