@@ -32,7 +32,7 @@ _TYPES = (
                      "it; the basis is what they determine"),
     ElementType("patel", ("1", "x", "y", "x*y", "x^2", "x^3", "y^2", "x*y^2"),
                 _nodes(ENDS, "r", "r_x", "r_y", "r_yy"),
-                formulation="continuum", quadrature={"continuum": (3, 2)}, source="Patel & Shabana 2018"),
+                formulation="continuum", source="Patel & Shabana 2018"),
     ElementType("2d2n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^3"), _R_RX_RY,
                 formulation="continuum", quadrature=_TWO, preset=_PAPER, source=f"{_SEED}, Eqs. (24)-(25)",
                 note="not symmetric under reversal of x; on an arc it curves the reference sections"),
