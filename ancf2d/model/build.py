@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from .plan import plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
+from .timing import PathTiming, Timing
 
 
 def ramp(t: float) -> float:
@@ -35,9 +35,11 @@ def one(t: float) -> float:
     return 1.0
 
 
-def default_amplitude(case: Case) -> Callable[[float], float]:
-    """Return what a load without an amplitude follows."""
-    return ramp if isinstance(case.solver, LinearStatic | Static) else one
+def timing_of(case: Case) -> Timing:
+    """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
+    if isinstance(case.solver, Static) and case.solver.method != "newton":
+        return PathTiming()
+    return Timing(ramp if isinstance(case.solver, LinearStatic | Static) else one)
 
 
 def support_names(case: Case) -> list[str]:
@@ -72,7 +74,7 @@ class _Builder:
         self.loads = LoadSet()
         self.springs: list[Patch] = []
         self.supports: list[tuple[str, PointRef]] = []
-        self.amplitude = default_amplitude(self.case)
+        self.timing = timing_of(self.case)
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
 
     def point(self, at: Point) -> PointRef:
@@ -86,7 +88,7 @@ class _Builder:
             point = self.point(support.at)
             self.supports.append((name, point))
             try:
-                SUPPORTS[type(support)](support, point, name, self.amplitude, self.equations)
+                SUPPORTS[type(support)](support, point, name, self.timing, self.equations)
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
 
@@ -118,8 +120,8 @@ class _Builder:
     def add_loads(self) -> None:
         for load in self.case.loads:
             given = load.amplitude
-            context = LoadContext(self.meshes, self.point, self.amplitude if given is None else given.value,
-                                  given is None)
+            amplitude = self.timing if given is None else self.timing.given(given.value)
+            context = LoadContext(self.meshes, self.point, amplitude, given is None)
             LOADS[type(load)](load, context, self.loads)
             if hasattr(load, "value") and type(load).__name__ == "Gravity":
                 self._weigh_masses(load.value, context)
@@ -132,7 +134,8 @@ class _Builder:
 
     def check_starts(self) -> None:
         """A prescribed position that does not begin where the body is would tear it at the first step."""
-        if not isinstance(self.case.solver, Static):
+        if not isinstance(self.case.solver, Static) or isinstance(self.timing, PathTiming):
+            # a path raises its constant motion from the reference before it begins
             return
         for row in self.equations.rows:
             if row.signal is not None and abs(row.value(0.0)) > 1e-9 * self.extent and row.holds in ("x", "y"):
@@ -189,7 +192,7 @@ def build_model(loaded: LoadedCase) -> Model:
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
-                 b.springs, b.supports, b.extent, b.warnings)
+                 b.springs, b.supports, b.extent, b.timing, b.warnings)
 
 
 def check_model(loaded: LoadedCase) -> tuple[list[Problem], list[str]]:

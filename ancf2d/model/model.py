@@ -15,6 +15,7 @@ from .elimination import Elimination
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
+from .timing import Timing
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class Model:
     springs: list[Patch]
     supports: list[tuple[str, PointRef]]
     extent: float
+    timing: Timing
     warnings: list[str] = field(default_factory=list)
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 from ..case import Clamp, Fix, Pin, Prescribed, Roller
 from .constraints import Equations, Row, Signal, along, combine, hold_rotation, prescribe_rotation
 from .points import PointRef
+from .timing import Timing
 
 
 class SupportError(ValueError):
@@ -24,11 +25,11 @@ def _position_rows(point: PointRef, owner: str, spread: str | None = None) -> li
             for c, axis in zip(point.position(spread), "xy", strict=True)]
 
 
-def _pin(support: Pin, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+def _pin(support: Pin, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     out.rows += _position_rows(point, owner, support.spread)
 
 
-def _roller(support: Roller, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+def _roller(support: Roller, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     columns = point.position(support.spread)
     if support.normal is not None:
         nx, ny = support.normal
@@ -44,7 +45,7 @@ def default_hold(point: PointRef) -> str:
     return "section" if point.mesh.plan.element.section_kind == "tangent" else "all"
 
 
-def _clamp(support: Clamp, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     hold = support.hold or default_hold(point)
     element = point.mesh.plan.element
     if hold == "breathe":
@@ -89,7 +90,7 @@ def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> Non
             out.rows.append(Row(coords, coefs, owner, "section direction" if j == 1 else "section warping"))
 
 
-def _fix(support: Fix, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+def _fix(support: Fix, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     if point.node is None:
         raise SupportError(("at",), f"fix names coordinates of a node, and {point.label} is none",
                            "the place of a node, or pin, roller, clamp")
@@ -101,29 +102,29 @@ def _fix(support: Fix, point: PointRef, owner: str, default: Signal, out: Equati
         out.rows.append(Row(*_single(int(point.dofs()[names.index(name)])), owner, name))
 
 
-def _prescribed(support: Prescribed, point: PointRef, owner: str, default: Signal, out: Equations) -> None:
+def _prescribed(support: Prescribed, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     columns = point.position()
     reference = point.mesh.plan.position(point.s)[0]
     for k, axis in enumerate("xy"):
         position, displacement = getattr(support, axis), getattr(support, "u" + axis)
         if position is not None:
             start = float(reference[k])
-            signal = amplitude_signal(position, default, start)
+            signal = amplitude_signal(position, timing, start)
             out.rows.append(Row(*combine((1.0, columns[k])), owner, axis, lambda t, s=signal, x=start: s(t) - x))
         if displacement is not None:
             out.rows.append(Row(*combine((1.0, columns[k])), owner, "u" + axis,
-                                amplitude_signal(displacement, default, 0.0)))
+                                amplitude_signal(displacement, timing, 0.0)))
     if support.angle is not None:
-        prescribe_rotation(point, amplitude_signal(support.angle, default, 0.0), owner, out)
+        prescribe_rotation(point, amplitude_signal(support.angle, timing, 0.0), owner, out)
 
 
-def amplitude_signal(value: Any, default: Signal, start: float) -> Signal:
+def amplitude_signal(value: Any, timing: Timing, start: float) -> Signal:
     """Return the value over t: an amplitude as it is; a number is reached from ``start`` by the default amplitude."""
     if isinstance(value, int | float):
-        return lambda t: start + (float(value) - start) * default(t)
-    return value.value
+        return lambda t: start + (float(value) - start) * timing(t)
+    return timing.given(value.value, start)
 
 
-SUPPORTS: dict[type, Callable[[Any, PointRef, str, Signal, Equations], None]] = {
+SUPPORTS: dict[type, Callable[[Any, PointRef, str, Timing, Equations], None]] = {
     Pin: _pin, Roller: _roller, Clamp: _clamp, Fix: _fix, Prescribed: _prescribed,
 }

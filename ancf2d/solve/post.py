@@ -131,7 +131,7 @@ def _loads_within(model: Model, state: State, point: PointRef, e: Array) -> tupl
             f, a, b = np.array(load.value, dtype=float), load.from_, load.to
         else:
             continue
-        amplitude = state.t if load.amplitude is None else load.amplitude.value(state.t)
+        amplitude = (model.timing if load.amplitude is None else model.timing.given(load.amplitude.value))(state.t)
         low = max(a * mesh.plan.length - start, 0.0)
         high = min(b * mesh.plan.length - start, point.xi * shape.l)
         if high <= low:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, LinearStatic, LoadedCase, Static
+from ..case import Case, LinearStatic, LoadedCase, LoadFactor, Static
 from ..errors import Problem
 from ..model.model import Model
 from .state import State
@@ -20,9 +20,15 @@ def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
 
 
 def _static(model: Model, spec: Static) -> Iterator[State]:
+    if spec.method != "newton":
+        from .path import solve_path
+
+        return solve_path(model, spec)
     from .static import solve_static
 
-    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, spec.until.value)
+    # newton ends at nothing but a load factor: the schema refuses the rest
+    end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
+    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end)
 
 
 SOLVERS: dict[type, Callable[[Model, Any], Iterator[State]]] = {LinearStatic: _linear, Static: _static}
@@ -38,13 +44,6 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     if case.accuracy is not None:
         problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
                                               expected="no accuracy ('ancf2d convergence' estimates the error)"))
-    if isinstance(case.solver, Static):
-        if case.solver.method != "newton":
-            problems.append(loaded.source.problem(
-                ("solver", "method"), f"method {case.solver.method} is not available yet", expected="newton"))
-        if not hasattr(case.solver.until, "value"):
-            problems.append(loaded.source.problem(
-                ("solver", "until"), "newton ends at a load factor", expected="until: {load_factor: f}"))
     if case.steady_rotation is not None:
         problems.append(loaded.source.problem(("steady_rotation",), "steady_rotation is not available yet"))
     return problems
@@ -53,7 +52,9 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
 def initial_state(model: Model) -> State:
     """Return the reference, from which static paths start."""
     zero = np.zeros(len(model.numbering.place))
-    return State(0.0, model.displacements(zero[:model.numbering.n_unknowns], 0.0), zero, zero, 0.0)
+    with model.timing.preload():
+        d = model.displacements(zero[:model.numbering.n_unknowns], 0.0)
+    return State(0.0, d, zero, zero, 0.0)
 
 
 def solve(model: Model) -> Iterator[State]:

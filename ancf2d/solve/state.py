@@ -14,7 +14,7 @@ class State:
 
     ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``report`` is merged into the
     summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
-    ``tables``: name -> columns.
+    ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
     """
 
     t: float
@@ -23,6 +23,7 @@ class State:
     F: Array
     energy: float
     linear: bool = False
+    last: bool = False
     history: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)

@@ -83,7 +83,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     """
     num = system.model.numbering
     d = d.copy()
-    at = {"factor": f"{t:.6g}"}
+    at = {"factor": float(f"{t:.6g}")}
     increments: list[float] = []
     residuals: list[float] = []
     for iteration in range(1, max_iterations + 1):
@@ -97,19 +97,19 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         pivots = system.factor(at)
         z = -system.matrix.solve(balance.R)
         increments.append(system.norm(z))
-        _check_divergence(increments, system.model.extent, at, residuals)
+        check_divergence(increments, system.model.extent, at, residuals)
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
-        if stalled and _at_floor(balance.R, system.noise(d, t)):
+        if stalled and at_floor(balance.R, system.noise(d, t)):
             negative = pivots.negative - num.n_multipliers
             return NewtonResult(d, balance, iteration, increments, negative, min(increments[-2:]))
         d = _advance(system, d, z, t)
-        if _converged(increments, system.norm(d[num.free]), tolerance):
+        if has_converged(increments, system.norm(d[num.free]), tolerance):
             negative = pivots.negative - num.n_multipliers
             return NewtonResult(d, system.forces(d, t), iteration, increments, negative, 0.0)
     raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at, history=residuals)
 
 
-def _at_floor(R: Array, noise: Array) -> bool:
+def at_floor(R: Array, noise: Array) -> bool:
     """Whether no residual exceeds what round-off can leave."""
     return bool(np.all(np.abs(R) <= FLOOR * noise))
 
@@ -131,7 +131,8 @@ def _advance(system: System, d: Array, z: Array, t: float) -> Array:
     return system.model.displacements(d[system.model.numbering.free] + z, t)
 
 
-def _converged(increments: list[float], size: float, tolerance: float) -> bool:
+def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
+    """Whether the next increment, by the contraction seen, is below ``tolerance`` of the size of the displacements."""
     last = increments[-1]
     if last == 0.0:
         return True
@@ -141,7 +142,8 @@ def _converged(increments: list[float], size: float, tolerance: float) -> bool:
     return contraction < 0.5 and last * contraction <= tolerance * size
 
 
-def _check_divergence(increments: list[float], extent: float, at: dict[str, str], residuals: list[float]) -> None:
+def check_divergence(increments: list[float], extent: float, at: dict[str, str], residuals: list[float]) -> None:
+    """Raise ComputationError where increments grow or exceed every scale of the model."""
     grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
     if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
         raise ComputationError("Newton's method diverges", at=at, history=residuals)
@@ -193,7 +195,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
                             max_iterations)
             rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
             if rate > JUMP * moved:
-                raise ComputationError("the state jumps to another branch", at={"factor": f"{target:.6g}"})
+                raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
         except ComputationError as error:
             h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
             if h < SMALLEST_STEP * largest or tries > MOST_TRIES:

@@ -163,15 +163,15 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
                     writer.array(path, data, units, description, up_to_sign=path.startswith("modes/"))
                 for name, columns in state.tables.items():
                     writer.table(name, columns)
-                if totals["steps"] % every == 0 or state.t >= end:
+                if totals["steps"] % every == 0 or state.t >= end or state.last:
                     writer.append(state.t, state.d[:model.n_q], state.history, probes)
                 else:
                     writer.log(state.history, t=state.t, probes=probes)
             progress.state(state)
     except ComputationError as error:
         failure = error
-    summary = summarise(loaded, model, state, probes, totals, clock.seconds, failure)
-    summary.update(report, warnings=warnings)
+    summary = summarise(loaded, model, state, probes, totals, clock.seconds, failure, report)
+    summary["warnings"] = warnings
     if writer is not None:
         place = writer.finish(summary, "failed" if failure else "converged")
         summary["output"] = str(place) if place.exists() else None
@@ -179,8 +179,9 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
 
 
 def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dict[str, dict[str, float]],
-              totals: dict[str, int], wall: float, failure: ComputationError | None) -> dict[str, Any]:
-    """Return the object that ``--json`` prints."""
+              totals: dict[str, int], wall: float, failure: ComputationError | None,
+              report: dict[str, Any]) -> dict[str, Any]:
+    """Return the object that ``--json`` prints; ``report`` is what the solver adds to it."""
     from ..solve.post import energies, reactions
 
     out: dict[str, Any] = {
@@ -194,7 +195,7 @@ def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dic
         out["reactions"] = reactions(model, state)
         out["energy"] = energies(model, state)
         out["load_factor"] = state.t
-    out.update(totals)
+    out.update(totals, **report)
     out["wall_s"] = wall
     out["checks"] = checks(loaded.case, out) if failure is None else []
     out["output"] = None
@@ -203,6 +204,11 @@ def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dic
 
 def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
     """Return the value of a goal (or expected value) from a summary, None where it is not there."""
+    if goal.limit_point is not None:
+        points = summary.get("limit_points", [])[goal.limit_point - 1:goal.limit_point]
+        if goal.probe is None or not points:
+            return points[0]["factor"] if points else None
+        return points[0]["probes"].get(goal.probe, {}).get(goal.quantity)
     if goal.probe is not None:
         return summary["probes"].get(goal.probe, {}).get(goal.quantity)
     if goal.reaction is not None:
@@ -214,7 +220,8 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
 
 def describe_goal(goal: Any) -> str:
     """Return 'mid uy' for a goal."""
-    parts = (goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
+    limit = None if goal.limit_point is None else f"limit point {goal.limit_point}"
+    parts = (limit, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
     return " ".join(str(p) for p in parts if p is not None)
 
 

@@ -69,6 +69,9 @@ class Static:
         if isinstance(self.until, ProbeReaches) and self.method == "newton":
             yield Issue(("until",), "{}: method newton goes to a load factor, not to a "
                         "displacement", "method: arc_length or displacement")
+        if isinstance(self.until, LoadFactor) and self.method == "displacement":
+            yield Issue(("until",), "{}: method displacement goes to what a probe reaches",
+                        "until: {probe, quantity, reaches}")
 
 
 @record

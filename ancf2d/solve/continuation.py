@@ -1,0 +1,257 @@
+"""A point of an equilibrium path: its tangent, and the bordered Newton iteration that finds the next one.
+
+Equilibrium Q(z, t) - F(z, t) = 0 is one equation short for the unknowns z and the load factor t; a control
+c(z, t) = 0 is the missing one: the arc length from the last point, the load factor, or what a probe does. Each
+iteration uses one factorisation of the tangent stiffness for two right-hand sides (Ramm 1981; Crisfield 1981).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..case import Probe
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.model import Model
+from ..model.points import PointRef
+from ..model.rotation import Rotation
+from .linear import GeneralSparse
+from .post import place
+from .static import at_floor, check_divergence, has_converged
+from .system import Balance, System
+
+# half the difference in t that a nonlinear constraint's motion is differentiated with
+SMALL = 1e-5
+
+
+class Control(Protocol):
+    """The equation that picks one point of a path."""
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return c, its gradient (n_unknowns,) by the unknowns, and its derivative by t."""
+        ...
+
+
+@dataclass
+class Metric:
+    """Length of a change of state: root mean square displacement, with the load factor at ``load`` [m^2] of its square.
+
+    ``weights`` (n_unknowns,) [m^2 per unit squared] are zero at multipliers.
+    """
+
+    weights: Array
+    load: float
+
+    def dot(self, a: tuple[Array, float], b: tuple[Array, float]) -> float:
+        """Return the scalar product of two changes (of unknowns, of the load factor)."""
+        return float((self.weights * a[0]) @ b[0] + self.load * a[1] * b[1])
+
+    def norm(self, a: tuple[Array, float]) -> float:
+        """Return the length of a change."""
+        return float(np.sqrt(self.dot(a, a)))
+
+
+@dataclass
+class PathPoint:
+    """An equilibrium with its tangent: ``z`` (n_unknowns,) and ``rate`` are dz/ds and dt/ds by the path's parameter s.
+
+    ``uncertainty`` [m] where round-off ended the iteration, else 0.
+    """
+
+    d: Array
+    t: float
+    s: float
+    z: Array
+    rate: float
+    negative: int
+    balance: Balance
+    iterations: int
+    increment: float
+    uncertainty: float
+
+    @property
+    def tangent(self) -> tuple[Array, float]:
+        """The direction of the path: (dz/ds, dt/ds)."""
+        return self.z, self.rate
+
+
+@dataclass
+class Found:
+    """What the bordered Newton iteration arrived at."""
+
+    d: Array
+    t: float
+    iterations: int
+    increment: float
+    uncertainty: float
+
+
+class ArcLength:
+    """|z - z0|^2 + psi^2 (t - t0)^2 = ds^2: the spherical constraint of Crisfield (1981), linearised at each iterate."""
+
+    def __init__(self, curve: Curve, start: PathPoint, ds: float) -> None:
+        self.metric, self.free, self.ds = curve.metric, curve.model.numbering.free, ds
+        self.z0, self.t0 = start.d[self.free], start.t
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint over ds, and its derivatives."""
+        dz, dt = d[self.free] - self.z0, t - self.t0
+        c = (self.metric.dot((dz, dt), (dz, dt)) - self.ds**2) / self.ds
+        return c, 2 / self.ds * self.metric.weights * dz, 2 / self.ds * self.metric.load * dt
+
+
+@dataclass
+class AtFactor:
+    """t = value: Newton's method at a load factor."""
+
+    value: float
+    n: int
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint and its derivatives."""
+        return t - self.value, np.zeros(self.n), 1.0
+
+
+class ProbeValue:
+    """What a probe does (x, y, ux, uy or theta) and its derivatives; rotations count full turns."""
+
+    def __init__(self, model: Model, probe: Probe, quantity: str) -> None:
+        self.model, self.quantity = model, quantity
+        self.point = model.point(probe.at, probe.y)
+        self.rotation = Rotation(self.point)
+        self.motion = model.displacements(np.zeros(model.numbering.n_unknowns), 1.0)
+        self.motion -= model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+        self.theta = 0.0
+
+    def settle(self, d: Array) -> None:
+        """Count turns from this state on."""
+        self.theta = self._theta(d)
+
+    def _theta(self, d: Array) -> float:
+        n = self.model.n_q
+        return self.rotation.value(self.model.e0 + d[:n], d[:n], self.theta)
+
+    def value(self, d: Array) -> float:
+        """Return the quantity at a state (n_full,)."""
+        theta = self._theta(d)
+        if self.quantity == "theta":
+            return theta
+        reference, u = place(self.point, self.model.e0, d[:self.model.n_q], theta, False)
+        k = "xy".index(self.quantity[-1])
+        return float(u[k] if self.quantity[0] == "u" else reference[k] + u[k])
+
+    def derivatives(self, d: Array) -> tuple[Array, float]:
+        """Return the gradient (n_unknowns,) by the unknowns and the derivative by t."""
+        full, e = np.zeros(len(d)), self.model.e0 + d[:self.model.n_q]
+        p = self.point
+        if self.quantity == "theta":
+            np.add.at(full, self.rotation.dofs, self.rotation.gradient(e))
+        else:
+            k = "xy".index(self.quantity[-1])
+            carried = p.eta != 0.0 and p.mesh.plan.element.section_kind != "interpolated"
+            on_axis = PointRef(p.mesh, p.s, p.ie, p.xi, p.angle, p.node)
+            coords, weights = (on_axis if carried else p).position()[k]
+            np.add.at(full, coords, weights)
+            if carried:
+                angle = p.angle + self._theta(d)
+                arm = -0.5 * p.eta * p.mesh.plan.section.height * (np.cos(angle), np.sin(angle))[k]
+                np.add.at(full, self.rotation.dofs, arm * self.rotation.gradient(e))
+        return self.model.numbering.reduce(full), float(full @ self.motion)
+
+
+@dataclass
+class AtProbe:
+    """value(probe) = target: displacement control (Batoz & Dhatt 1979)."""
+
+    probe: ProbeValue
+    target: float
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint and its derivatives."""
+        return self.probe.value(d) - self.target, *self.probe.derivatives(d)
+
+
+class Curve:
+    """The equilibrium path of a model; ``tangent`` scales a direction to one unit of the path's parameter."""
+
+    def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
+        self.system, self.model = system, system.model
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        squares = system.weights**2
+        self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
+        zero = np.zeros(self.model.numbering.n_unknowns)
+        self.motion = self.model.displacements(zero, 1.0) - self.model.displacements(zero, 0.0)
+        # amplitudes that scale are the load factor itself, so that this difference is the derivative
+        self.dead = self.model.external(1.0) - self.model.external(0.0)
+
+    def load_rate(self, d: Array, t: float) -> Array:
+        """Return dR/dt at fixed unknowns (n_unknowns,): loads that scale, and motion that scales."""
+        model, n_q = self.model, self.model.n_q
+        out, e = -self.dead, model.e0 + d[:n_q]
+        for patch in model.loads.patches:
+            np.add.at(out, patch.dofs, patch.evaluate(e, d, 1.0)[1] - patch.evaluate(e, d, 0.0)[1])
+            if model.moves:
+                K = patch.evaluate(e, d, t)[2]
+                np.add.at(out, patch.dofs, np.einsum("mij,mj->mi", K, self.motion[patch.dofs]))
+        for k, constraint in enumerate(model.constraints):
+            (g1, G1, _), (g0, G0, _) = (constraint.evaluate(e, d, t + h) for h in (SMALL, -SMALL))
+            np.add.at(out, constraint.dofs, d[n_q + k] * (G1 - G0) / (2 * SMALL))
+            out[n_q + k] += (g1 - g0) / (2 * SMALL)
+        if model.moves:
+            out += self.system.action(d, self.motion, t)
+        return model.numbering.reduce(out)
+
+    def correct(self, control: Control, d: Array, t: float) -> Found:
+        """Return the equilibrium that meets the control, from a guess. Raises ComputationError."""
+        system, num = self.system, self.model.numbering
+        increments: list[float] = []
+        residuals: list[float] = []
+        for iteration in range(1, self.max_iterations + 1):
+            at = {"factor": f"{t:.6g}"}
+            balance = system.assemble(d, t)
+            residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
+            if not np.isfinite(residuals[-1]):
+                raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
+            system.factor(at)
+            z, dt = self._bordered(control, balance, d, t)
+            increments.append(system.norm(z))
+            check_divergence(increments, self.model.extent, at, residuals)
+            stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+            if stalled and at_floor(balance.R, system.noise(d, t)):
+                return Found(d, t, iteration, increments[-1], min(increments[-2:]))
+            d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
+            if has_converged(increments, system.norm(d[num.free]), self.tolerance):
+                return Found(d, t, iteration, increments[-1], 0.0)
+        raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,
+                               history=residuals)
+
+    def _bordered(self, control: Control, balance: Balance, d: Array, t: float) -> tuple[Array, float]:
+        """Return the Newton step (z, dt) of [K, dR/dt; dc/dz, dc/dt] with two solves."""
+        by_residual = -self.system.matrix.solve(balance.R)
+        by_load = -self.system.matrix.solve(self.load_rate(d, t))
+        c, gradient, by_t = control.evaluate(d, t)
+        slope = by_t + float(gradient @ by_load)
+        if slope == 0.0 or not np.isfinite(slope):
+            raise ComputationError("the load factor has no influence on what is controlled", at={"factor": f"{t:.6g}"})
+        dt = -(c + float(gradient @ by_residual)) / slope
+        return by_residual + dt * by_load, dt
+
+    def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
+        """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
+        balance = self.system.assemble(found.d, found.t)
+        pivots = self.system.factor({"factor": f"{found.t:.6g}"})
+        by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
+        rate = scale(found.d, by_load)
+        negative = pivots.negative - self.model.numbering.n_multipliers
+        return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
+                         found.increment, found.uncertainty)
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Whether pivot signs tell the inertia: not where sparse factors have exchanged rows."""
+        matrix = self.system.matrix
+        return not isinstance(matrix, GeneralSparse) or bool(np.array_equal(matrix.lu.perm_r, matrix.lu.perm_c))
