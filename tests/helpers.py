@@ -15,7 +15,6 @@ from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.rotation import Rotation
-from ancf2d.errors import CaseError
 from ancf2d.study.run import vocabulary
 
 ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 3), (8, 5))
@@ -46,7 +45,7 @@ def element(name: str, count: int, formulation: str | None = None, **more: Any) 
     """Return the ``element`` of a body; family members are named ancf[p,q]."""
     out: dict[str, Any] = {"type": name, "count": count}
     if name.startswith(FAMILY + "["):
-        p, q = name[len(FAMILY) + 1:-1].split(",")
+        p, q = name[len(FAMILY) + 1 : -1].split(",")
         out.update(type=FAMILY, order=[int(p), int(q)])
     if formulation is not None:
         out["formulation"] = formulation
@@ -59,8 +58,12 @@ def line(length: float, angle: float = 0.0, start: tuple[float, float] = (0.0, 0
     return {"type": "line", "start": list(start), "end": [float(v) for v in end]}
 
 
-def body(geometry: dict[str, Any], spec: dict[str, Any], section: dict[str, Any] | None = None,
-         material: dict[str, Any] | None = None) -> dict[str, Any]:
+def body(
+    geometry: dict[str, Any],
+    spec: dict[str, Any],
+    section: dict[str, Any] | None = None,
+    material: dict[str, Any] | None = None,
+) -> dict[str, Any]:
     """Return a body; the section may be stiffnesses, which have no material."""
     out = {"geometry": geometry, "element": spec, "section": section or SECTION}
     if "EA" not in out["section"]:
@@ -107,12 +110,12 @@ class Solution:
 
     def r(self, at: str) -> np.ndarray:
         """Return the position (2,) of BODY@S."""
-        e = self.model.e0 + self.d[:self.model.n_q]
+        e = self.model.e0 + self.d[: self.model.n_q]
         return np.array([dot(c, e) for c in self.point(at).position()])
 
     def theta(self, at: str) -> float:
         """Return the rotation of the section at BODY@S."""
-        rotation, d = Rotation(self.point(at)), self.d[:self.model.n_q]
+        rotation, d = Rotation(self.point(at)), self.d[: self.model.n_q]
         if self.state.linear:
             return rotation.linear(self.model.e0, d)
         return rotation.value(self.model.e0 + d, d)
@@ -139,9 +142,17 @@ def solved(*args: Any, **scene: Any) -> Solution:
     return Solution(build(*args, **scene))
 
 
-def cantilever(spec: dict[str, Any], loads: list[dict[str, Any]], *, length: float = 2.0, angle: float = 0.0,
-               section: dict[str, Any] | None = None, material: dict[str, Any] | None = None,
-               solver: str | dict[str, Any] = "static", **clamp: Any) -> Solution:
+def cantilever(
+    spec: dict[str, Any],
+    loads: list[dict[str, Any]],
+    *,
+    length: float = 2.0,
+    angle: float = 0.0,
+    section: dict[str, Any] | None = None,
+    material: dict[str, Any] | None = None,
+    solver: str | dict[str, Any] = "static",
+    **clamp: Any,
+) -> Solution:
     """Solve a straight cantilever ``beam`` along ``angle``, clamped at its start."""
     beam = body(line(length, angle), spec, section or {"height": 0.1, "width": 0.1}, material or STEEL)
     return solved({"beam": beam}, solver, bc=[{"name": "wall", "type": "clamp", "at": "beam@0", **clamp}], loads=loads)
@@ -172,7 +183,7 @@ def random_state(model: Model, size: float, seed: int = 0) -> np.ndarray:
     """Return random displacements (n_full,), each of about ``size`` times what a unit displacement stands for."""
     rng = np.random.default_rng(seed)
     d = np.zeros(len(model.numbering.place))
-    d[:model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
+    d[: model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
     return d
 
 

@@ -15,12 +15,13 @@ class Body:
 
     def __init__(self, name: str, formulation: str, geometry: str) -> None:
         spec = helpers.element(name, 1, formulation)
-        self.model = helpers.build({"b": helpers.body(helpers.GEOMETRIES[geometry], spec)},
-                                   bc=[{"type": "clamp", "at": "b@0"}])
+        self.model = helpers.build(
+            {"b": helpers.body(helpers.GEOMETRIES[geometry], spec)}, bc=[{"type": "clamp", "at": "b@0"}]
+        )
         mesh = self.model.meshes["b"]
         self.plan, self.shape = mesh.plan, mesh.classes[0].shape
         nc = self.plan.element.components
-        self.d = helpers.random_state(self.model, 0.1 * self.plan.section.height)[:self.model.n_q]
+        self.d = helpers.random_state(self.model, 0.1 * self.plan.section.height)[: self.model.n_q]
         self.e0 = self.model.e0[mesh.dofs[0]].reshape(-1, nc)
         self.e = self.e0 + self.d[mesh.dofs[0]].reshape(-1, nc)
 
@@ -114,8 +115,9 @@ def structural(b: Body) -> float:
         return (0.5 * r_y @ r_y,)
 
     terms = 1 + max(t.i for p in b.plan.element.polynomials for t in p.terms if t.j > 0)
-    return (on_axis(b, gauss(b.plan.rule.normal[0]), strains, (s.EA, s.kGA, s.EI))
-            + on_axis(b, lobatto(terms), stretch, (s.EA,)))
+    return on_axis(b, gauss(b.plan.rule.normal[0]), strains, (s.EA, s.kGA, s.EI)) + on_axis(
+        b, lobatto(terms), stretch, (s.EA,)
+    )
 
 
 def curve(b: Body, xi: float, e):
@@ -153,8 +155,15 @@ def geometrically_exact(b: Body) -> float:
     return on_axis(b, gauss(b.plan.rule.normal[0]), strains, (s.EA, s.kGA, s.EI))
 
 
-DEFINITIONS = {"continuum": continuum, "enhanced": enhanced, "strain_split": strain_split, "structural": structural,
-               "cable": cable, "green": green_cable, "geometrically_exact": geometrically_exact}
+DEFINITIONS = {
+    "continuum": continuum,
+    "enhanced": enhanced,
+    "strain_split": strain_split,
+    "structural": structural,
+    "cable": cable,
+    "green": green_cable,
+    "geometrically_exact": geometrically_exact,
+}
 
 
 @pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
@@ -181,6 +190,7 @@ def test_selective_rules_share_the_energy_between_normal_and_shear_points(formul
 @pytest.mark.parametrize("name", [n for n in helpers.SMALL_TYPES if helpers.TYPES[n].degree_y > 0])
 def test_the_exact_rule_integrates_a_straight_element_exactly(name):
     """A rule with more points than the exact one must change nothing; one with fewer must."""
+
     def energy(quadrature):
         spec = helpers.element(name, 1, "continuum", quadrature=quadrature)
         model = helpers.build({"b": helpers.body(helpers.LINE, spec)}, bc=[{"type": "clamp", "at": "b@0"}])

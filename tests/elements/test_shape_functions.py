@@ -44,7 +44,9 @@ def test_every_nodal_coordinate_picks_its_own_shape_function(name, slender):
     for a, (node, coordinate) in enumerate(element.functionals):
         i, j = derivative_order(coordinate)
         row = S(np.array([element.nodes[node].at]), np.zeros(1), i, j)[0]
-        scaled = [v * weight(coordinate, h=h) / weight(c, h=h) for v, (_, c) in zip(row, element.functionals, strict=True)]
+        scaled = [
+            v * weight(coordinate, h=h) / weight(c, h=h) for v, (_, c) in zip(row, element.functionals, strict=True)
+        ]
         np.testing.assert_allclose(scaled, np.eye(element.n_shape)[a], atol=1e-12)
 
 
@@ -77,24 +79,42 @@ def test_positions_are_a_partition_of_unity_and_complete_to_first_order(name):
 
 def test_omar_is_equation_5_with_its_slip_mended():
     x, y, l = X, Y, L
-    closed = [1 - 3 * x**2 / l**2 + 2 * x**3 / l**3, x - 2 * x**2 / l + x**3 / l**2, y * (1 - x / l),
-              3 * x**2 / l**2 - 2 * x**3 / l**3, -x**2 / l + x**3 / l**2, x * y / l]
+    closed = [
+        1 - 3 * x**2 / l**2 + 2 * x**3 / l**3,
+        x - 2 * x**2 / l + x**3 / l**2,
+        y * (1 - x / l),
+        3 * x**2 / l**2 - 2 * x**3 / l**3,
+        -(x**2) / l + x**3 / l**2,
+        x * y / l,
+    ]
     np.testing.assert_allclose(shape("omar")(XI, ETA), np.stack(closed, axis=1), atol=1e-14)
-    printed_s5 = -x**2 / l + x**3 / l
+    printed_s5 = -(x**2) / l + x**3 / l
     assert np.abs(shape("omar")(XI, ETA)[:, 4] - printed_s5).max() > 0.01
 
 
 def test_2d2n_is_equation_25():
     x, y, l, q = X, Y, L, X**2 + Y**2
-    closed = [1 - 3 * q / l**2 + 2 * x**3 / l**3, x - 2 * q / l + x**3 / l**2, y * (1 - x / l),
-              3 * q / l**2 - 2 * x**3 / l**3, -q / l + x**3 / l**2, x * y / l]
+    closed = [
+        1 - 3 * q / l**2 + 2 * x**3 / l**3,
+        x - 2 * q / l + x**3 / l**2,
+        y * (1 - x / l),
+        3 * q / l**2 - 2 * x**3 / l**3,
+        -q / l + x**3 / l**2,
+        x * y / l,
+    ]
     np.testing.assert_allclose(shape("2d2n")(XI, ETA), np.stack(closed, axis=1), atol=1e-14)
 
 
 def test_2d3n_is_equation_28():
     x, y, l, q = X, Y, L, X**2 + Y**2
-    closed = [1 - 3 * x / l + 2 * q / l**2, y - 3 * x * y / l + 2 * x**2 * y / l**2, 4 * x / l - 4 * q / l**2,
-              4 * x * y / l - 4 * x**2 * y / l**2, -x / l + 2 * q / l**2, -x * y / l + 2 * x**2 * y / l**2]
+    closed = [
+        1 - 3 * x / l + 2 * q / l**2,
+        y - 3 * x * y / l + 2 * x**2 * y / l**2,
+        4 * x / l - 4 * q / l**2,
+        4 * x * y / l - 4 * x**2 * y / l**2,
+        -x / l + 2 * q / l**2,
+        -x * y / l + 2 * x**2 * y / l**2,
+    ]
     np.testing.assert_allclose(shape("2d3n")(XI, ETA), np.stack(closed, axis=1), atol=1e-14)
 
 
@@ -128,8 +148,9 @@ def test_a_term_that_no_nodal_coordinate_of_li_sees_is_refused():
         ShapeFunctions(with_x2y2, L, H, NU)
 
 
-@pytest.mark.parametrize("basis", [("1", "x", "y"), ("1", "x", "y", "x*y", "x^2"), ("1", "x", "y", "x+y"),
-                                   ("1", "x", "y", "y^2")])
+@pytest.mark.parametrize(
+    "basis", [("1", "x", "y"), ("1", "x", "y", "x*y", "x^2"), ("1", "x", "y", "x+y"), ("1", "x", "y", "y^2")]
+)
 def test_a_basis_of_wrong_size_or_dependent_is_refused(basis):
     with pytest.raises(UnsolvableBasisError):
         ShapeFunctions(replace(ELEMENTS["kerkkanen"], basis=basis), L, H, NU)
@@ -152,8 +173,9 @@ def test_lobatto_points_hold_the_ends_and_are_exact_to_degree_2n_minus_3(n):
         assert w @ x**k == pytest.approx(1 / (k + 1), rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "order"), [("r", (0, 0)), ("r_x", (1, 0)), ("r_y", (0, 1)), ("r_xy", (1, 1)),
-                                             ("r_yyy", (0, 3))])
+@pytest.mark.parametrize(
+    ("name", "order"), [("r", (0, 0)), ("r_x", (1, 0)), ("r_y", (0, 1)), ("r_xy", (1, 1)), ("r_yyy", (0, 3))]
+)
 def test_nodal_coordinates_name_a_derivative(name, order):
     assert derivative_order(name) == order
 

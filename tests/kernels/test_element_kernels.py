@@ -39,23 +39,25 @@ def dense_tangent(model, d):
 @pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
 def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
-    d = helpers.random_state(model, SIZE)[:model.n_q]
+    d = helpers.random_state(model, SIZE)[: model.n_q]
     _, Q = energy_and_force(model, d)
     for seed in (1, 2):
-        v = helpers.random_state(model, 1.0, seed)[:model.n_q]
+        v = helpers.random_state(model, 1.0, seed)[: model.n_q]
         # the difference quotient of a quartic (or close to one) by Richardson's extrapolation
-        slopes = [(energy_and_force(model, d + h * v)[0] - energy_and_force(model, d - h * v)[0]) / (2 * h)
-                  for h in (2e-4 * SIZE, 1e-4 * SIZE)]
+        slopes = [
+            (energy_and_force(model, d + h * v)[0] - energy_and_force(model, d - h * v)[0]) / (2 * h)
+            for h in (2e-4 * SIZE, 1e-4 * SIZE)
+        ]
         assert (4 * slopes[1] - slopes[0]) / 3 == pytest.approx(Q @ v, abs=1e-6 * np.abs(Q * v).sum())
 
 
 @pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
 def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
-    d = helpers.random_state(model, SIZE)[:model.n_q]
+    d = helpers.random_state(model, SIZE)[: model.n_q]
     K = dense_tangent(model, d)
     np.testing.assert_allclose(K, K.T, atol=1e-14 * np.abs(K).max())
-    v, h = helpers.random_state(model, 1.0, 3)[:model.n_q], 1e-5 * SIZE
+    v, h = helpers.random_state(model, 1.0, 3)[: model.n_q], 1e-5 * SIZE
     slope = (energy_and_force(model, d + h * v)[1] - energy_and_force(model, d - h * v)[1]) / (2 * h)
     # each row against its own terms, so that high gradients count as much as positions
     assert np.max(np.abs(slope - K @ v) / (np.abs(K) @ np.abs(v))) < 1e-7
@@ -82,15 +84,16 @@ RIGID: dict = {}
 @given(angle=st.floats(-7, 7))
 def test_energy_and_force_turn_with_the_body(name, formulation, angle):
     model = RIGID.setdefault((name, formulation, "arc"), model_of(name, formulation, "arc"))
-    d = helpers.random_state(model, SIZE)[:model.n_q]
+    d = helpers.random_state(model, SIZE)[: model.n_q]
     energy, Q = energy_and_force(model, d)
     turned_energy, turned_Q = energy_and_force(model, helpers.rotate(d, model, angle, (0.7, -0.4)))
     assert turned_energy == pytest.approx(energy, rel=1e-11)
     as_coordinates = helpers.rotate(Q - model.e0, model, angle) + model.e0
     theta = model.meshes["b"].kinds == 2
     as_coordinates[theta] = Q[theta]
-    np.testing.assert_allclose(turned_Q * model.weights**-1, as_coordinates * model.weights**-1,
-                               atol=1e-10 * np.abs(Q / model.weights).max())
+    np.testing.assert_allclose(
+        turned_Q * model.weights**-1, as_coordinates * model.weights**-1, atol=1e-10 * np.abs(Q / model.weights).max()
+    )
 
 
 @pytest.mark.parametrize("name", helpers.TYPES)
@@ -105,8 +108,14 @@ def test_reference_arcs_are_free_of_stress(name):
 def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
     """EA eps^2 L/2 of a stiff beam: from (J^T J - I)/2 with eps = 1e-12 only four digits would be right."""
     strain, E, h, b, L = 1e-12, 2.07e11, 0.1, 0.2, 2.0
-    model = model_of(name, formulation, helpers.line(L), 3, section={"height": h, "width": b},
-                     material={"E": E, "nu": 0.0, "rho": 1.0})
+    model = model_of(
+        name,
+        formulation,
+        helpers.line(L),
+        3,
+        section={"height": h, "width": b},
+        material={"E": E, "nu": 0.0, "rho": 1.0},
+    )
     mesh, d = model.meshes["b"], np.zeros(model.n_q)
     local = {"r": lambda x: strain * x, "r_x": lambda x: strain}
     for ie, dofs in enumerate(mesh.dofs):
@@ -149,7 +158,7 @@ def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidd
 @pytest.mark.parametrize(("name", "formulation", "geometry"), [(*v, "arc") for v in helpers.DEFAULTS])
 def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, formulation, geometry):
     model = model_of(name, formulation, geometry, 3)
-    n, d = model.n_q, helpers.random_state(model, SIZE)[:model.n_q]
+    n, d = model.n_q, helpers.random_state(model, SIZE)[: model.n_q]
     K = dense_tangent(model, d)
     values = np.zeros(n * n)
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))

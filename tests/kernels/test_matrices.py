@@ -83,7 +83,7 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
             T[c, role] = 1.0
         elif role <= -2:
             k = -2 - role
-            T[c, index[indptr[k]:indptr[k + 1]]] = value[indptr[k]:indptr[k + 1]]
+            T[c, index[indptr[k] : indptr[k + 1]]] = value[indptr[k] : indptr[k + 1]]
     matrix = target(kind, n)
     tables = (roles.astype(np.int64), np.array(indptr), np.array(index), np.array(value))
     expected = np.zeros((n, n))

@@ -19,17 +19,25 @@ TURN = 0.7
 
 def two(first: str, second: str, geometry: str = "line"):
     """Return a model of two bodies welded at an angle."""
-    a = helpers.body(helpers.line(1.0) if geometry == "line" else
-                     {"type": "arc", "center": [1.0, 2.0], "radius": 2.0, "from": -2.0, "to": -np.pi / 2},
-                     helpers.element(first, 2))
+    a = helpers.body(
+        helpers.line(1.0)
+        if geometry == "line"
+        else {"type": "arc", "center": [1.0, 2.0], "radius": 2.0, "from": -2.0, "to": -np.pi / 2},
+        helpers.element(first, 2),
+    )
     b = helpers.body(helpers.line(1.2, TURN, (1.0, 0.0)), helpers.element(second, 2))
-    return helpers.build({"a": a, "b": b}, bc=[{"type": "clamp", "at": "a@0"}],
-                         joints=[{"name": "elbow", "type": "weld", "between": ["a@1", "b@0"]}])
+    return helpers.build(
+        {"a": a, "b": b},
+        bc=[{"type": "clamp", "at": "a@0"}],
+        joints=[{"name": "elbow", "type": "weld", "between": ["a@1", "b@0"]}],
+    )
 
 
 def turned_clamp(name: str, s: float):
-    return helpers.build({"a": helpers.body(helpers.ARC, helpers.element(name, 2))},
-                         bc=[{"type": "pin", "at": "a@0"}, {"type": "prescribed", "at": f"a@{s}", "angle": 0.9}])
+    return helpers.build(
+        {"a": helpers.body(helpers.ARC, helpers.element(name, 2))},
+        bc=[{"type": "pin", "at": "a@0"}, {"type": "prescribed", "at": f"a@{s}", "angle": 0.9}],
+    )
 
 
 CASES = {
@@ -47,8 +55,8 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_gradient_and_hessian_are_derivatives(case):
     model = CASES[case]()
-    constraint, = model.constraints
-    d, t, h = helpers.random_state(model, 0.1)[:model.n_q], 0.7, 1e-6
+    (constraint,) = model.constraints
+    d, t, h = helpers.random_state(model, 0.1)[: model.n_q], 0.7, 1e-6
     _, G, H = constraint.evaluate(model.e0 + d, d, t)
     np.testing.assert_allclose(H, H.T, atol=1e-15)
     assert G.any()
@@ -63,7 +71,7 @@ def test_gradient_and_hessian_are_derivatives(case):
 @pytest.mark.parametrize("case", [c for c in CASES if "prescribed" not in c])
 def test_a_weld_is_met_in_the_reference_and_after_any_rigid_motion(case):
     model = CASES[case]()
-    constraint, = model.constraints
+    (constraint,) = model.constraints
     assert isinstance(constraint, DirectionsAligned | DirectionAtTheta)
     for angle in (0.0, 1.0, -2.5, 8.0):
         d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
@@ -73,7 +81,7 @@ def test_a_weld_is_met_in_the_reference_and_after_any_rigid_motion(case):
 @pytest.mark.parametrize("case", [c for c in CASES if "prescribed" in c])
 def test_a_prescribed_angle_is_met_by_the_turned_body(case):
     model = CASES[case]()
-    constraint, = model.constraints
+    (constraint,) = model.constraints
     assert isinstance(constraint, DirectionPrescribed)
     for t in (0.0, 0.3, 1.0):
         d = helpers.rotate(np.zeros(model.n_q), model, 0.9 * t)

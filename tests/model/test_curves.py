@@ -11,20 +11,27 @@ from ancf2d.elements.definition import derivative_order
 from ancf2d.model.curve import pieces_of, share_count
 
 
-@given(R=st.floats(0.1, 100), a=st.floats(-7, 7), sweep=st.floats(-6.2, 6.2).filter(lambda x: abs(x) > 0.01), s=st.floats(0, 1))
+@given(
+    R=st.floats(0.1, 100),
+    a=st.floats(-7, 7),
+    sweep=st.floats(-6.2, 6.2).filter(lambda x: abs(x) > 0.01),
+    s=st.floats(0, 1),
+)
 def test_an_arc_stays_on_its_circle_and_runs_by_arclength(R, a, sweep, s):
-    piece, = pieces_of(Arc(center=(1.0, -2.0), radius=R, from_=a, to=a + sweep), 4)
+    (piece,) = pieces_of(Arc(center=(1.0, -2.0), radius=R, from_=a, to=a + sweep), 4)
     assert piece.length == pytest.approx(R * abs(sweep))
     r, theta = piece.position(s * piece.length)
     angle = a + s * sweep
     np.testing.assert_allclose(r, [1 + R * np.cos(angle), -2 + R * np.sin(angle)], atol=1e-11 * R)
     sense = np.sign(sweep)
-    np.testing.assert_allclose([np.cos(theta), np.sin(theta)], [-sense * np.sin(angle), sense * np.cos(angle)], atol=1e-12)
+    np.testing.assert_allclose(
+        [np.cos(theta), np.sin(theta)], [-sense * np.sin(angle), sense * np.cos(angle)], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("kappa_sign", [1, -1])
 def test_derivatives_of_the_reference_are_those_of_the_curve(kappa_sign):
-    piece, = pieces_of(Arc(center=(0.0, 0.0), radius=0.8, from_=0.2, to=0.2 + kappa_sign), 1)
+    (piece,) = pieces_of(Arc(center=(0.0, 0.0), radius=0.8, from_=0.2, to=0.2 + kappa_sign), 1)
     s, h = 0.3, 1e-3
 
     def r(x, y):
@@ -32,9 +39,13 @@ def test_derivatives_of_the_reference_are_those_of_the_curve(kappa_sign):
         return p + y * np.array([-np.sin(theta), np.cos(theta)])
 
     theta = piece.position(s)[1]
-    difference = {(1, 0): (r(s + h, 0) - r(s - h, 0)) / (2 * h), (0, 1): r(s, 1) - r(s, 0),
-                  (2, 0): (r(s + h, 0) - 2 * r(s, 0) + r(s - h, 0)) / h**2,
-                  (1, 1): (r(s + h, 1) - r(s - h, 1) - r(s + h, 0) + r(s - h, 0)) / (2 * h), (0, 2): np.zeros(2)}
+    difference = {
+        (1, 0): (r(s + h, 0) - r(s - h, 0)) / (2 * h),
+        (0, 1): r(s, 1) - r(s, 0),
+        (2, 0): (r(s + h, 0) - 2 * r(s, 0) + r(s - h, 0)) / h**2,
+        (1, 1): (r(s + h, 1) - r(s - h, 1) - r(s + h, 0) + r(s - h, 0)) / (2 * h),
+        (0, 2): np.zeros(2),
+    }
     for order, value in difference.items():
         np.testing.assert_allclose(piece.derivative(theta, *order), value, atol=2e-6)
 
@@ -56,15 +67,16 @@ def test_a_polyline_keeps_its_turns_continuous():
 
 
 def test_a_line_is_one_straight_piece():
-    piece, = pieces_of(Line(start=(1.0, 1.0), end=(4.0, 5.0)), 10)
+    (piece,) = pieces_of(Line(start=(1.0, 1.0), end=(4.0, 5.0)), 10)
     assert (piece.length, piece.l, piece.kappa) == (5.0, 0.5, 0.0)
 
 
 @pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
 @pytest.mark.parametrize("name", helpers.TYPES)
 def test_reference_coordinates_are_derivatives_of_the_curve_at_the_nodes(name, geometry):
-    model = helpers.build({"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))},
-                          bc=[{"type": "clamp", "at": "b@0"}])
+    model = helpers.build(
+        {"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))}, bc=[{"type": "clamp", "at": "b@0"}]
+    )
     mesh, element = model.meshes["b"], helpers.TYPES[name]
     piece, nc = mesh.plan.pieces[0], element.components
     for ie, dofs in enumerate(mesh.dofs):
@@ -72,7 +84,7 @@ def test_reference_coordinates_are_derivatives_of_the_curve_at_the_nodes(name, g
             r, theta = piece.position(piece.l * (ie + element.nodes[node].at))
             order = derivative_order(coordinate)
             expected = r if order == (0, 0) else piece.derivative(theta, *order)
-            np.testing.assert_allclose(model.e0[dofs[nc * k:nc * k + 2]], expected, atol=1e-13)
+            np.testing.assert_allclose(model.e0[dofs[nc * k : nc * k + 2]], expected, atol=1e-13)
             if nc == 3:
                 assert model.e0[dofs[nc * k + 2]] == pytest.approx(theta, abs=1e-13)
     shared = len(mesh.node_dofs(0, 0))
@@ -83,7 +95,9 @@ def test_reference_coordinates_are_derivatives_of_the_curve_at_the_nodes(name, g
 @pytest.mark.parametrize("name", helpers.TYPES)
 def test_points_lie_on_the_reference_at_nodes_and_between(name):
     for geometry in (helpers.LINE, helpers.ARC, {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 2]]}):
-        model = helpers.build({"b": helpers.body(geometry, helpers.element(name, 40))}, bc=[{"type": "clamp", "at": "b@0"}])
+        model = helpers.build(
+            {"b": helpers.body(geometry, helpers.element(name, 40))}, bc=[{"type": "clamp", "at": "b@0"}]
+        )
         from ancf2d.model.points import dot, point_ref
 
         for s in (0.0, 0.025, 0.31, 0.5, 0.77, 1.0):

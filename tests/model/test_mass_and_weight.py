@@ -12,7 +12,9 @@ A, I = H * B, B * H**3 / 12
 
 
 def mesh_of(name: str, geometry: dict, count: int) -> BodyMesh:
-    model = helpers.build({"b": helpers.body(geometry, helpers.element(name, count))}, bc=[{"type": "clamp", "at": "b@0"}])
+    model = helpers.build(
+        {"b": helpers.body(geometry, helpers.element(name, count))}, bc=[{"type": "clamp", "at": "b@0"}]
+    )
     return model.meshes["b"]
 
 

@@ -2,7 +2,8 @@
 
 import helpers
 import pytest
-from helpers import CaseError
+
+from ancf2d.errors import CaseError
 
 NAMES = list(helpers.KINDS.values())
 
@@ -25,17 +26,20 @@ def roller(at: str, fixed: str) -> dict:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("bc", "joints", "second", "motions"), [
-    ([], [], False, 3),
-    ([PIN0], [], False, 1),
-    ([roller("a@0", "y"), roller("a@1", "y")], [], False, 1),
-    ([roller("a@0", "x"), roller("a@1", "x")], [], False, 2),
-    ([roller("a@0.3", "y")], [], False, 2),
-    ([CLAMP], [HINGE], True, 1),
-    ([PIN0], [HINGE], True, 2),
-    ([CLAMP], [], True, 3),
-    ([PIN0, PIN1], [HINGE], True, 1),
-])
+@pytest.mark.parametrize(
+    ("bc", "joints", "second", "motions"),
+    [
+        ([], [], False, 3),
+        ([PIN0], [], False, 1),
+        ([roller("a@0", "y"), roller("a@1", "y")], [], False, 1),
+        ([roller("a@0", "x"), roller("a@1", "x")], [], False, 2),
+        ([roller("a@0.3", "y")], [], False, 2),
+        ([CLAMP], [HINGE], True, 1),
+        ([PIN0], [HINGE], True, 2),
+        ([CLAMP], [], True, 3),
+        ([PIN0, PIN1], [HINGE], True, 1),
+    ],
+)
 def test_mechanisms_are_refused_with_one_sentence_per_motion(name, bc, joints, second, motions):
     with pytest.raises(CaseError, match="a mechanism") as error:
         scene(name, bc, joints, second=second)
@@ -43,17 +47,20 @@ def test_mechanisms_are_refused_with_one_sentence_per_motion(name, bc, joints, s
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("bc", "joints", "second"), [
-    ([CLAMP], [], False),
-    ([{"type": "clamp", "at": "a@0.37"}], [], False),
-    ([PIN0, roller("a@1", "y")], [], False),
-    ([PIN0, {"type": "prescribed", "at": "a@0", "angle": 0.1}], [], False),
-    ([PIN0, {"type": "roller", "at": "a@1", "normal": [1, 1]}], [], False),
-    ([roller("a@0", "y"), roller("a@1", "y"), roller("a@0", "x")], [], False),
-    ([CLAMP], [WELD], True),
-    ([CLAMP, roller("b@1", "y")], [HINGE], True),
-    ([CLAMP, PIN1], [HINGE], True),
-])
+@pytest.mark.parametrize(
+    ("bc", "joints", "second"),
+    [
+        ([CLAMP], [], False),
+        ([{"type": "clamp", "at": "a@0.37"}], [], False),
+        ([PIN0, roller("a@1", "y")], [], False),
+        ([PIN0, {"type": "prescribed", "at": "a@0", "angle": 0.1}], [], False),
+        ([PIN0, {"type": "roller", "at": "a@1", "normal": [1, 1]}], [], False),
+        ([roller("a@0", "y"), roller("a@1", "y"), roller("a@0", "x")], [], False),
+        ([CLAMP], [WELD], True),
+        ([CLAMP, roller("b@1", "y")], [HINGE], True),
+        ([CLAMP, PIN1], [HINGE], True),
+    ],
+)
 def test_what_is_held_is_not_refused(name, bc, joints, second):
     scene(name, bc, joints, second=second)
 

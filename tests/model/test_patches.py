@@ -14,14 +14,15 @@ CLAMP = [{"type": "clamp", "at": "b@0"}]
 def loaded(name: str, geometry, load: dict, count: int = 3):
     shape = helpers.GEOMETRIES[geometry] if isinstance(geometry, str) else geometry
     model = helpers.build({"b": helpers.body(shape, helpers.element(name, count))}, bc=CLAMP, loads=[load])
-    patch, = model.loads.patches
+    (patch,) = model.loads.patches
     return model, patch
 
 
 def sprung(name: str, geometry: str, spring: dict):
-    model = helpers.build({"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))}, bc=CLAMP,
-                          springs=[spring])
-    patch, = model.springs
+    model = helpers.build(
+        {"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))}, bc=CLAMP, springs=[spring]
+    )
+    (patch,) = model.springs
     return model, patch
 
 
@@ -32,7 +33,7 @@ def total(model, patch, d, t: float = 1.0):
 
 
 def check_tangent(model, patch, size: float = 0.05):
-    d = helpers.random_state(model, size)[:model.n_q]
+    d = helpers.random_state(model, size)[: model.n_q]
     _, _, K = patch.evaluate(model.e0 + d, d, 0.8)
     dense = np.zeros((model.n_q, model.n_q))
     for dofs, Ke in zip(patch.dofs, K, strict=True):
@@ -81,7 +82,9 @@ def test_follower_loads_turn_with_their_section(name):
     angle, load = 2.1, {"type": "follower_force", "at": "b@0.37", "value": [0.3, -0.7]}
     model, patch = loaded(name, "line", load)
     d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.5, 0.1))
-    resultant = -total(model, patch, d) @ rigid_motion(model.meshes["b"], np.arange(model.n_q), model.e0 + d, np.zeros(2))
+    resultant = -total(model, patch, d) @ rigid_motion(
+        model.meshes["b"], np.arange(model.n_q), model.e0 + d, np.zeros(2)
+    )
     direction = np.arctan2(0.7, 1.1) + angle
     c, s = np.cos(direction), np.sin(direction)
     np.testing.assert_allclose(resultant[:2], [0.3 * c + 0.7 * s, 0.3 * s - 0.7 * c], atol=1e-12)
@@ -134,20 +137,26 @@ def test_amplitudes_scale_loads():
     assert model.external(0.5).sum() == pytest.approx(0.25)
 
 
-TRANSLATIONAL = [{"between": ["b@1", [2.0, 0.3]]}, {"between": ["b@0.37", "b@1"]}, {"between": [[2.0, 0.3], "b@0.5"], "length": 0.2}]
+TRANSLATIONAL = [
+    {"between": ["b@1", [2.0, 0.3]]},
+    {"between": ["b@0.37", "b@1"]},
+    {"between": [[2.0, 0.3], "b@0.5"], "length": 0.2},
+]
 ROTATIONAL = [{"between": ["b@1", [0.0, 0.0]]}, {"between": ["b@0.37", "b@1"], "angle": 0.4}]
 
 
-@pytest.mark.parametrize("spring", [{"type": "translational", **s} for s in TRANSLATIONAL]
-                         + [{"type": "rotational", **s} for s in ROTATIONAL])
+@pytest.mark.parametrize(
+    "spring",
+    [{"type": "translational", **s} for s in TRANSLATIONAL] + [{"type": "rotational", **s} for s in ROTATIONAL],
+)
 @pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
 @pytest.mark.parametrize("name", helpers.KINDS.values())
 def test_springs_pull_by_the_gradient_of_their_energy_with_its_hessian(name, geometry, spring):
     model, patch = sprung(name, geometry, {**spring, "stiffness": 3.0})
     check_tangent(model, patch)
-    d, h = helpers.random_state(model, 0.05)[:model.n_q], 1e-5
+    d, h = helpers.random_state(model, 0.05)[: model.n_q], 1e-5
     Q = total(model, patch, d)
-    v = helpers.random_state(model, 1.0, 1)[:model.n_q]
+    v = helpers.random_state(model, 1.0, 1)[: model.n_q]
     energies = [patch.evaluate(model.e0 + x, x, 1.0)[0] for x in (d + h * v, d - h * v)]
     assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(Q @ v, abs=1e-7 * np.abs(Q * v).sum())
     assert patch.evaluate(model.e0 + d, d, 1.0)[0] > 0
@@ -155,16 +164,20 @@ def test_springs_pull_by_the_gradient_of_their_energy_with_its_hessian(name, geo
 
 def test_springs_are_relaxed_in_the_reference_unless_told_otherwise():
     zero = np.zeros(9)
-    for spring in ({"type": "translational", "between": ["b@1", [2.0, 0.3]]},
-                   {"type": "rotational", "between": ["b@1", [0.0, 0.0]]}):
+    for spring in (
+        {"type": "translational", "between": ["b@1", [2.0, 0.3]]},
+        {"type": "rotational", "between": ["b@1", [0.0, 0.0]]},
+    ):
         model, patch = sprung("reissner3", "line", {**spring, "stiffness": 3.0})
         zero = np.zeros(model.n_q)
         assert patch.evaluate(model.e0, zero, 1.0)[0] == 0.0
-    model, patch = sprung("reissner3", "line", {"type": "translational", "between": ["b@1", [1.4, 1.5]], "stiffness": 3.0,
-                                                "length": 0.4})
+    model, patch = sprung(
+        "reissner3", "line", {"type": "translational", "between": ["b@1", [1.4, 1.5]], "stiffness": 3.0, "length": 0.4}
+    )
     assert patch.evaluate(model.e0, np.zeros(model.n_q), 1.0)[0] == pytest.approx(0.5 * 3 * 0.6**2)
-    model, patch = sprung("vallejo", "line", {"type": "rotational", "between": ["b@1", [0.0, 0.0]], "stiffness": 3.0,
-                                              "angle": 0.4})
+    model, patch = sprung(
+        "vallejo", "line", {"type": "rotational", "between": ["b@1", [0.0, 0.0]], "stiffness": 3.0, "angle": 0.4}
+    )
     assert patch.evaluate(model.e0, np.zeros(model.n_q), 1.0)[0] == pytest.approx(0.5 * 3 * 0.4**2)
 
 

@@ -14,15 +14,16 @@ PLACES = [(n, g, s) for n in helpers.KINDS.values() for g in helpers.GEOMETRIES 
 
 
 def rotation_at(name: str, geometry: str, s: float):
-    model = helpers.build({"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))},
-                          bc=[{"type": "clamp", "at": "b@0"}])
+    model = helpers.build(
+        {"b": helpers.body(helpers.GEOMETRIES[geometry], helpers.element(name, 3))}, bc=[{"type": "clamp", "at": "b@0"}]
+    )
     return model, Rotation(point_ref(model.meshes["b"], s))
 
 
 @pytest.mark.parametrize(("name", "geometry", "s"), PLACES)
 def test_gradient_and_hessian_are_derivatives_of_the_angle(name, geometry, s):
     model, rotation = rotation_at(name, geometry, s)
-    d = helpers.random_state(model, 0.05)[:model.n_q]
+    d = helpers.random_state(model, 0.05)[: model.n_q]
     e, h = model.e0 + d, 1e-6
     for k, c in enumerate(rotation.dofs):
         step = np.zeros(model.n_q)
@@ -30,7 +31,9 @@ def test_gradient_and_hessian_are_derivatives_of_the_angle(name, geometry, s):
         slope = (rotation.value(e + step, d + step) - rotation.value(e - step, d - step)) / (2 * h)
         assert rotation.gradient(e)[k] == pytest.approx(slope, abs=1e-8 * np.abs(rotation.gradient(e)).max())
         column = (rotation.gradient(e + step) - rotation.gradient(e - step)) / (2 * h)
-        np.testing.assert_allclose(rotation.hessian(e)[:, k], column, atol=1e-7 * (1 + np.abs(rotation.hessian(e)).max()))
+        np.testing.assert_allclose(
+            rotation.hessian(e)[:, k], column, atol=1e-7 * (1 + np.abs(rotation.hessian(e)).max())
+        )
 
 
 @pytest.mark.parametrize(("name", "geometry", "s"), PLACES)
@@ -60,7 +63,7 @@ def test_full_turns_are_counted(name, sense):
 @pytest.mark.parametrize(("name", "geometry", "s"), PLACES)
 def test_small_rotations_keep_their_digits(name, geometry, s):
     model, rotation = rotation_at(name, geometry, s)
-    d = 1e-13 * helpers.random_state(model, 1.0)[:model.n_q]
+    d = 1e-13 * helpers.random_state(model, 1.0)[: model.n_q]
     linear = rotation.linear(model.e0, d)
     assert linear != 0.0
     assert rotation.value(model.e0 + d, d) == pytest.approx(linear, rel=1e-10)
@@ -70,6 +73,6 @@ def test_small_rotations_keep_their_digits(name, geometry, s):
 def test_the_angle_is_conjugate_to_a_moment(name, geometry, s):
     """A unit moment does work 1 on a unit rotation and none on a translation."""
     model, rotation = rotation_at(name, geometry, s)
-    e = model.e0 + helpers.random_state(model, 0.05)[:model.n_q]
+    e = model.e0 + helpers.random_state(model, 0.05)[: model.n_q]
     rates = rigid_motion(model.meshes["b"], rotation.dofs, e, np.array([0.3, 0.4]))
     np.testing.assert_allclose(rotation.gradient(e) @ rates, [0, 0, 1], atol=1e-12)

@@ -14,8 +14,12 @@ def beam(p: int, q: int, count: int, h: float = 0.1):
 
 def supported(p: int, q: int, count: int, loads: list, h: float = 0.1, spread: str | None = "parabolic"):
     more = {"spread": spread} if spread else {}
-    return helpers.solved(beam(p, q, count, h), "linear_static", loads=loads,
-                          bc=[{"type": "pin", "at": "beam@0", **more}, {"type": "roller", "at": "beam@1", "fixed": "y", **more}])
+    return helpers.solved(
+        beam(p, q, count, h),
+        "linear_static",
+        loads=loads,
+        bc=[{"type": "pin", "at": "beam@0", **more}, {"type": "roller", "at": "beam@1", "fixed": "y", **more}],
+    )
 
 
 @pytest.mark.parametrize("order", [(3, 3), (4, 4)])
@@ -36,13 +40,18 @@ def test_point_forces_and_supports_on_the_axis_creep_with_the_order():
 @pytest.mark.parametrize("count", [8, 16])
 def test_tip_of_table_2s_beam_with_a_clamp_that_breathes(count):
     """Continuum (-0.14506, -0.68113): the clamp holds the plain mean of the section."""
-    out = helpers.solved(beam(3, 3, count), bc=[{"type": "clamp", "at": "beam@0", "hold": "breathe"}],
-                         loads=helpers.tip(0, -500e3, spread="parabolic"))
+    out = helpers.solved(
+        beam(3, 3, count),
+        bc=[{"type": "clamp", "at": "beam@0", "hold": "breathe"}],
+        loads=helpers.tip(0, -500e3, spread="parabolic"),
+    )
     np.testing.assert_allclose(out.u("beam@1"), [-0.14506, -0.68113], atol=5e-6)
 
 
 def test_a_full_clamp_is_stiffer_by_half_a_per_mille():
-    out = helpers.solved(beam(3, 3, 8), bc=[{"type": "clamp", "at": "beam@0"}], loads=helpers.tip(0, -500e3, spread="parabolic"))
+    out = helpers.solved(
+        beam(3, 3, 8), bc=[{"type": "clamp", "at": "beam@0"}], loads=helpers.tip(0, -500e3, spread="parabolic")
+    )
     np.testing.assert_allclose(out.u("beam@1"), [-0.14489, -0.6807], atol=2e-4)
 
 
@@ -61,6 +70,10 @@ def test_with_q_3_the_section_warps_by_itself():
     bodies = beam(3, 3, 8)
     bodies["beam"]["element"]["shear_factor"] = "timoshenko"
     spread = {"spread": "parabolic"}
-    out = helpers.solved(bodies, "linear_static", loads=load, bc=[{"type": "pin", "at": "beam@0", **spread},
-                                                                {"type": "roller", "at": "beam@1", "fixed": "y", **spread}])
+    out = helpers.solved(
+        bodies,
+        "linear_static",
+        loads=load,
+        bc=[{"type": "pin", "at": "beam@0", **spread}, {"type": "roller", "at": "beam@1", "fixed": "y", **spread}],
+    )
     assert 1e3 * out.u("beam@0.5")[1] == pytest.approx(-0.09753, abs=1e-5)

@@ -26,33 +26,49 @@ def pin(*points, kind="pin"):
 
 def chain():
     bodies = bars([(0, 0), (1, 0), (2, 0.3), (3, 0.3)], [("vallejo", 3), ("omar", 2), ("cable", 3)])
-    return {"bodies": bodies, "bc": [{"type": "clamp", "at": "b0@0"}],
-            "joints": [pin("b0@1", "b1@0", kind="weld"), pin("b1@1", "b2@0", kind="weld")]}
+    return {
+        "bodies": bodies,
+        "bc": [{"type": "clamp", "at": "b0@0"}],
+        "joints": [pin("b0@1", "b1@0", kind="weld"), pin("b1@1", "b2@0", kind="weld")],
+    }
 
 
 def loop():
     bodies = bars([(0, 0), (1, 0), (0.5, 0.8), (0, 0)], [("vallejo", 4), ("reissner3", 4), ("cable", 4)])
-    return {"bodies": bodies, "bc": [{"type": "pin", "at": "b0@0"}, {"type": "roller", "at": "b0@1", "fixed": "y"}],
-            "joints": [pin("b0@1", "b1@0"), pin("b1@1", "b2@0"), pin("b2@1", "b0@0")]}
+    return {
+        "bodies": bodies,
+        "bc": [{"type": "pin", "at": "b0@0"}, {"type": "roller", "at": "b0@1", "fixed": "y"}],
+        "joints": [pin("b0@1", "b1@0"), pin("b1@1", "b2@0"), pin("b2@1", "b0@0")],
+    }
 
 
 def star():
     ends = [(np.cos(a), np.sin(a)) for a in (0, 1.3, 2.5, 4.0, 5.2)]
-    bodies = {f"b{k}": helpers.body({"type": "line", "start": [0, 0], "end": list(e)}, helpers.element("vallejo", 2 + k))
-              for k, e in enumerate(ends)}
-    return {"bodies": bodies, "bc": [{"type": "clamp", "at": f"b{k}@1"} for k in (0, 2)],
-            "joints": [pin(*(f"b{k}@0" for k in range(5)), kind="weld")]}
+    bodies = {
+        f"b{k}": helpers.body({"type": "line", "start": [0, 0], "end": list(e)}, helpers.element("vallejo", 2 + k))
+        for k, e in enumerate(ends)
+    }
+    return {
+        "bodies": bodies,
+        "bc": [{"type": "clamp", "at": f"b{k}@1"} for k in (0, 2)],
+        "joints": [pin(*(f"b{k}@0" for k in range(5)), kind="weld")],
+    }
 
 
 def stepped():
     spec = helpers.element("ancf[3,3]", 3)
-    return {"bodies": {"b": helpers.body({"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.7]]}, spec)},
-            "bc": [{"type": "clamp", "at": "b@0", "hold": "breathe"}, {"type": "roller", "at": "b@0.63", "normal": [1, 2]}]}
+    return {
+        "bodies": {"b": helpers.body({"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.7]]}, spec)},
+        "bc": [{"type": "clamp", "at": "b@0", "hold": "breathe"}, {"type": "roller", "at": "b@0.63", "normal": [1, 2]}],
+    }
 
 
 SCENES = {f.__name__: f for f in (chain, loop, star, stepped)}
-KINDS = {"symmetric band": lambda m, n, bw: SymmetricBand(n, bw), "general band": lambda m, n, bw: GeneralBand(n, bw),
-         "compressed rows": lambda m, n, bw: GeneralSparse(n, *_pattern(m))}
+KINDS = {
+    "symmetric band": lambda m, n, bw: SymmetricBand(n, bw),
+    "general band": lambda m, n, bw: GeneralBand(n, bw),
+    "compressed rows": lambda m, n, bw: GeneralSparse(n, *_pattern(m)),
+}
 
 
 def system_of(scene: str, kind: str | None = None):
@@ -73,7 +89,9 @@ def reduction(model) -> np.ndarray:
 
 
 def state(model, system):
-    d = model.displacements(0.01 * np.random.default_rng(3).normal(size=model.numbering.n_unknowns) / system_scale(system), 1.0)
+    d = model.displacements(
+        0.01 * np.random.default_rng(3).normal(size=model.numbering.n_unknowns) / system_scale(system), 1.0
+    )
     return d
 
 
@@ -144,12 +162,16 @@ def test_forces_with_and_without_tangent_are_the_same(scene):
 
 @pytest.mark.parametrize("name", helpers.SMALL_TYPES)
 def test_the_bound_of_round_off_covers_the_forces_of_a_turned_body_and_not_much_more(name):
-    beam = {"b": helpers.body(helpers.line(2.0, 0.4), helpers.element(name, 8), {"height": 0.1, "width": 0.1}, helpers.STEEL)}
+    beam = {
+        "b": helpers.body(
+            helpers.line(2.0, 0.4), helpers.element(name, 8), {"height": 0.1, "width": 0.1}, helpers.STEEL
+        )
+    }
     model = helpers.build(beam, bc=[{"type": "clamp", "at": "b@0"}])
     system = System(model)
     full = helpers.rotate(np.zeros(model.n_q), model, 1.3, (0.4, 0.2))
     d = np.zeros(len(model.numbering.place))
-    d[:model.n_q] = full
+    d[: model.n_q] = full
     R, noise = system.forces(d, 1.0).R, system.noise(d, 1.0)
     assert (np.abs(R) <= FLOOR * noise).all()
     weights = np.where(system.weights > 0, system.weights, 1.0)
@@ -175,8 +197,12 @@ def test_the_matrix_suits_the_scene():
     scene = chain()
     follower = [{"type": "follower_force", "at": "b2@1", "value": [0, 1]}]
     assert isinstance(make_matrix(helpers.build(**scene, loads=follower)), GeneralBand)
-    spokes = {f"b{k}": helpers.body({"type": "line", "start": [0, 0], "end": [np.cos(k), np.sin(k)]}, helpers.element("vallejo", 4))
-              for k in range(30)}
+    spokes = {
+        f"b{k}": helpers.body(
+            {"type": "line", "start": [0, 0], "end": [np.cos(k), np.sin(k)]}, helpers.element("vallejo", 4)
+        )
+        for k in range(30)
+    }
     joints = [pin(*(f"b{k}@0" for k in range(30)), kind="weld")]
     model = helpers.build(spokes, bc=[{"type": "clamp", "at": f"b{k}@1"} for k in range(30)], joints=joints)
     matrix = make_matrix(model)
@@ -185,8 +211,9 @@ def test_the_matrix_suits_the_scene():
 
 def test_long_chains_have_the_band_of_one_element():
     for name in helpers.SMALL_TYPES:
-        model = helpers.build({"b": helpers.body(helpers.line(1.0), helpers.element(name, 20))},
-                              bc=[{"type": "clamp", "at": "b@0"}])
+        model = helpers.build(
+            {"b": helpers.body(helpers.line(1.0), helpers.element(name, 20))}, bc=[{"type": "clamp", "at": "b@0"}]
+        )
         assert model.numbering.half_bandwidth <= helpers.TYPES[name].n_dof - 1
 
 
@@ -196,7 +223,11 @@ def test_a_singular_tangent_names_the_coordinate_that_is_free(solver):
     spec = helpers.element("kerkkanen", 1, "continuum", quadrature=[1, 1])
     beam = {"b": helpers.body(helpers.line(1.0), spec)}
     with pytest.raises(ComputationError, match=r"singular: r?[xy]?(y_x|y_y|x|y) of b at S = 1") as error:
-        helpers.solved(beam, solver, bc=[{"type": "pin", "at": "b@0"}, {"type": "prescribed", "at": "b@0", "angle": 0.0}],
-                       loads=[{"type": "force", "at": "b@1", "value": [0, 1]}])
+        helpers.solved(
+            beam,
+            solver,
+            bc=[{"type": "pin", "at": "b@0"}, {"type": "prescribed", "at": "b@0", "angle": 0.0}],
+            loads=[{"type": "force", "at": "b@1", "value": [0, 1]}],
+        )
     if solver == "linear_static":
         assert "zero-energy modes" in error.value.failure.advice

@@ -18,13 +18,20 @@ def unequal(angle: float = 0.0) -> dict:
 
 
 def beam(name: str, formulation: str, geometry: dict, count: int = 6, nu: float = NU, **more):
-    return {"beam": helpers.body(geometry, helpers.element(name, count, formulation, **more), SECTION,
-                                 {**MATERIAL, "nu": nu})}
+    return {
+        "beam": helpers.body(
+            geometry, helpers.element(name, count, formulation, **more), SECTION, {**MATERIAL, "nu": nu}
+        )
+    }
 
 
 def cantilever(name: str, formulation: str, loads: list, angle: float = 0.0, nu: float = NU, **more):
-    return helpers.solved(beam(name, formulation, unequal(angle), nu=nu, **more), "linear_static",
-                          bc=[{"name": "wall", "type": "clamp", "at": "beam@0", "hold": wall(name)}], loads=loads)
+    return helpers.solved(
+        beam(name, formulation, unequal(angle), nu=nu, **more),
+        "linear_static",
+        bc=[{"name": "wall", "type": "clamp", "at": "beam@0", "hold": wall(name)}],
+        loads=loads,
+    )
 
 
 def wall(name: str) -> str:
@@ -40,12 +47,21 @@ def test_tension_is_exact_on_unequal_elements(name, formulation, angle):
     F = 10.0
     out = cantilever(name, formulation, helpers.tip(F * np.cos(angle), F * np.sin(angle), spread="uniform"), angle)
     for s in (0.1, 0.37, 0.5, 0.8, 1.0):
-        np.testing.assert_allclose(out.u(f"beam@{s}"), F * 2 * s / (E * A) * np.array([np.cos(angle), np.sin(angle)]),
-                                   rtol=0, atol=(1e-11 if s == 1 else between) * F * 2 / (E * A))
+        np.testing.assert_allclose(
+            out.u(f"beam@{s}"),
+            F * 2 * s / (E * A) * np.array([np.cos(angle), np.sin(angle)]),
+            rtol=0,
+            atol=(1e-11 if s == 1 else between) * F * 2 / (E * A),
+        )
 
 
-BENDS = [v for v in VARIANTS if helpers.TYPES[v[0]].degree_x >= 2 and v[0] not in ("patel", "2d2n", "2d3n")
-         and v[1] not in ("continuum", "enhanced", "strain_split")]
+BENDS = [
+    v
+    for v in VARIANTS
+    if helpers.TYPES[v[0]].degree_x >= 2
+    and v[0] not in ("patel", "2d2n", "2d3n")
+    and v[1] not in ("continuum", "enhanced", "strain_split")
+]
 
 
 @pytest.mark.parametrize(("name", "formulation"), BENDS, ids=helpers.ids(BENDS))
@@ -94,8 +110,10 @@ def test_settlement_of_a_fixed_beam_is_timoshenkos(name, formulation):
     drop, k = 1e-4, 0.8
     more = {"quadrature": [2, 2]} if name == "vallejo" else {}
     bodies = beam(name, formulation, unequal(), nu=0.0, shear_factor=k, **more)
-    bc = [{"name": "wall", "type": "clamp", "at": "beam@0", "hold": "section"},
-          {"name": "end", "type": "prescribed", "at": "beam@1", "uy": -drop, "ux": 0.0, "angle": 0.0}]
+    bc = [
+        {"name": "wall", "type": "clamp", "at": "beam@0", "hold": "section"},
+        {"name": "end", "type": "prescribed", "at": "beam@1", "uy": -drop, "ux": 0.0, "angle": 0.0},
+    ]
     out = helpers.solved(bodies, "linear_static", bc=bc)
     phi = 12 * E * I / (k * E / 2 * A * 4)
     force = 12 * E * I / (8 * (1 + phi)) * drop
@@ -108,9 +126,11 @@ def test_settlement_of_a_fixed_beam_is_timoshenkos(name, formulation):
 
 @pytest.mark.parametrize(("name", "formulation"), VARIANTS, ids=helpers.ids(VARIANTS))
 def test_linear_reactions_balance_loads_and_their_moment(name, formulation):
-    loads = [{"type": "force", "at": "beam@0.83", "value": [3.0, -2.0]},
-             {"type": "distributed", "on": "beam", "value": [0.4, -1.0], "from": 0.25, "to": 0.5},
-             {"type": "moment", "at": "beam@1", "value": 0.7}]
+    loads = [
+        {"type": "force", "at": "beam@0.83", "value": [3.0, -2.0]},
+        {"type": "distributed", "on": "beam", "value": [0.4, -1.0], "from": 0.25, "to": 0.5},
+        {"type": "moment", "at": "beam@1", "value": 0.7},
+    ]
     angle = 0.6
     out = cantilever(name, formulation, loads, angle)
     wall = out.reactions()["wall"]

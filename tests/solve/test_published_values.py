@@ -7,19 +7,31 @@ import pytest
 THICK = {"height": 0.5, "width": 0.1}
 # Nachbagauer, Pechstein, Irschik & Gerstmayr 2011; two-node figures as quoted in Exudyn's ANCFBeamTest.py.
 # The "linear" figures are a nonlinear solve at the small load: their u is of second order.
-TWO_NODE = [(1, 9.12273046e-8, 6.16666566e-4, 0.07140274, 0.54225823), (2, 1.61293091e-7, 7.61594059e-4, 0.12379212, 0.65687111),
-            (4, 1.81763233e-7, 7.97825954e-4, 0.14346767, 0.69593561), (8, 1.87065375e-7, 8.06883929e-4, 0.14904162, 0.70681526)]
-THREE_NODE = [(1, 1.8698212e-7, 8.0990321e-4, 0.13971417, 0.68775242), (4, 1.8884187e-7, 8.0990325e-4, 0.15090938, 0.71040910)]
+TWO_NODE = [
+    (1, 9.12273046e-8, 6.16666566e-4, 0.07140274, 0.54225823),
+    (2, 1.61293091e-7, 7.61594059e-4, 0.12379212, 0.65687111),
+    (4, 1.81763233e-7, 7.97825954e-4, 0.14346767, 0.69593561),
+    (8, 1.87065375e-7, 8.06883929e-4, 0.14904162, 0.70681526),
+]
+THREE_NODE = [
+    (1, 1.8698212e-7, 8.0990321e-4, 0.13971417, 0.68775242),
+    (4, 1.8884187e-7, 8.0990325e-4, 0.15090938, 0.71040910),
+]
 EXACT_SMALL, EXACT_LARGE = (1.88849163418e-7, 8.09903253977e-4), (0.150971144239, 0.710568597854)
 
 
 def thick(name: str, formulation: str | None, count: int, P: float, solver="static", **more) -> np.ndarray:
-    out = helpers.cantilever(helpers.element(name, count, formulation, **more), helpers.tip(0, -P), section=THICK, solver=solver)
+    out = helpers.cantilever(
+        helpers.element(name, count, formulation, **more), helpers.tip(0, -P), section=THICK, solver=solver
+    )
     return -out.u("beam@1")
 
 
-@pytest.mark.parametrize(("name", "row"), [("kerkkanen", r) for r in TWO_NODE] + [("vallejo", r) for r in THREE_NODE],
-                         ids=lambda v: v if isinstance(v, str) else str(v[0]))
+@pytest.mark.parametrize(
+    ("name", "row"),
+    [("kerkkanen", r) for r in TWO_NODE] + [("vallejo", r) for r in THREE_NODE],
+    ids=lambda v: v if isinstance(v, str) else str(v[0]),
+)
 def test_thick_cantilever_in_structural_form_is_nachbagauers(name, row):
     count, u_small, v_small, u, v = row
     np.testing.assert_allclose(thick(name, "structural", count, 62.5e6), [u, v], atol=6e-9)
@@ -33,7 +45,9 @@ def test_thick_cantilever_converges_to_the_geometrically_exact_beam(name, formul
     np.testing.assert_allclose(thick(name, formulation, count, 62.5e3), EXACT_SMALL, rtol=1e-7)
 
 
-@pytest.mark.parametrize(("formulation", "expected"), [("strain_split", (0.15843463, 0.71578774)), ("enhanced", (0.15817508, 0.71523804))])
+@pytest.mark.parametrize(
+    ("formulation", "expected"), [("strain_split", (0.15843463, 0.71578774)), ("enhanced", (0.15817508, 0.71523804))]
+)
 def test_thick_cantilever_in_continuum_forms_without_poisson_locking(formulation, expected):
     """vallejo, 8 elements, 2 x 2 points: the limit differs from the beam's by the bending-stretch coupling."""
     np.testing.assert_allclose(thick("vallejo", formulation, 8, 62.5e6, quadrature=[2, 2]), expected, atol=6e-9)
@@ -60,10 +74,20 @@ def test_enhanced_vallejo_with_two_points_is_exact_at_its_nodes_in_the_linear_ca
 
 
 def test_simply_supported_enhanced_vallejo_is_timoshenkos_beam_from_two_elements():
-    beam = {"b": helpers.body(helpers.line(2.0), helpers.element("vallejo", 2, "enhanced", quadrature=[2, 2]),
-                              {"height": 0.1, "width": 0.1}, helpers.STEEL)}
-    out = helpers.solved(beam, "linear_static", bc=[{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}],
-                         loads=[{"type": "force", "at": "b@0.5", "value": [0, -1000]}])
+    beam = {
+        "b": helpers.body(
+            helpers.line(2.0),
+            helpers.element("vallejo", 2, "enhanced", quadrature=[2, 2]),
+            {"height": 0.1, "width": 0.1},
+            helpers.STEEL,
+        )
+    }
+    out = helpers.solved(
+        beam,
+        "linear_static",
+        bc=[{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}],
+        loads=[{"type": "force", "at": "b@0.5", "value": [0, -1000]}],
+    )
     # two halves, each a cantilever under half the force
     assert -out.u("b@0.5")[1] == pytest.approx(timoshenko_tip(500.0, 0.1, 1.0), rel=1e-12)
 
@@ -72,9 +96,13 @@ def slim(name: str, count: int, section: dict, loads, formulation: str | None = 
     return helpers.cantilever(helpers.element(name, count, formulation), loads, section=section, length=1.0)
 
 
-ELASTICA = [(0.5, 0.162143575658, 0.0159189624708, 0.244533647133), (1, 0.301720773800, 0.0564332362834, 0.461351949712),
-            (2, 0.493457480397, 0.160641720825, 0.781749831557), (5, 0.713791523612, 0.387628360724, 1.21536811761),
-            (10, 0.810609024880, 0.554995597754, 1.43028553880)]
+ELASTICA = [
+    (0.5, 0.162143575658, 0.0159189624708, 0.244533647133),
+    (1, 0.301720773800, 0.0564332362834, 0.461351949712),
+    (2, 0.493457480397, 0.160641720825, 0.781749831557),
+    (5, 0.713791523612, 0.387628360724, 1.21536811761),
+    (10, 0.810609024880, 0.554995597754, 1.43028553880),
+]
 
 
 @pytest.mark.parametrize(("P", "v", "u", "theta"), ELASTICA)
@@ -85,7 +113,9 @@ def test_elastica(P, v, u, theta):
     assert out.theta("beam@1") == pytest.approx(theta, abs=2e-7)
 
 
-@pytest.mark.parametrize(("kGA", "u", "v"), [(500, 0.0569234887482, 0.303327170361), (50, 0.0613156583730, 0.317813873942)])
+@pytest.mark.parametrize(
+    ("kGA", "u", "v"), [(500, 0.0569234887482, 0.303327170361), (50, 0.0613156583730, 0.317813873942)]
+)
 def test_elastica_with_shear(kGA, u, v):
     """Batista 2016."""
     out = slim("reissner3", 32, {"EA": 1e9, "kGA": kGA, "EI": 1.0}, helpers.tip(0, 1.0))
@@ -93,17 +123,24 @@ def test_elastica_with_shear(kGA, u, v):
 
 
 @pytest.mark.parametrize("t", [1.0, np.pi, 2 * np.pi])
-@pytest.mark.parametrize(("name", "formulation", "count", "accuracy"),
-                         [("reissner3", None, 16, 5e-7), ("vallejo", "structural", 64, 2e-6), ("cable", None, 64, 2e-6)])
+@pytest.mark.parametrize(
+    ("name", "formulation", "count", "accuracy"),
+    [("reissner3", None, 16, 5e-7), ("vallejo", "structural", 64, 2e-6), ("cable", None, 64, 2e-6)],
+)
 def test_roll_up_by_an_end_moment(name, formulation, count, accuracy, t):
     section = {"EA": 1e4, "kGA": 5e3, "EI": 1.0}
     out = slim(name, count, section, [{"type": "moment", "at": "beam@1", "value": t}], formulation)
     np.testing.assert_allclose(out.u("beam@1"), [np.sin(t) / t - 1, (1 - np.cos(t)) / t], atol=accuracy)
 
 
-@pytest.mark.parametrize(("name", "formulation", "expected"), [
-    ("cable", None, (0.508537304326, 1.207239854550)), ("reissner3", None, (0.509464717745, 1.20882282956)),
-    ("vallejo", "structural", (0.509464717745, 1.20882282956))])
+@pytest.mark.parametrize(
+    ("name", "formulation", "expected"),
+    [
+        ("cable", None, (0.508537304326, 1.207239854550)),
+        ("reissner3", None, (0.509464717745, 1.20882282956)),
+        ("vallejo", "structural", (0.509464717745, 1.20882282956)),
+    ],
+)
 def test_slender_cantilever(name, formulation, expected):
     """Gerstmayr & Irschik 2008: P = 3 EI/L^2."""
     P = 3 * 2.07e11 * 0.1**4 / 12 / 4
@@ -113,11 +150,19 @@ def test_slender_cantilever(name, formulation, expected):
 
 def frame(name: str, formulation: str | None, P: float) -> np.ndarray:
     """Lee's frame: legs of 120, load 24 from the corner, hinged at both ends."""
-    legs = {"f": helpers.body({"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]},
-                              helpers.element(name, 40, formulation, **({} if name == "cable" else {"shear_factor": 5 / 6})),
-                              {"A": 6, "I": 2, "height": 2}, {"E": 7.2e6, "nu": 0.3})}
-    out = helpers.solved(legs, bc=[{"name": "a", "type": "pin", "at": "f@0"}, {"name": "b", "type": "pin", "at": "f@1"}],
-                         loads=[{"type": "force", "at": "f@0.6", "value": [0, -P]}])
+    legs = {
+        "f": helpers.body(
+            {"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]},
+            helpers.element(name, 40, formulation, **({} if name == "cable" else {"shear_factor": 5 / 6})),
+            {"A": 6, "I": 2, "height": 2},
+            {"E": 7.2e6, "nu": 0.3},
+        )
+    }
+    out = helpers.solved(
+        legs,
+        bc=[{"name": "a", "type": "pin", "at": "f@0"}, {"name": "b", "type": "pin", "at": "f@1"}],
+        loads=[{"type": "force", "at": "f@0.6", "value": [0, -P]}],
+    )
     r = out.reactions()
     assert r["a"]["fy"] + r["b"]["fy"] == pytest.approx(P, rel=1e-8)
     assert r["a"]["fx"] == pytest.approx(-r["b"]["fx"], rel=1e-8)
@@ -137,9 +182,15 @@ def orders(values, exact) -> np.ndarray:
     return np.log2(errors[:-1] / errors[1:])
 
 
-@pytest.mark.parametrize(("name", "formulation", "counts", "expected"), [
-    ("kerkkanen", "structural", (8, 16, 32), 2.0), ("reissner2", None, (8, 16, 32), 2.0), ("vallejo", "structural", (2, 4, 8), 4.0),
-    ("reissner3", None, (2, 4, 8), 4.0)])
+@pytest.mark.parametrize(
+    ("name", "formulation", "counts", "expected"),
+    [
+        ("kerkkanen", "structural", (8, 16, 32), 2.0),
+        ("reissner2", None, (8, 16, 32), 2.0),
+        ("vallejo", "structural", (2, 4, 8), 4.0),
+        ("reissner3", None, (2, 4, 8), 4.0),
+    ],
+)
 def test_orders_of_convergence(name, formulation, counts, expected):
     values = [thick(name, formulation, n, 62.5e6)[1] for n in counts]
     assert orders(values, EXACT_LARGE[1])[-1] == pytest.approx(expected, abs=0.2)
