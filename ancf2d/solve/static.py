@@ -16,6 +16,8 @@ from .system import Balance, System
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
 STEPS = 10
+# residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
+BALANCE = 1e-8
 # a residual within this multiple of the bound of round-off cannot be told from zero
 FLOOR = 4.0
 # displacements known to less than this many digits are worth a word
@@ -79,7 +81,8 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     """Return the equilibrium at t from the state d of t_old. Raises ComputationError when it does not converge.
 
     Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
-    displacements; or that increments have stopped falling while the residual is no more than round-off.
+    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
+    stopped falling while the residual is no more than round-off.
     """
     num = system.model.numbering
     d = d.copy()
@@ -104,8 +107,10 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             return NewtonResult(d, balance, iteration, increments, negative, min(increments[-2:]))
         d = _advance(system, d, z, t)
         if has_converged(increments, system.norm(d[num.free]), tolerance):
-            negative = pivots.negative - num.n_multipliers
-            return NewtonResult(d, system.forces(d, t), iteration, increments, negative, 0.0)
+            balance = system.forces(d, t)
+            if system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t)):
+                negative = pivots.negative - num.n_multipliers
+                return NewtonResult(d, balance, iteration, increments, negative, 0.0)
     raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at, history=residuals)
 
 
@@ -201,6 +206,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             if h < SMALLEST_STEP * largest or tries > MOST_TRIES:
                 raise _stuck(error, t, number) from error
             continue
+        if result.negative_pivots != negative:
+            result.negative_pivots = _confirmed_pivots(system, result, target)
         moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
         number, easy = number + 1, easy + 1
         path.push(target, result.d)
@@ -211,6 +218,12 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         t, cutbacks = target, 0
         if t >= mark + largest * (1 - 1e-9):
             mark, tries = t, 0
+
+
+def _confirmed_pivots(system: System, result: NewtonResult, t: float) -> int:
+    """Return the negative pivots of the tangent at the equilibrium itself, not one increment before it."""
+    system.assemble(result.d, t)
+    return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
 
 
 def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, negative: int) -> State:

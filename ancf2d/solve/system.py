@@ -133,6 +133,15 @@ class System:
         """Return the largest displacement that a change of the unknowns stands for [m]."""
         return float(np.max(self.weights * np.abs(z), initial=0.0))
 
+    def imbalance(self, balance: Balance) -> float:
+        """Return the largest residual beside the largest force, both as forces [N] through the coordinates' weights."""
+        n_q = self.model.n_q
+        w = self.model.weights
+        scale = max(float(np.max(np.abs(balance.Q[:n_q]) / w)), float(np.max(np.abs(balance.F[:n_q]) / w)))
+        used = self.weights > 0
+        largest = float(np.max(np.abs(balance.R[used]) / self.weights[used], initial=0.0))
+        return largest / scale if scale > 0.0 else 0.0
+
     def describe(self, unknown: int) -> str:
         """Return the name of an unknown: coordinate, body and place."""
         full = int(self.model.numbering.free[unknown])
