@@ -106,6 +106,24 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
             assert constraint.evaluate(reference.e0, np.zeros(reference.n_q), 0.0)[0] == pytest.approx(0, abs=1e-14)
 
 
+@pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
+@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+def test_shared_nodes_at_corners_go_along_with_rigid_motion(name, angle):
+    """Gradients are shared turned by the corner's angle: shared as they stand they would tie its direction to the world."""
+    corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}
+    b = helpers.body(helpers.line(0.6, -0.4, (1.5, 0.8)), helpers.element(name, 1))
+    model = helpers.build(
+        {"a": helpers.body(corner, helpers.element(name, 4)), "b": b},
+        bc=[{"type": "clamp", "at": "a@0"}],
+        joints=[{"name": "elbow", "type": "weld", "between": ["a@1", "b@0"]}],
+    )
+    d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
+    shared = [r for r in model.rows if r.owner == "elbow" or r.owner.startswith("corner")]
+    assert len(shared) == 2 * len(model.meshes["a"].node_dofs(0, 0))
+    for row in shared:
+        assert row.coefs @ d[row.coords] == pytest.approx(0, abs=1e-13)
+
+
 def test_equal_kinds_need_no_multiplier():
     assert not two("reissner2", "reissner3").constraints
     assert not two("vallejo", "vallejo").constraints
