@@ -20,6 +20,7 @@ from .numbering import number
 from .order import coordinate_weights
 from .plan import plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
+from .spin import centrifugal
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
 from .timing import PathTiming, Timing
@@ -125,6 +126,10 @@ class _Builder:
             LOADS[type(load)](load, context, self.loads)
             if hasattr(load, "value") and type(load).__name__ == "Gravity":
                 self._weigh_masses(load.value, context)
+
+        if self.case.steady_rotation is not None:
+            masses = [(m, self.point(m.at)) for m in self.case.masses]
+            self.loads.patches += centrifugal(self.meshes, masses, self.case.steady_rotation)
 
     def _weigh_masses(self, g: tuple[float, float], context: LoadContext) -> None:
         for mass in self.case.masses:

@@ -12,16 +12,14 @@ from .model import Numbering
 from .order import half_bandwidth, order_unknowns
 
 
-def _meeting(mesh: BodyMesh, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
-    """Return which unknowns meet in the elements of a body, dependents expanded."""
-    rows = natural[mesh.dofs]
+def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
+    """Return which unknowns meet in the rows of ``dofs`` (m, n), dependents expanded."""
+    rows = natural[dofs]
     sets = [np.where(rows >= 0, rows, -1)]
-    for ie in np.flatnonzero((rows <= -2).any(axis=1)):
-        reached = {int(i) for i in rows[ie] if i >= 0}
-        for coord in mesh.dofs[ie][rows[ie] <= -2].tolist():
-            reached.update(terms[coord])
+    for m in np.flatnonzero((rows <= -2).any(axis=1)):
+        reached = _expand(dofs[m], natural, terms)
         if reached:
-            sets.append(np.array([sorted(reached)], dtype=np.int64))
+            sets.append(np.array([reached], dtype=np.int64))
     return sets
 
 
@@ -62,11 +60,10 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     free = np.flatnonzero(natural == 0)
     natural[free] = np.arange(len(free))
     terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
-    sets = [s for mesh in meshes for s in _meeting(mesh, natural, terms)]
+    together = [*(m.dofs for m in meshes), *(p.dofs for p in patches)]
+    sets = [s for dofs in together for s in _meeting(dofs, natural, terms)]
     multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
-    for reached in [*multipliers, *(_expand(row, natural, terms) for p in patches for row in p.dofs)]:
-        if reached:
-            sets.append(np.array([reached], dtype=np.int64))
+    sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]
     largest = max(m.plan.element.n_dof for m in meshes)
     position, _ = order_unknowns(len(free), sets, largest - 1)
     final = _after_coordinates(position, multipliers, len(free)) if constraints else position

@@ -6,11 +6,11 @@ import numpy as np
 
 from ..case import Case
 from ..elements.shape import Array
-from ..kernels.elements import element_matrices
 from ..model.mechanism import rigid_motion
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
+from .section import section_forces
 from .state import State
 
 FORCES = ("N", "Q", "M")
@@ -112,63 +112,6 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
                 total -= state.d[model.n_q + k] * (G @ rigid_motion(point.mesh, constraint.dofs, e, centre))
         out[name] = dict(zip(("fx", "fy", "m"), (float(v) for v in total), strict=True))
     return out
-
-
-def _loads_within(model: Model, state: State, point: PointRef, e: Array) -> tuple[Array, float]:
-    """Return force and moment about the point of the line and body loads on its element up to it."""
-    from ..case import Distributed, Gravity
-
-    mesh, shape = point.mesh, point.mesh.classes[point.mesh.cls[point.ie]].shape
-    piece = max(k for k, first in enumerate(mesh.piece_first) if first <= point.ie)
-    start = mesh.plan.pieces[piece].s0 + (point.ie - mesh.piece_first[piece]) * shape.l
-    local = e[mesh.dofs[point.ie]].reshape(mesh.plan.element.n_shape, -1)[:, :2]
-    P = np.array([dot(c, e) for c in point.position()])
-    force, moment = np.zeros(2), 0.0
-    for load in model.case.loads:
-        if isinstance(load, Gravity):
-            f, a, b = mesh.plan.section.rhoA * np.array(load.value), 0.0, 1.0
-        elif isinstance(load, Distributed) and load.on == mesh.plan.name and not load.follower:
-            f, a, b = np.array(load.value, dtype=float), load.from_, load.to
-        else:
-            continue
-        amplitude = (model.timing if load.amplitude is None else model.timing.given(load.amplitude.value))(state.t)
-        low = max(a * mesh.plan.length - start, 0.0)
-        high = min(b * mesh.plan.length - start, point.xi * shape.l)
-        if high <= low:
-            continue
-        x, w = np.polynomial.legendre.leggauss(6)
-        s = low + 0.5 * (1 + x) * (high - low)
-        r = shape(s / shape.l, np.zeros_like(s)) @ local
-        total = f * amplitude * 0.5 * (high - low)
-        force += w.sum() * total
-        moment += float(w @ ((r[:, 0] - P[0]) * total[1] - (r[:, 1] - P[1]) * total[0]))
-    return force, moment
-
-
-def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
-    """Return N, Q, M at a point, by equilibrium of its element's part before it.
-
-    The element's own nodal forces and the loads on it are in balance whatever the formulation's stresses
-    are worth. N along the section's x axis (tension), Q along its y axis, M counter-clockwise.
-    """
-    mesh, d = point.mesh, state.d[:model.n_q]
-    e = model.e0 if state.linear else model.e0 + d
-    group = model.groups[list(model.meshes).index(mesh.plan.name)]
-    n = mesh.plan.element.n_dof
-    Q, K = np.zeros((1, n)), np.zeros((1, n, n))
-    element_matrices(group, np.zeros_like(d) if state.linear else d, point.ie, Q, K)
-    nodal = K[0] @ d[mesh.dofs[point.ie]] if state.linear else Q[0]
-    last = point.xi == 1.0
-    coords = mesh.node_dofs(point.ie, len(mesh.node_sizes) - 1 if last else 0)
-    part = nodal[-len(coords):] if last else nodal[:len(coords)]
-    P = np.array([dot(c, e) for c in point.position()])
-    total = part @ rigid_motion(mesh, coords, e, P)
-    if not last:
-        force, moment = _loads_within(model, state, point, e)
-        total = -(total + np.array([force[0], force[1], moment]))
-    angle = point.angle + (0.0 if state.linear else Rotation(point).value(e, d))
-    c, s = np.cos(angle), np.sin(angle)
-    return float(c * total[0] + s * total[1]), float(-s * total[0] + c * total[1]), float(total[2])
 
 
 def energies(model: Model, state: State) -> dict[str, float]:

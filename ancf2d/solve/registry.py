@@ -44,7 +44,7 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     if case.accuracy is not None:
         problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
                                               expected="no accuracy ('ancf2d convergence' estimates the error)"))
-    if case.steady_rotation is not None:
+    if case.steady_rotation is not None and not isinstance(case.solver, Static):
         problems.append(loaded.source.problem(("steady_rotation",), "steady_rotation is not available yet"))
     return problems
 

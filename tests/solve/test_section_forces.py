@@ -1,0 +1,105 @@
+"""N, Q and M at any point against statics by hand, and the forces of a steadily turning frame."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from ancf2d.case import load_case_text
+from ancf2d.study.run import run_case
+
+TYPES = ["2d2n", "2d3n-nu", "vallejo", "patel", "omar, formulation: structural", "cable", "reissner2",
+         "reissner3", "ancf, order: [3, 3]"]
+BEAM = """
+bodies:
+  beam:
+    geometry: {{type: line, start: [0, 0], end: [2, 0]}}
+    section: {{height: 0.1, width: 0.2}}
+    material: {{E: 2e11, nu: 0.3, rho: 1000}}
+    element: {{type: {element}, count: 3}}
+{rest}
+output: {{probes: {{p: beam@{s}}}, fields: [N]}}
+"""
+
+
+def forces(element: str, rest: str, s: float) -> tuple[float, float, float]:
+    """Return N, Q, M at S = s."""
+    probe = run_case(load_case_text(BEAM.format(element=element, rest=rest, s=s))).summary["probes"]["p"]
+    return probe["N"], probe["Q"], probe["M"]
+
+
+@pytest.mark.parametrize("s", [0.0, 0.21, 0.5, 1.0])
+@pytest.mark.parametrize("element", TYPES)
+def test_uniform_load_on_a_simply_supported_beam(element: str, s: float) -> None:
+    """M = q x (L - x)/2 and Q = q (x - L/2) for weight and a line load together, N of an end force."""
+    rest = """
+boundary_conditions: [{type: pin, at: beam@0}, {type: roller, at: beam@1, fixed: y}]
+loads:
+  - {type: gravity, value: [0, -10]}
+  - {type: distributed, on: beam, value: [0, -300]}
+  - {type: force, at: beam@1, value: [50, 0]}
+solver: {type: linear_static}"""
+    N, Q, M = forces(element, rest, s)
+    q, x, L = 1000 * 0.02 * 10 + 300, 2 * s, 2.0
+    assert pytest.approx(50, rel=1e-6) == N
+    assert pytest.approx(q * (x - L / 2), rel=1e-6, abs=1e-6 * q) == Q
+    assert pytest.approx(q * x * (L - x) / 2, rel=1e-6, abs=1e-6 * q) == M
+
+
+@pytest.mark.parametrize("element", TYPES)
+def test_partial_load_on_a_cantilever(element: str) -> None:
+    """Between the ends of a partial load only what lies beyond the section counts."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0}]
+loads: [{type: distributed, on: beam, value: [0, -300], from: 0.3, to: 0.8}]
+solver: {type: linear_static}"""
+    _, Q, M = forces(element, rest, 0.45)
+    beyond = 2 * (0.8 - 0.45)
+    assert pytest.approx(-300 * beyond, rel=1e-6) == Q
+    assert pytest.approx(-300 * beyond**2 / 2, rel=1e-6) == M
+
+
+@pytest.mark.parametrize("element", TYPES)
+def test_centrifugal_tension_of_a_turning_beam(element: str) -> None:
+    """N = rho A Omega^2 ((L + a)^2 - (x + a)^2)/2 with the hub a = 0.5 outside the centre."""
+    rest = """
+boundary_conditions: [{name: hub, type: clamp, at: beam@0, hold: section}]
+steady_rotation: {omega: 3, about: [-0.5, 0]}
+solver: {type: static, steps: 2}"""
+    N, Q, M = forces(element, rest, 0.4)
+    expected = 20 * 9 * (2.5**2 - 1.3**2) / 2
+    assert math.isclose(N, expected, rel_tol=1e-6)
+    assert abs(Q) + abs(M) < 1e-6 * expected
+
+
+def test_a_point_mass_pulls_with_its_own_centrifugal_force() -> None:
+    rest = """
+boundary_conditions: [{name: hub, type: clamp, at: beam@0}]
+masses: [{at: beam@1, mass: 7}]
+steady_rotation: {omega: 3, about: [-0.5, 0.2]}
+solver: {type: static, steps: 2}"""
+    text = BEAM.format(element="reissner3", rest=rest, s=0.5)
+    hub = run_case(load_case_text(text)).summary["reactions"]["hub"]
+    # the beam stretches by 1e-7 of its length only
+    assert math.isclose(-hub["fx"], 9 * (40 * 1.5 + 7 * 2.5), rel_tol=1e-5)
+    assert math.isclose(-hub["fy"], 9 * 47 * -0.2, rel_tol=1e-4)
+
+
+@pytest.mark.parametrize("element", TYPES)
+def test_centrifugal_stiffness_is_the_derivative_of_the_force(element: str) -> None:
+    import numpy as np
+
+    from ancf2d.model.build import build_model
+
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0}]
+steady_rotation: {omega: 3, about: [-0.5, 0.3]}
+solver: {type: static}"""
+    model = build_model(load_case_text(BEAM.format(element=element, rest=rest, s=0)))
+    (patch,) = model.loads.patches
+    rng = np.random.default_rng(3)
+    d, v = rng.normal(size=(2, model.n_q))
+    _, Q0, K = patch.evaluate(model.e0 + d, d, 0.7)
+    _, Q1, _ = patch.evaluate(model.e0 + d + v, d + v, 0.7)
+    np.testing.assert_allclose(Q1 - Q0, np.einsum("mij,mj->mi", K, v[patch.dofs]), rtol=1e-10, atol=1e-10)
