@@ -109,7 +109,7 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
 @pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
 @pytest.mark.parametrize("name", helpers.SMALL_TYPES)
 def test_shared_nodes_at_corners_go_along_with_rigid_motion(name, angle):
-    """Gradients are shared turned by the corner's angle: shared as they stand they would tie its direction to the world."""
+    """Gradients are shared turned by the angle of the corner: as they stand they would tie it to the world."""
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}
     b = helpers.body(helpers.line(0.6, -0.4, (1.5, 0.8)), helpers.element(name, 1))
     model = helpers.build(
