@@ -91,7 +91,7 @@ class Found:
 
 
 class ArcLength:
-    """|z - z0|^2 + psi^2 (t - t0)^2 = ds^2: the spherical constraint of Crisfield (1981), linearised at each iterate."""
+    """|z - z0|^2 + psi^2 (t - t0)^2 = ds^2: the spherical constraint of Crisfield (1981), linearised each time."""
 
     def __init__(self, curve: Curve, start: PathPoint, ds: float) -> None:
         self.metric, self.free, self.ds = curve.metric, curve.model.numbering.free, ds

@@ -21,15 +21,16 @@ from .system import System
 
 MOST_STEPS = 1000
 # iterations that a step should take
-WANTED = 5
+WANTED = 6
 # the path may turn by 45 degrees in a step, in the plane of its own extents
 LARGEST_TURN = np.cos(np.pi / 4)
 # a change of inertia is cornered to this share of the path before it is taken for a bifurcation
 CORNERED = 1e-4
 # limit points that may lie in pairs within a step are looked for down to this share of it
 CLOSEST_PAIR = 2.0**-8
-# cuts of one step before the path is given up
+# cuts of one step, and its share of the path, before the path is given up
 MOST_CUTS = 40
+SMALLEST = 1e-9
 
 Event = tuple[PathPoint, Literal["step", "limit", "end"]]
 
@@ -56,6 +57,8 @@ class Follower:
         if before is not None:
             yield before
         if self.goal is not None and self.goal.distance(begin.d, begin.t) == 0.0:
+            if before is None:
+                yield self._state(self._resting(begin), "end", [])
             return
         if self.controlled and isinstance(self.goal, ProbeGoal):
             self.steps = ProbeSteps(self.curve, self.goal, begin, self.spec.steps)
@@ -72,7 +75,7 @@ class Follower:
                 if state.last:
                     return
                 warnings = []
-            h = self._after(b, b.s - a.s) * self.steps.renew(b)
+            h = self._after(b, b.s - a.s, self._inertia_differs(a, b)) * self.steps.renew(b)
             h = min(h, self.steps.largest(b))
             if self.goal is not None:
                 self.goal.settle(b.d)
@@ -99,6 +102,11 @@ class Follower:
             state.last = self.goal.distance(state.d, 0.0) == 0.0
         return Found(state.d, 0.0, 0, 0.0, 0.0), state
 
+    def _resting(self, begin: Found) -> PathPoint:
+        """Return where a path begins that does not go anywhere."""
+        balance = self.curve.system.forces(begin.d, begin.t)
+        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0)
+
     def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
         """Return the next point, what is passed on the way in order, and warnings. A step in trouble is cut."""
         self.cuts, longest = 0, h
@@ -108,10 +116,12 @@ class Follower:
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
                     return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
+                trouble = ComputationError("something lies ahead that no step resolves", at={"factor": f"{b.t:.6g}"})
             except ComputationError as error:
-                if self.cuts >= MOST_CUTS:
-                    raise self._stuck(error, a) from error
+                trouble = error
             h, self.cuts = 0.5 * h, self.cuts + 1
+            if self.cuts > MOST_CUTS or h < SMALLEST * a.s:
+                raise self._stuck(trouble, a) from trouble
 
     def _advance(self, a: PathPoint, h: float, guess: tuple[Array, float] | None = None) -> PathPoint:
         """Return the path's point a step of h from a. Raises ComputationError where the path is lost."""
@@ -164,10 +174,10 @@ class Follower:
             start = end
         return out
 
-    def _after(self, b: PathPoint, h: float) -> float:
+    def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
         """Return the step to try after one of h: closing in on a suspect, or by the iterations that it took."""
         rest, near = self.suspect - b.s, CORNERED * b.s
-        if rest > 1e-9 * h:
+        if rest > 0.1 * near and not crossed:
             return rest if rest <= near else max(0.5 * rest, near)
         if self.suspect > 0:
             self.suspect = 0.0

@@ -16,7 +16,7 @@ from .post import Observer
 from .state import State
 
 # displacements of a limit point are located to this share of the largest
-LIMIT_DIGITS = 1e-7
+LIMIT_DIGITS = 1e-9
 MOST_TRIALS = 40
 SAMPLES = np.linspace(0.0, 1.0, 33)
 
