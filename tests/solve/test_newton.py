@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.solve.static import TOLERANCE
+from ancf2d.solve.static import TOLERANCE, has_converged
 from ancf2d.solve.system import System
 
 STEEL_EI = 2.07e11 * 0.1**4 / 12
@@ -71,6 +71,15 @@ def test_every_state_is_in_equilibrium_and_as_close_as_the_tolerance_asks(name, 
     )
     np.testing.assert_allclose(out.u("beam@1"), tight.u("beam@1"), atol=max(tolerance, 1e-9))
     assert out.iterations <= tight.iterations
+
+
+@pytest.mark.parametrize(
+    ("increments", "converged"),
+    [([1e-12], False), ([1e-3, 1e-7], True), ([1e-3, 1e-5], False), ([1e-10, 0.9e-10], False), ([1.0, 0.0], True)],
+)
+def test_convergence_is_judged_by_the_increment_to_come(increments, converged):
+    """A second increment smaller by c promises a third smaller by c again; that one must be below 1e-9 of the size."""
+    assert has_converged(increments, 1.0, 1e-9) == converged
 
 
 @pytest.mark.parametrize("name", helpers.SMALL_TYPES)
@@ -204,3 +213,22 @@ def test_stiff_soft_stout_and_slender_beams_are_solved(name, E, slenderness):
     if slenderness >= 100 and (name, slenderness) != ("omar", 1e4):
         assert out.u("beam@1")[1] == pytest.approx(-0.162143575658, rel=5e-2)
     assert out.state.t == 1.0
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
+def test_displacements_of_slender_beams_are_converged_not_only_their_forces(name):
+    """With EA/EI = 1e9 a residual small beside the axial forces can hide a bending far from rest."""
+
+    def tip(**more) -> np.ndarray:
+        section = {"EA": 1e9, "kGA": 4e8, "EI": 1.0}
+        out = helpers.cantilever(
+            helpers.element(name, 8),
+            helpers.tip(0, -5.0),
+            section=section,
+            length=1.0,
+            solver={"type": "static", **more},
+        )
+        return out.u("beam@1")
+
+    np.testing.assert_allclose(tip(steps=2), tip(steps=2, tolerance=1e-13), atol=1e-8)
+    np.testing.assert_allclose(tip(steps=2), tip(steps=20), atol=1e-8)
