@@ -21,7 +21,7 @@ from ..model.points import PointRef
 from ..model.rotation import Rotation
 from .linear import GeneralSparse
 from .post import place
-from .static import at_floor, check_divergence, has_converged
+from .static import BALANCE, at_floor, check_divergence, has_converged
 from .system import Balance, System
 
 # half the difference in t that a nonlinear constraint's motion is differentiated with
@@ -211,7 +211,7 @@ class Curve:
         increments: list[float] = []
         residuals: list[float] = []
         for iteration in range(1, self.max_iterations + 1):
-            at = {"factor": f"{t:.6g}"}
+            at = {"factor": float(f"{t:.6g}")}
             balance = system.assemble(d, t)
             residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
             if not np.isfinite(residuals[-1]):
@@ -224,10 +224,15 @@ class Curve:
             if stalled and at_floor(balance.R, system.noise(d, t)):
                 return Found(d, t, iteration, increments[-1], min(increments[-2:]))
             d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
-            if has_converged(increments, system.norm(d[num.free]), self.tolerance):
+            if (has_converged(increments, system.norm(d[num.free]), self.tolerance)
+                    and self._balanced(system.forces(d, t), d, t)):
                 return Found(d, t, iteration, increments[-1], 0.0)
         raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,
                                history=residuals)
+
+    def _balanced(self, balance: Balance, d: Array, t: float) -> bool:
+        """Whether the forces balance as far as is asked, or as round-off lets them."""
+        return self.system.imbalance(balance) <= BALANCE or at_floor(balance.R, self.system.noise(d, t))
 
     def _bordered(self, control: Control, balance: Balance, d: Array, t: float) -> tuple[Array, float]:
         """Return the Newton step (z, dt) of [K, dR/dt; dc/dz, dc/dt] with two solves."""
@@ -236,14 +241,15 @@ class Curve:
         c, gradient, by_t = control.evaluate(d, t)
         slope = by_t + float(gradient @ by_load)
         if slope == 0.0 or not np.isfinite(slope):
-            raise ComputationError("the load factor has no influence on what is controlled", at={"factor": f"{t:.6g}"})
+            raise ComputationError("the load factor has no influence on what is controlled",
+                                   at={"factor": float(f"{t:.6g}")})
         dt = -(c + float(gradient @ by_residual)) / slope
         return by_residual + dt * by_load, dt
 
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
         balance = self.system.assemble(found.d, found.t)
-        pivots = self.system.factor({"factor": f"{found.t:.6g}"})
+        pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers

@@ -116,7 +116,8 @@ class Follower:
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
                     return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
-                trouble = ComputationError("something lies ahead that no step resolves", at={"factor": f"{b.t:.6g}"})
+                trouble = ComputationError("something lies ahead that no step resolves",
+                                           at={"factor": float(f"{b.t:.6g}")})
             except ComputationError as error:
                 trouble = error
             h, self.cuts = 0.5 * h, self.cuts + 1
@@ -135,7 +136,7 @@ class Follower:
         for direction in (went, b.tangent):
             if curve.metric.dot(direction, a.tangent) < LARGEST_TURN * curve.metric.norm(direction) * curve.metric.norm(
                     a.tangent):
-                raise ComputationError("the path turns too sharply", at={"factor": f"{found.t:.6g}"})
+                raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 
     def _inertia_differs(self, a: PathPoint, b: PathPoint) -> bool:
@@ -209,7 +210,7 @@ class Follower:
     def _too_long(self, a: PathPoint) -> ComputationError:
         aim = str(self.goal or f"limit point {self.count}")
         return ComputationError(f"{aim} was not reached within {self.most} steps", advice="more steps, if the path "
-                                "leads there at all", at={"step": self.number, "factor": f"{a.t:.6g}"})
+                                "leads there at all", at={"step": self.number, "factor": float(f"{a.t:.6g}")})
 
     def _stuck(self, error: ComputationError, a: PathPoint) -> ComputationError:
         f = error.failure

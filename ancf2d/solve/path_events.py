@@ -150,7 +150,7 @@ def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[f
             low, f_low, f_high = point, point.rate, f_high if high is b else 0.5 * f_high
         else:
             high, f_high, f_low = point, point.rate, f_low if low is a else 0.5 * f_low
-    raise ComputationError("a limit point was passed but could not be located", at={"factor": f"{b.t:.6g}"})
+    raise ComputationError("a limit point was passed but could not be located", at={"factor": float(f"{b.t:.6g}")})
 
 
 def _near(curve: Curve, low: PathPoint, high: PathPoint, s: float,
@@ -180,7 +180,7 @@ def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
     away = curve.metric.norm((found.d[free] - d[free], found.t - t))
     step = curve.metric.norm((b.d[free] - a.d[free], b.t - a.t))
     if away > 0.25 * step:
-        raise ComputationError(f"{goal} was passed but could not be met", at={"factor": f"{t:.6g}"})
+        raise ComputationError(f"{goal} was passed but could not be met", at={"factor": float(f"{t:.6g}")})
     return curve.point(found, a.s + x * h, scale)
 
 

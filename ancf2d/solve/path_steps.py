@@ -64,7 +64,7 @@ class ArcSteps:
         self.start = curve.point(start, 0.0, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.metric.load == 0.0:
-            raise ComputationError("nothing moves as the load factor grows", at={"factor": f"{start.t:.6g}"},
+            raise ComputationError("nothing moves as the load factor grows", at={"factor": float(f"{start.t:.6g}")},
                                    advice="a load or prescribed motion without an amplitude of its own: the load "
                                           "factor of a path scales those")
         self.renew(self.start)
