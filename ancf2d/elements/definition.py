@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -37,7 +38,8 @@ class ElementType:
     ``quadrature`` maps a formulation to the (nx, ny) Gauss points that this type is recommended with
     (formulations know a rule for every type; an entry here overrides it). ``shear_factor`` is
     ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or a number. ``preset`` maps the option
-    ``preset: paper`` to the seed paper's choices; empty where the paper has none.
+    ``preset: paper`` to the seed paper's choices; empty where the paper has none. ``slender`` is the element
+    length over height up to which bending does not lock (measured: docs/accuracy.md).
     """
 
     name: str
@@ -49,6 +51,7 @@ class ElementType:
     shear_factor: str | float = "timoshenko"
     preset: dict[str, object] = field(default_factory=dict)
     note: str = ""
+    slender: float = math.inf
 
     @cached_property
     def polynomials(self) -> tuple[Polynomial, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 from .definition import ElementType, NodeSpec
@@ -20,27 +21,31 @@ _SEED = "two-dimensional shear deformable ANCF elements by common coefficients"
 
 _TYPES = (
     ElementType("omar", ("1", "x", "y", "x*y", "x^2", "x^3"), _R_RX_RY,
-                formulation="enhanced", preset=_PAPER, source="Omar & Shabana 2001"),
+                formulation="enhanced", preset=_PAPER, slender=40.0,
+                source="Omar & Shabana 2001"),
     ElementType("kerkkanen", ("1", "x", "y", "x*y"), _nodes(ENDS, "r", "r_y"),
                 formulation="structural", source="Kerkkanen, Sopanen & Mikkola 2005"),
     ElementType("vallejo", ("1", "x", "y", "x*y", "x^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
                 formulation="enhanced", source="Garcia-Vallejo, Mikkola & Escalona 2007"),
     ElementType("li", ("1", "x", "x^2", "x^3", "y", "x*y", "x^2*y", "x^3*y"),
                 _nodes(ENDS, "r", "r_x", "r_y", "r_xy"),
-                formulation="enhanced", source="Li, Gantoi & Shabana 2011",
+                formulation="enhanced", slender=40.0, source="Li, Gantoi & Shabana 2011",
                 note="x^2 y^2 vanishes in r, r_x, r_y, r_xy on y = 0, so these coordinates cannot carry "
                      "it; the basis is what they determine"),
     ElementType("patel", ("1", "x", "y", "x*y", "x^2", "x^3", "y^2", "x*y^2"),
                 _nodes(ENDS, "r", "r_x", "r_y", "r_yy"),
-                formulation="continuum", source="Patel & Shabana 2018"),
+                formulation="continuum", slender=40.0, source="Patel & Shabana 2018"),
     ElementType("2d2n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^3"), _R_RX_RY,
-                formulation="continuum", quadrature=_TWO, preset=_PAPER, source=f"{_SEED}, Eqs. (24)-(25)",
+                formulation="continuum", quadrature=_TWO, preset=_PAPER, slender=5.0,
+                source=f"{_SEED}, Eqs. (24)-(25)",
                 note="not symmetric under reversal of x; on an arc it curves the reference sections"),
     ElementType("2d3n", ("1", "x", "y", "x*y", "x^2 + y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
-                formulation="continuum", quadrature=_TWO, preset=_PAPER, source=f"{_SEED}, Eqs. (26)-(28)",
+                formulation="continuum", quadrature=_TWO, preset=_PAPER, slender=0.5,
+                source=f"{_SEED}, Eqs. (26)-(28)",
                 note="on an arc it curves the reference sections"),
     ElementType("2d2n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"), _R_RX_RY,
-                formulation="continuum", quadrature=_TWO, source="2d2n with the Poisson-consistent coefficient",
+                formulation="continuum", quadrature=_TWO, slender=40.0,
+                source="2d2n with the Poisson-consistent coefficient",
                 note="on an arc it curves the reference sections"),
     ElementType("2d3n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),
                 formulation="continuum", quadrature=_TWO, source="2d3n with the Poisson-consistent coefficient",
@@ -74,6 +79,7 @@ def ancf(p: int, q: int) -> ElementType:
         f"{FAMILY}[{p},{q}]", basis, _nodes(tuple(lobatto(p + 1)[0].tolist()), *coordinates),
         formulation="enhanced" if q == 1 else "continuum",
         shear_factor="timoshenko" if q <= 2 else "none",
+        slender=0.5 if p == 1 and q > 1 else math.inf,
         source="the family of Garcia-Vallejo et al. 2007 with orders p along and q across")
 
 

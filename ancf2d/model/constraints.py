@@ -48,10 +48,11 @@ class Constraint(Protocol):
 
 @dataclass
 class Equations:
-    """What supports and joints ask for."""
+    """What supports and joints ask for, and what their user should know."""
 
     rows: list[Row] = field(default_factory=list)
     constraints: list[Constraint] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def combine(*parts: tuple[float, tuple[Index, Array]]) -> tuple[Index, Array]:

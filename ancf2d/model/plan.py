@@ -161,6 +161,11 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         if ny != {1}:
             out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
                        "the points across have no effect")
+    longest = max(p.l for p in plan.pieces) / plan.section.height
+    if longest > plan.element.slender:
+        out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending where elements are long beside "
+                   f"their height ({longest:.3g} times; up to {plan.element.slender:g} is safe): more elements, or "
+                   "vallejo or reissner3, which have no such bound")
     if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
     return out

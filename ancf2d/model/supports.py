@@ -53,6 +53,9 @@ def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equ
     elif hold == "section" or element.has_theta:
         out.rows += _position_rows(point, owner)
         hold_rotation(point, owner, out)
+        if element.degree_y > 1 and not element.common_coefficients:
+            out.warnings.append(f"{owner}: hold: section leaves the warping coordinates of {element.name} free there, "
+                                "which can soften the clamp; hold: breathe or all holds them")
     elif point.node is not None:
         names = point.mesh.coordinate_names[point.node]
         for dof, name in zip(point.dofs().tolist(), names, strict=True):

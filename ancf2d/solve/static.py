@@ -206,7 +206,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             if h < SMALLEST_STEP * largest or tries > MOST_TRIES:
                 raise _stuck(error, t, number) from error
             continue
-        if result.negative_pivots != negative:
+        if result.negative_pivots != negative and system.knows_inertia:
             result.negative_pivots = _confirmed_pivots(system, result, target)
         moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
         number, easy = number + 1, easy + 1
@@ -232,7 +232,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.balance.energy, "negative_pivots": result.negative_pivots}
     warnings = []
-    if result.negative_pivots != negative:
+    if result.negative_pivots != negative and system.knows_inertia:
         warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
                         f"instead of {negative}; equilibrium beyond it may be unstable")
     size = system.norm(result.d[system.model.numbering.free])
@@ -248,5 +248,5 @@ def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
     return ComputationError(
         f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
         history=f.history,
-        advice="a limit point of the load is likely (method: arc_length follows it); else more steps, or supports "
-               "that leave no mechanism")
+        advice=f.advice or "a limit point of the load is likely (method: arc_length follows it); else more steps, or "
+                           "supports that leave no mechanism")

@@ -12,7 +12,7 @@ from ..errors import ComputationError
 from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.model import Model
-from .linear import Pivots, make_matrix
+from .linear import GeneralSparse, Pivots, SymmetricBand, make_matrix
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -128,6 +128,13 @@ class System:
                 f"the tangent stiffness is singular: {self.describe(pivots.bad)} has no stiffness", at=at,
                 advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
         return pivots
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Whether the last negative pivots count negative eigenvalues: not where rows were exchanged."""
+        if isinstance(self.matrix, GeneralSparse):
+            return self.model.symmetric and bool(np.array_equal(self.matrix.lu.perm_r, self.matrix.lu.perm_c))
+        return isinstance(self.matrix, SymmetricBand)
 
     def norm(self, z: Array) -> float:
         """Return the largest displacement that a change of the unknowns stands for [m]."""

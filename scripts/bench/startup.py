@@ -1,0 +1,56 @@
+"""What starting costs: help, validation, a warm run and the first run ever, beside the imports they cannot avoid.
+
+Every figure is the median of whole processes, run in turn; ratios are to ``python -c "import numpy, scipy.linalg,
+numba, h5py, yaml, click"`` in the same round.
+
+    python scripts/bench/startup.py --repeat 5
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+CASE = Path(__file__).resolve().parents[2] / "cases" / "paper" / "table1_2d2n.yaml"
+IMPORTS = [sys.executable, "-c", "import numpy, scipy.linalg, numba, h5py, yaml, click"]
+ANCF2D = [sys.executable, "-m", "ancf2d"]
+
+
+def seconds(command: list[str], folder: str, cache: str | None = None) -> float:
+    """Return the wall time of a command [s]; ``cache`` is a folder for compiled kernels."""
+    environment = dict(os.environ, **({"XDG_CACHE_HOME": cache} if cache else {}))
+    start = time.perf_counter()
+    subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=5)
+    repeat = parser.parse_args().repeat
+    commands = {"the imports alone": IMPORTS, "--help": [*ANCF2D, "--help"],
+                "validate": [*ANCF2D, "validate", str(CASE)], "run": [*ANCF2D, "run", str(CASE), "-q"]}
+    found: dict[str, list[float]] = {name: [] for name in [*commands, "first run ever"]}
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(commands["run"], cwd=folder, check=True, capture_output=True)
+        for k in range(repeat):
+            for name, command in commands.items():
+                found[name].append(seconds(command, folder))
+            if k < 3:
+                with tempfile.TemporaryDirectory() as cache:
+                    found["first run ever"].append(seconds(commands["run"], folder, cache))
+    base = statistics.median(found["the imports alone"])
+    for name, times in found.items():
+        middle = statistics.median(times)
+        print(f"{name:20s} {middle:7.3f} s   {middle / base:6.2f} of the imports alone")
+
+
+if __name__ == "__main__":
+    main()
