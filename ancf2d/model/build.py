@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, GroundPoint, LinearStatic, LoadedCase, Point, Static
+from ..case import Buckling, Case, Eigen, GroundPoint, LinearStatic, LoadedCase, Point, Static
 from ..elements.shape import Array
 from ..errors import CaseError, Problem
 from .constraints import Equations
@@ -38,9 +38,16 @@ def one(t: float) -> float:
 
 def timing_of(case: Case) -> Timing:
     """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
-    if isinstance(case.solver, Static) and case.solver.method != "newton":
+    if isinstance(case.solver, Buckling) or (isinstance(case.solver, Static) and case.solver.method != "newton"):
         return PathTiming()
-    return Timing(ramp if isinstance(case.solver, LinearStatic | Static) else one)
+    return Timing(ramp if isinstance(case.solver, LinearStatic | Static | Eigen) else one)
+
+
+def must_be_held(case: Case) -> bool:
+    """Return whether the solver looks for an equilibrium, so that nothing may move freely."""
+    if isinstance(case.solver, Eigen):
+        return case.solver.about == "static"
+    return isinstance(case.solver, LinearStatic | Static | Buckling)
 
 
 def support_names(case: Case) -> list[str]:
@@ -162,7 +169,7 @@ class _Builder:
             self.warnings.append("held twice: " + ", ".join(owners) + "; the reactions are shared with least norm")
 
     def check_mechanism(self) -> None:
-        if not isinstance(self.case.solver, LinearStatic | Static):
+        if not must_be_held(self.case):
             return
         motions = free_motions(list(self.meshes.values()), self.equations.rows, self.equations.constraints,
                                self.springs, self.e0)

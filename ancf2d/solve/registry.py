@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, LinearStatic, LoadedCase, LoadFactor, Static
+from ..case import Buckling, Case, Distributed, Eigen, FollowerForce, LinearStatic, LoadedCase, LoadFactor, Static
 from ..errors import Problem
 from ..model.model import Model
 from .state import State
@@ -31,7 +31,35 @@ def _static(model: Model, spec: Static) -> Iterator[State]:
     return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end)
 
 
-SOLVERS: dict[type, Callable[[Model, Any], Iterator[State]]] = {LinearStatic: _linear, Static: _static}
+def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
+    from .eigen import solve_eigen
+
+    return solve_eigen(model, spec)
+
+
+def _buckling(model: Model, spec: Buckling) -> Iterator[State]:
+    from .buckling import solve_buckling
+
+    return solve_buckling(model, spec)
+
+
+SOLVERS: dict[type, Callable[[Model, Any], Iterator[State]]] = {
+    LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling,
+}
+
+
+def _without_potential(loaded: LoadedCase) -> list[Problem]:
+    """Return the loads that turn with the body where only a symmetric tangent has real frequencies and factors."""
+    case = loaded.case
+    acts = isinstance(case.solver, Buckling) or (isinstance(case.solver, Eigen) and case.solver.about == "static")
+    if not acts:
+        return []
+    what = "buckling" if isinstance(case.solver, Buckling) else "eigen about the static state"
+    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, {what} would "
+                                  "need an unsymmetric eigenvalue problem (flutter), which is not solved",
+                                  expected="loads of fixed direction, or eigen about the reference")
+            for i, load in enumerate(case.loads)
+            if isinstance(load, FollowerForce) or (isinstance(load, Distributed) and load.follower)]
 
 
 def unavailable(loaded: LoadedCase) -> list[Problem]:
@@ -39,8 +67,8 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     case: Case = loaded.case
     if type(case.solver) not in SOLVERS:
         return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
-                                      expected="linear_static or static")]
-    problems = []
+                                      expected="linear_static, static, eigen or buckling")]
+    problems = _without_potential(loaded)
     if case.accuracy is not None:
         problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
                                               expected="no accuracy ('ancf2d convergence' estimates the error)"))

@@ -213,6 +213,12 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
         return summary["probes"].get(goal.probe, {}).get(goal.quantity)
     if goal.reaction is not None:
         return summary.get("reactions", {}).get(goal.reaction, {}).get(goal.quantity)
+    if goal.kind is not None:
+        return next((f["omega"] for f in summary.get("frequencies", ())
+                     if (f["kind"], f["number"]) == (goal.kind, goal.number)), None)
+    if goal.load_factor is not None:
+        factors = summary.get("load_factors", [])[goal.load_factor - 1:goal.load_factor]
+        return factors[0] if factors else None
     if goal.quantity == "strain_energy":
         return summary.get("energy", {}).get("strain")
     return None
@@ -221,7 +227,8 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
 def describe_goal(goal: Any) -> str:
     """Return 'mid uy' for a goal."""
     limit = None if goal.limit_point is None else f"limit point {goal.limit_point}"
-    parts = (limit, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
+    factor = None if goal.load_factor is None else f"load factor {goal.load_factor}"
+    parts = (limit, factor, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
     return " ".join(str(p) for p in parts if p is not None)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..case import LinearStatic
+from ..case import Buckling, Eigen, LinearStatic
 from ..model.model import Model
 
 # reading kernels from the cache takes less than this; more means that some are being compiled
@@ -43,6 +43,12 @@ def _touch(model: Model) -> None:
     if model.patches or model.constraints:
         scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
     d = np.zeros(len(num.place))
+    if isinstance(model.case.solver, Eigen | Buckling):
+        from ..kernels.mass import band_product, scatter_classes, strain_action
+
+        no_index = np.zeros(0, dtype=np.int64)
+        scatter_classes(matrix.target, np.zeros((1, 1, 1)), no_index, np.zeros((0, 1), dtype=np.int64), *tables)
+        band_product(np.zeros((1, 1)), np.zeros(1), np.zeros(1))
     for group in model.groups:
         none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
         force_tangent(none, d, d, matrix.target, *tables)
@@ -51,6 +57,8 @@ def _touch(model: Model) -> None:
             force(none, d, d)
         if model.moves or linear:
             tangent_action(none, d, d, d)
+        if isinstance(model.case.solver, Eigen | Buckling):
+            strain_action(none, d, d, d)
         if asks_for_forces(model.case):
             n = none.law.B.shape[3]
             element_matrices(none, d, 0, np.zeros((0, n)), np.zeros((0, n, n)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Integer, Known, Name, Number
+from ..kinds import Choice, Flag, Integer, Known, Name, Number
 from ..records import ByKeys
 
 MOTIONS = ("x", "y", "ux", "uy", "theta")
@@ -82,6 +82,8 @@ class Eigen:
     modes: int = key(Integer(), "Number of modes, the lowest ones", default=10)
     about: str = key(Choice("reference", "static"), "State that vibrates: the reference, or the "
                      "static equilibrium under the loads", default="reference")
+    verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: what has no counterpart there is spurious",
+                       default=False)
 
 
 @record

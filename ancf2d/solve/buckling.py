@@ -1,0 +1,170 @@
+"""Linear buckling: load factors at which the tangent, extrapolated along the linear response, becomes singular."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..case import Buckling
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.model import Model
+from ..model.timing import PathTiming
+from .eigen import full_shapes
+from .pencil import Pencil, each, ritz
+from .state import State
+from .static import solve_static
+from .system import System
+
+# half the difference in the load factor that rates are formed with
+SMALL = 1e-4
+# rotation or strain of the states between which the tangent is differentiated
+STEP = 1e-3
+# unknowns up to which an unsymmetric problem is solved at once
+DENSE = 1000
+# imaginary part, relative, that counts as none
+REAL = 1e-6
+EXTRA = 3
+LANCZOS = 1e-10
+
+
+def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
+    """Yield the linear response to the full load with the load factors at which it buckles, and their shapes.
+
+    (K + mu dK/dt) phi = 0, dK/dt the derivative of the tangent along the linear response to the loads that the factor
+    scales. Loads with an amplitude of their own are constant: they have moved and stressed the model before.
+    """
+    base, warnings, iterations = _begin(model)
+    pencil = Pencil(model, base, 0.0, loads=True)
+    pivots = pencil.system.factor({"solver": "buckling"})
+    unstable = pencil.negative(pivots)
+    u = _response(pencil)
+    pencil.B = -tangent_rate(model, base, u, pencil)
+    # the differences have used the factors' place
+    pencil.factor(0.0)
+    if pencil.multipliers or unstable != 0:
+        factors, V = _general(pencil, spec.modes)
+    else:
+        factors, V = _positive(pencil, spec.modes)
+    if unstable:
+        warnings.append("the state without the scaled loads is unstable already")
+    if len(factors) < spec.modes:
+        warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
+                        + ("" if len(factors) else ": these loads do not buckle the model in this direction"))
+    yield _state(pencil, base, u, factors, V, warnings, iterations)
+
+
+def _begin(model: Model) -> tuple[Array, list[str], int]:
+    """Return the state under what is constant, warnings on the way, and the iterations it took."""
+    timing = model.timing
+    if not isinstance(timing, PathTiming) or not timing.constant:
+        return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), [], 0
+    with timing.preload():
+        states = list(solve_static(model))
+    return states[-1].d, [w for s in states for w in s.warnings], sum(int(s.history["iterations"]) for s in states)
+
+
+def _response(pencil: Pencil) -> Array:
+    """Return dd/dt (n_full,) at factor 0: the linear response to the loads that the factor scales."""
+    model, num = pencil.model, pencil.model.numbering
+    z = pencil.d[num.free]
+    moved = (model.displacements(z, SMALL) - model.displacements(z, -SMALL)) / (2 * SMALL)
+    high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
+    R = (high.R - low.R) / (2 * SMALL)
+    u = moved
+    for _ in range(4):
+        change = -pencil.solve(R + num.reduce(pencil.full_stiffness(u)))
+        new = moved.copy()
+        num.expand(u[num.free] + change, new)
+        if model.moves:
+            # dependents follow the motion as well as the unknowns
+            new += moved - _expanded(model, moved[num.free])
+        u = new
+        if pencil.system.norm(change) <= 1e-14 * pencil.system.norm(u[num.free]):
+            break
+    if not np.isfinite(u).all():
+        raise ComputationError("the linear response is not finite", at={"solver": "buckling"})
+    if not u.any():
+        raise ComputationError("no load grows with the load factor", at={"solver": "buckling"},
+                               advice="a load without an amplitude (an amplitude makes it constant)")
+    return u
+
+
+def _expanded(model: Model, z: Array) -> Array:
+    out = np.zeros(len(model.numbering.place))
+    model.numbering.expand(z, out)
+    return out
+
+
+def tangent_rate(model: Model, d: Array, u: Array, pencil: Pencil) -> Array:
+    """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
+
+    Their distance is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
+    """
+    size = pencil.system.norm(u[model.numbering.free]) / model.extent
+    gradients = np.concatenate([mesh.kinds >= 2 for mesh in model.meshes.values()])
+    size = max(size, float(np.abs(u[:model.n_q][gradients]).max(initial=0.0)))
+    h = STEP / size
+    system = System(model)
+    out = np.zeros_like(pencil.K)
+    for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+        system.assemble(d + k * h * u, k * h)
+        out += weight / (12 * h) * system.matrix.target.values
+    return out
+
+
+def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
+    """Return the lowest positive factors of a positive K: the largest theta = 1/mu of B phi = theta K phi."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    n = pencil.n
+    k = min(m + EXTRA, n - 1)
+    if n <= max(60, 3 * k):
+        return _general(pencil, m)
+    B, K, inverse = (LinearOperator((n, n), matvec=f, dtype=float)
+                     for f in (pencil.other, pencil.formed, lambda b: pencil.solve(np.ascontiguousarray(b).ravel())))
+    start = pencil.solve(np.random.default_rng(0).standard_normal(n))
+    theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS)
+    V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
+    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), k)
+    return _factors(-values, Y @ V, m)
+
+
+def _general(pencil: Pencil, m: int) -> tuple[Array, Array]:
+    """Return the lowest positive factors of an indefinite K (multipliers, unstable states)."""
+    n = pencil.n
+    if n <= DENSE:
+        C = each(lambda x: pencil.solve(pencil.other(x)), np.eye(n)).T
+        theta, vectors = np.linalg.eig(C)
+    else:
+        from scipy.sparse.linalg import LinearOperator, eigs
+
+        C = LinearOperator((n, n), matvec=lambda x: pencil.solve(pencil.other(np.ascontiguousarray(x).ravel())),
+                           dtype=float)
+        theta, vectors = eigs(C, m + EXTRA, which="LR", v0=np.random.default_rng(0).standard_normal(n), tol=LANCZOS)
+    real = np.abs(theta.imag) <= REAL * np.abs(theta)
+    order = np.argsort(-theta[real].real)
+    V = np.ascontiguousarray(vectors.real.T[real][order])
+    return _factors(theta[real].real[order], V, m)
+
+
+def _factors(theta: Array, V: Array, m: int) -> tuple[Array, Array]:
+    """Return 1/theta of the m largest theta that are positive beyond round-off, and their vectors."""
+    good = theta > 1e-12 * np.abs(theta).max(initial=0.0)
+    return 1.0 / theta[good][:m], V[good][:m]
+
+
+def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warnings: list[str], iterations: int
+           ) -> State:
+    model = pencil.model
+    d = base + u
+    elastic = pencil.full_stiffness(u)
+    Q = pencil.balance.Q + elastic
+    F = model.external(1.0)
+    shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
+    history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
+    return State(1.0, d, Q, F, pencil.balance.energy + 0.5 * float(elastic @ u), linear=True, history=history,
+                 warnings=warnings, report={"load_factors": [float(f) for f in factors]},
+                 arrays={"modes/shapes": (shapes, "1", "buckling shapes: rows of nodal coordinates")},
+                 tables={"modes": {"load_factor": [float(f) for f in factors]}})

@@ -1,0 +1,126 @@
+"""What a mode is: its kind, from the kinetic energy shares of what the cross-sections do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..elements.definition import derivative_order
+from ..elements.shape import Array
+from ..model.mechanism import rigid_motion
+from ..model.mesh import BodyMesh
+from ..model.model import Model
+from ..model.points import dot
+from ..model.rotation import Rotation
+from .sections import MOTIONS, ClassMotions, Energies, class_motions, element_velocities, energies
+
+KINDS = {"axial": "axial", "transverse": "bending", "rotation": "shear", "stretch": "thickness"}
+# the largest share below which a mode has no single kind
+MIXED = 0.6
+# share of the kinetic energy in gaps between neighbours beyond which a mode is the mesh's, not the beam's
+GAPS = 0.1
+# functions per wave length below which a wave is beyond what a mesh can show (2 is the most rapid change of sign)
+RESOLVED = 3.0
+# kinetic energy that a rigid motion may leave unexplained
+RIGID = 1e-6
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Kind of a mode; shares of its kinetic energy by section motion, what is left being ``higher``; share in gaps.
+
+    ``functions``: shape functions per wave length of the dominant motion.
+    """
+
+    kind: str
+    shares: dict[str, float]
+    gaps: float
+    functions: float
+
+
+def functions_per_element(mesh: BodyMesh) -> Array:
+    """Return how many independent functions of x each section motion has per element (4,)."""
+    names = [name for node in mesh.plan.element.nodes[:-1] for name in node.coordinates]
+    orders = [derivative_order(name)[1] for name in names if name != "theta"]
+    on_axis = sum(j == 0 for j in orders)
+    across = sum(name == "theta" for name in names) or sum(j == 1 for j in orders) or on_axis
+    return np.array([on_axis, on_axis, across, across])
+
+
+class Classifier:
+    """Names the modes of one model; ``d`` is the state that vibrates."""
+
+    def __init__(self, model: Model, d: Array) -> None:
+        self.model, self.d = model, d
+        self.classes: dict[str, list[ClassMotions]] = {
+            name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()}
+
+    def __call__(self, v: Array, zero: bool) -> Verdict:
+        """Classify the velocity field v (n_q,); ``zero`` tells that it has no strain energy beyond round-off."""
+        parts = {name: energies(mesh, self.classes[name], v) for name, mesh in self.model.meshes.items()}
+        extra = self._point_masses(v)
+        motions = sum((e.motions for e in parts.values()), extra)
+        total = sum(e.total for e in parts.values()) + float(extra.sum())
+        shares = dict(zip(MOTIONS, (float(m) for m in motions / total), strict=True))
+        shares = {k: shares[k] for k in ("transverse", "axial", "rotation", "stretch")}
+        shares["higher"] = max(0.0, 1.0 - sum(shares.values()))
+        gaps = sum(e.gaps for e in parts.values()) / total
+        functions = self._resolution(parts)
+        return Verdict(self._kind(shares, gaps, functions, zero, v), shares, gaps, functions)
+
+    def _kind(self, shares: dict[str, float], gaps: float, functions: float, zero: bool, v: Array) -> str:
+        if zero:
+            # what deforms without resistance is no motion of a beam
+            return "rigid" if self.is_rigid(v) else "spurious"
+        if gaps > GAPS or functions < RESOLVED:
+            return "spurious"
+        largest = max(shares, key=lambda k: shares[k])
+        return KINDS[largest] if largest in KINDS and shares[largest] >= MIXED else "mixed"
+
+    def _resolution(self, parts: dict[str, Energies]) -> float:
+        """Return the functions per wave length, of the dominant motion of the body that moves most."""
+        name = max(parts, key=lambda k: parts[k].total)
+        e, mesh = parts[name], self.model.meshes[name]
+        k = int(np.argmax(e.motions))
+        if e.gradient[k] <= 0:
+            return np.inf
+        wave = 2 * np.pi * np.sqrt(e.motions[k] / e.gradient[k])
+        return float(wave * functions_per_element(mesh)[k] * mesh.plan.count / mesh.plan.length)
+
+    def _point_masses(self, v: Array) -> Array:
+        """Return twice the kinetic energy of the point masses by section motion (4,)."""
+        out = np.zeros(4)
+        for item in self.model.case.masses:
+            point = self.model.point(item.at)
+            x, y = (dot(c, v) for c in point.position())
+            c, s = np.cos(point.angle), np.sin(point.angle)
+            out[0] += item.mass * (c * x + s * y) ** 2
+            out[1] += item.mass * (c * y - s * x) ** 2
+            if item.inertia:
+                rotation = Rotation(point)
+                out[2] += item.inertia * float(rotation.gradient(self.model.e0 + self.d[:self.model.n_q])
+                                               @ v[rotation.dofs]) ** 2
+        return out
+
+    def is_rigid(self, v: Array) -> bool:
+        """Whether every body moves as one piece: the kinetic energy that its three rigid motions leave is nothing."""
+        left = total = 0.0
+        for name, mesh in self.model.meshes.items():
+            coords = mesh.first_dof + np.arange(mesh.n_dofs)
+            e = self.model.e0 + self.d[:self.model.n_q]
+            fields = np.zeros((4, self.model.n_q))
+            fields[:3, coords] = rigid_motion(mesh, coords, e, np.asarray(mesh.plan.position(0.5)[0])).T
+            fields[3] = v
+            G = self._products(name, mesh, fields)
+            left += max(0.0, G[3, 3] - G[:3, 3] @ np.linalg.solve(G[:3, :3], G[:3, 3]))
+            total += G[3, 3]
+        return left <= RIGID * total
+
+    def _products(self, name: str, mesh: BodyMesh, fields: Array) -> Array:
+        local = [element_velocities(mesh, f) for f in fields]
+        G = np.zeros((len(fields), len(fields)))
+        for k, c in enumerate(self.classes[name]):
+            here = np.array([x[mesh.cls == k] for x in local])
+            G += np.einsum("iea,jea->ij", here @ c.mass, here, optimize=True)
+        return G
