@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +18,8 @@ from .state import State
 
 # displacements of a limit point are located to this share of the largest
 LIMIT_DIGITS = 1e-9
+# points as close as this determine what lies between by the cubic through them, to the fourth power
+NARROW = 1e-4
 MOST_TRIALS = 40
 SAMPLES = np.linspace(0.0, 1.0, 33)
 
@@ -132,20 +135,25 @@ def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[f
     """Return the limit point between two points whose dt/ds differ in sign, by regula falsi (Illinois) along the path.
 
     ``settled(s, guess)`` returns the path's point at s. The load is then known to 1e-2 of the tolerance, as its error
-    is of second order.
+    is of second order. Where the tangent stiffness is singular to round-off the point is interpolated.
     """
     low, high, f_low, f_high = a, b, a.rate, b.rate
     iterations = 0
     for _ in range(MOST_TRIALS):
         s = low.s + (high.s - low.s) * f_low / (f_low - f_high)
-        point = _near(curve, low, high, s, settled)
+        try:
+            point = settled(s, between(curve.model, low, high, s))
+        except ComputationError:
+            if _spread(curve, low, high.s - low.s) <= NARROW:
+                return _interpolated(curve, low, high, iterations)
+            low, high = _closer(curve, low, high, s, settled)
+            f_low, f_high = low.rate, high.rate
+            continue
         iterations += point.iterations
         off = abs(point.rate * (high.s - low.s) / (high.rate - low.rate))
-        size = curve.system.norm(point.d[curve.model.numbering.free])
-        close = off * curve.system.norm(point.z) <= LIMIT_DIGITS * size
-        if close and 0.5 * off * abs(point.rate) <= 1e-2 * curve.tolerance * max(abs(a.t), abs(b.t)):
-            point.iterations = iterations
-            return point
+        close = 0.5 * off * abs(point.rate) <= 1e-2 * curve.tolerance * max(abs(a.t), abs(b.t))
+        if close and _spread(curve, point, off) <= LIMIT_DIGITS:
+            return replace(point, iterations=iterations)
         if point.rate * low.rate > 0:
             low, f_low, f_high = point, point.rate, f_high if high is b else 0.5 * f_high
         else:
@@ -153,14 +161,29 @@ def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[f
     raise ComputationError("a limit point was passed but could not be located", at={"factor": float(f"{b.t:.6g}")})
 
 
-def _near(curve: Curve, low: PathPoint, high: PathPoint, s: float,
-          settled: Callable[[float, Any], PathPoint]) -> PathPoint:
-    """Return the path's point at s, or very near it where the tangent stiffness happens to be singular there."""
-    try:
-        return settled(s, between(curve.model, low, high, s))
-    except ComputationError:
-        s += 1e-6 * (high.s - s)
-        return settled(s, between(curve.model, low, high, s))
+def _spread(curve: Curve, point: PathPoint, h: float) -> float:
+    """Return how far a step of h moves, beside the displacements."""
+    return h * curve.system.norm(point.z) / curve.system.norm(point.d[curve.model.numbering.free])
+
+
+def _closer(curve: Curve, low: PathPoint, high: PathPoint, s: float,
+            settled: Callable[[float, Any], PathPoint]) -> tuple[PathPoint, PathPoint]:
+    """Return points on both sides of s, ten times closer than low and high."""
+    ends = [low, high]
+    for side in (low, high):
+        near = s + 0.1 * (side.s - s)
+        point = settled(near, between(curve.model, low, high, near))
+        ends[point.rate * low.rate < 0] = point
+    return ends[0], ends[1]
+
+
+def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int) -> PathPoint:
+    """Return the point where dt/ds = 0 between two very close ones."""
+    x = low.rate / (low.rate - high.rate)
+    s = low.s + x * (high.s - low.s)
+    d, t = between(curve.model, low, high, s)
+    return PathPoint(d, t, s, (1 - x) * low.z + x * high.z, 0.0, high.negative, curve.system.forces(d, t), iterations,
+                     high.increment, high.uncertainty)
 
 
 def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,

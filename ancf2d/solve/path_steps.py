@@ -17,6 +17,8 @@ from .static import STEPS
 LARGEST_MOVE = 0.1
 # nor in the first step of a path that does not end at a load factor than this
 FIRST_MOVE = 0.01
+# and where the tangent is not symmetric than this, as its determinant hides critical points that come in pairs
+FIRST_BLIND_MOVE = 1e-6
 # what is left of a way by round-off
 END = 1e-12
 
@@ -85,7 +87,10 @@ class ArcSteps:
     def first(self) -> float:
         """Return a share of the way to a load factor, or a small move."""
         largest = self.largest(self.start)
-        return largest if isinstance(self.goal, FactorGoal) else min(largest, self._moving(self.start, FIRST_MOVE))
+        if isinstance(self.goal, FactorGoal):
+            return largest
+        share = FIRST_MOVE if self.curve.model.symmetric else FIRST_BLIND_MOVE
+        return min(largest, self._moving(self.start, share))
 
     def _moving(self, a: PathPoint, share: float) -> float:
         return share * self.curve.model.extent / self.curve.system.norm(a.z)

@@ -12,6 +12,7 @@ from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.results import open_results
 from ancf2d.solve.continuation import Curve, PathPoint, ProbeValue
+from ancf2d.solve.path import Follower
 from ancf2d.solve.path_events import hides_limit_points
 from ancf2d.solve.registry import solve
 from ancf2d.solve.system import System
@@ -87,6 +88,43 @@ def test_the_size_of_the_load_that_is_scaled_does_not_matter(size):
     loads = [{"type": "force", "at": "bar@1", "value": [0, -size]}]
     points = truss(path({"limit_points": 2}), loads=loads).state.report["limit_points"]
     np.testing.assert_allclose([p["factor"] * size for p in points], [truss_load(HIGH), truss_load(-HIGH)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("blind", [1e-5, 1e-7])
+def test_limit_points_are_located_where_the_tangent_is_singular_to_round_off(monkeypatch, blind):
+    """No trial succeeds within ``blind`` of dt/ds = 0."""
+    advance = Follower._advance
+
+    def failing(self, a, h, guess=None):
+        point = advance(self, a, h, guess)
+        if abs(point.rate) * math.sqrt(self.curve.metric.load) < blind:
+            raise ComputationError("singular")
+        return point
+
+    monkeypatch.setattr(Follower, "_advance", failing)
+    points = truss(path({"limit_points": 2})).state.report["limit_points"]
+    np.testing.assert_allclose([p["factor"] for p in points], [truss_load(HIGH), truss_load(-HIGH)], rtol=1e-9)
+    np.testing.assert_allclose([p["probes"]["top"]["y"] for p in points], [HIGH, -HIGH], rtol=1e-7)
+
+
+def test_limit_points_under_a_follower_load_are_where_the_load_is_stationary():
+    """Lee's frame under a load that turns with the beam: the tangent is not symmetric, its determinant changes sign."""
+    corners = {"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]}
+    scene = {"bc": [{"type": "pin", "at": "f@0"}, {"type": "pin", "at": "f@1"}], "output": {"probes": {"p": "f@0.6"}},
+             "loads": [{"type": "follower_force", "at": "f@0.6", "value": [0, -1]}]}
+    found = []
+    for name in ("cable", "reissner3"):
+        frame = helpers.body(corners, helpers.element(name, 40), {"EA": 4.32e7, "kGA": 4.32e7, "EI": 1.44e7})
+        out = helpers.solved({"f": frame}, path({"limit_points": 2}), **scene)
+        points = out.state.report["limit_points"]
+        assert out.state.report["bifurcations"] == []
+        t = np.array([s.t for s in out.states])
+        k = int(np.argmax(t))
+        assert t[k] == points[0]["factor"]
+        assert (np.diff(t)[:k] > 0).all()
+        assert (np.diff(t)[k:] < 0).all()
+        found.append([points[0]["factor"], points[1]["factor"]])
+    np.testing.assert_allclose(found[0], found[1], rtol=5e-3)
 
 
 # ------------------------------------------------------------------ ends that are met exactly
@@ -260,11 +298,12 @@ def test_limit_points_are_in_summary_checks_and_result_file(tmp_path):
 
 # ------------------------------------------------------------------ bifurcations
 
-def column(lateral, solver, count=16):
+def column(lateral, solver, count=16, kind="force"):
     beam = {"column": helpers.body(helpers.line(1.0, math.pi / 2), helpers.element("reissner3", count),
                                    {"EA": 1e6, "kGA": 1e6, "EI": 1.0})}
+    sideways = [lateral, 0] if kind == "force" else [0, -lateral]
     loads = [{"type": "force", "at": "column@1", "value": [0, -1]},
-             {"type": "force", "at": "column@1", "value": [lateral, 0], "amplitude": {"type": "constant"}}]
+             {"type": kind, "at": "column@1", "value": sideways, "amplitude": {"type": "constant"}}]
     return helpers.solved(beam, solver, bc=[{"type": "clamp", "at": "column@0"}], loads=loads,
                           output={"probes": {"top": "column@1"}})
 
@@ -281,10 +320,11 @@ def test_bifurcation_of_a_perfect_column_is_reported_and_the_straight_path_kept(
     np.testing.assert_allclose(out.u("column@1"), [0, -30e-6], atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["force", "follower_force"])
 @pytest.mark.parametrize("lateral", [1e-2, 1e-5, 1e-8])
-def test_the_least_imperfection_leads_onto_the_bent_branch_whatever_the_first_step(lateral):
+def test_the_least_imperfection_leads_onto_the_bent_branch_whatever_the_first_step(lateral, kind):
     """The first step would lie far beyond the buckling load, where Newton finds the straight state of no use."""
-    out = column(lateral, path(reaches("top", "theta", -math.pi / 2)))
+    out = column(lateral, path(reaches("top", "theta", -math.pi / 2)), kind=kind)
     k = math.sin(math.pi / 4)
     from scipy.special import ellipk
 
