@@ -164,7 +164,7 @@ def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warn
     F = model.external(1.0)
     shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
     history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
-    return State(1.0, d, Q, F, pencil.balance.energy + 0.5 * float(elastic @ u), linear=True, history=history,
+    return State(1.0, d, Q, F, pencil.balance.energy + 0.5 * float(elastic @ u), linear=True, last=True, history=history,
                  warnings=warnings, report={"load_factors": [float(f) for f in factors]},
                  arrays={"modes/shapes": (shapes, "1", "buckling shapes: rows of nodal coordinates")},
                  tables={"modes": {"load_factor": [float(f) for f in factors]}})

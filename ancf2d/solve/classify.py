@@ -75,6 +75,11 @@ class Classifier:
             return "rigid" if self.is_rigid(v) else "spurious"
         if gaps > GAPS or functions < RESOLVED:
             return "spurious"
+        return self.shape_kind(shares)
+
+    @staticmethod
+    def shape_kind(shares: dict[str, float]) -> str:
+        """Return the kind that the shares alone say."""
         largest = max(shares, key=lambda k: shares[k])
         return KINDS[largest] if largest in KINDS and shares[largest] >= MIXED else "mixed"
 

@@ -56,7 +56,7 @@ def rest(model: Model) -> Base:
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     zero = np.zeros(len(d))
     history = {"step": 0, "factor": 0.0, "iterations": 0}
-    return Base(model, State(0.0, d, zero, zero, 0.0, history=history))
+    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history))
 
 
 def _equilibrium(model: Model) -> Base:
@@ -88,17 +88,24 @@ def frequencies(modes: Modes, verdicts: list[Verdict]) -> list[dict[str, Any]]:
 
     omega is 0 where the eigenvalue cannot be told from zero, and for unstable modes, which have a growth rate [1/s].
     """
-    numbers: Counter[str] = Counter()
     out = []
     for value, verdict in zip(modes.values, verdicts, strict=True):
-        numbers[verdict.kind] += 1
         omega = math.sqrt(value) if value > modes.floor else 0.0
         entry: dict[str, Any] = {"omega": omega, "hz": omega / (2 * math.pi), "kind": verdict.kind,
-                                 "number": numbers[verdict.kind], "shares": verdict.shares, "gaps": verdict.gaps}
+                                 "number": 0, "shares": verdict.shares, "gaps": verdict.gaps}
         if value < -modes.floor:
             entry["growth"] = math.sqrt(-value)
         out.append(entry)
+    renumber(out)
     return out
+
+
+def renumber(entries: list[dict[str, Any]]) -> None:
+    """Number the modes within their kinds, from the lowest on."""
+    numbers: Counter[str] = Counter()
+    for entry in entries:
+        numbers[entry["kind"]] += 1
+        entry["number"] = numbers[entry["kind"]]
 
 
 def table(entries: list[dict[str, Any]], verdicts: list[Verdict]) -> dict[str, list[Any]]:

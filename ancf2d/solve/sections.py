@@ -11,7 +11,6 @@ from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, mass_matrix
-from ..model.model import Model
 
 # the motions of a straight section, in the order of all arrays here
 MOTIONS = ("axial", "transverse", "rotation", "stretch")
@@ -25,6 +24,7 @@ class ClassMotions:
     ``rows`` (4, nx, n_dof): mean velocity along the reference tangent, along its normal, angular velocity, rate of
     stretch, of a velocity in the element's frame; ``inertia`` (4, nx): mass or moment of inertia that goes with each,
     quadrature weight included, so that the kinetic energy of the section motions is sum inertia (rows v)^2/2;
+    ``field`` (nx, ny, n_shape): shape functions over the sections, ``dm`` (nx, ny): the mass that goes with them.
     ``mass`` (n_dof, n_dof) of everything. ``ends`` (2, ny, n_shape): shape functions over the first and the last
     section, ``end_weight`` (ny,): their mass per length; ``conforming``: neighbours share these sections.
     """
@@ -32,6 +32,8 @@ class ClassMotions:
     xi: Array
     rows: Array
     inertia: Array
+    field: Array
+    dm: Array
     mass: Array
     ends: Array
     end_weight: Array
@@ -80,7 +82,8 @@ def class_motions(sampler: Sampler) -> ClassMotions:
         inertia[2] = section.rhoI / section.rhoA * m
         rows[2, :, 2::nc] = mean
     ends = np.array([sampler.shape(np.full(len(y), s), 2 * y - 1) for s in (0.0, 1.0)])
-    return ClassMotions(x, rows, inertia, mass_matrix(sampler), ends, section.rhoA * wy, _conforms(ends, element))
+    return ClassMotions(x, rows, inertia, S, dm, mass_matrix(sampler), ends, section.rhoA * wy,
+                        _conforms(ends, element))
 
 
 def _conforms(ends: Array, element: ElementType) -> bool:
@@ -101,6 +104,15 @@ def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) 
     nc = mesh.plan.element.components
     x, y = out[:, 0::nc].copy(), out[:, 1::nc].copy()
     out[:, 0::nc], out[:, 1::nc] = c * x + s * y, c * y - s * x
+    return out
+
+
+def section_motions(mesh: BodyMesh, classes: list[ClassMotions], v: Array, elements: slice = slice(None)) -> Array:
+    """Return the section motions (4, ne, nx) of a velocity (n_q,) at the stations of the elements."""
+    local, cls = element_velocities(mesh, v, elements), mesh.cls[elements]
+    out = np.empty((4, len(local), classes[0].rows.shape[1]))
+    for k, c in enumerate(classes):
+        out[:, cls == k] = np.einsum("pxa,ea->pex", c.rows, local[cls == k])
     return out
 
 
@@ -154,11 +166,11 @@ def energies(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> Energies:
 def differentiation(x: Array) -> Array:
     """Return the matrix (n, n) that differentiates the polynomial through values at x (n,)."""
     powers = np.arange(len(x))
-    V = x[:, None] ** powers
     D = np.where(powers > 0, powers * x[:, None] ** np.maximum(powers - 1, 0), 0.0)
-    return D @ np.linalg.inv(V)
+    return D @ np.linalg.inv(x[:, None] ** powers)
 
 
-def all_classes(model: Model) -> dict[str, list[ClassMotions]]:
-    """Return the section motions of every element class by body."""
-    return {name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()}
+def interpolation(x: Array, at: Array) -> Array:
+    """Return the matrix (m, n) that evaluates at ``at`` (m,) the polynomial through values at x (n,)."""
+    powers = np.arange(len(x))
+    return (at[:, None] ** powers) @ np.linalg.inv(x[:, None] ** powers)

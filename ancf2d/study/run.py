@@ -144,7 +144,7 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     warm_up(model, progress.compiling)
     observer = Observer(model)
     every, end = loaded.case.output.every or 1, end_factor(loaded.case)
-    clock = _Clock(solve(model))
+    clock = _Clock(_checked(loaded, model, solve(model)))
     state, failure, probes, totals, report = None, None, {}, {"iterations": 0, "steps": 0}, {}
     try:
         for state in clock:
@@ -176,6 +176,15 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
         place = writer.finish(summary, "failed" if failure else "converged")
         summary["output"] = str(place) if place.exists() else None
     return Outcome(summary, model, failure, warnings)
+
+
+def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+    """Return the states, their modes checked on a finer mesh where the case asks for that."""
+    if not getattr(loaded.case.solver, "verify", False):
+        return states
+    from .verify import verified
+
+    return verified(loaded, model, states)
 
 
 def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dict[str, dict[str, float]],

@@ -1,0 +1,101 @@
+"""Modes checked on a mesh twice as fine: what has no counterpart there belongs to the mesh, not to the beam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..case import LoadedCase
+from ..elements.shape import Array
+from ..model.build import build_model
+from ..model.model import Model
+from ..model.points import dot
+from ..solve.classify import GAPS, Classifier
+from ..solve.eigen import renumber, solve_eigen
+from ..solve.sections import class_motions, interpolation
+from ..solve.state import State
+
+# a counterpart's frequency lies within this share of the mode's own ...
+NEAR = 0.15
+# ... and such modes hold at least this share of its kinetic energy
+ALIKE = 0.8
+# modes of the finer mesh that are looked at, beyond twice those of the first
+MORE = 20
+
+
+def refined(loaded: LoadedCase) -> LoadedCase:
+    """Return the case with twice as many elements in every body."""
+    bodies = {name: body if body.element.count is None else
+              replace(body, element=replace(body.element, count=2 * body.element.count))
+              for name, body in loaded.case.bodies.items()}
+    return replace(loaded, case=replace(loaded.case, bodies=bodies))
+
+
+class Fields:
+    """Modes of a model as vectors whose scalar products are those of kinetic energy: its velocity at many points.
+
+    The points are the stations of a ``fine`` model of the same bodies and element types.
+    """
+
+    def __init__(self, model: Model, fine: Model) -> None:
+        self.model, self.fine = model, fine
+        self.classes, self.finer = (
+            {name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in m.meshes.items()}
+            for m in (model, fine))
+        self.within = {name: self._places(name) for name in fine.meshes}
+
+    def _places(self, name: str) -> list[tuple[Array, int, Array]]:
+        """Return (fine elements, class, table) that lie alike in the model's elements, and in which element each."""
+        coarse, fine = self.model.meshes[name], self.fine.meshes[name]
+        x, found, first = self.finer[name][0].xi, {}, fine.piece_first
+        for ie in range(fine.plan.count):
+            k = int(np.searchsorted(first, ie, side="right")) - 1
+            piece = fine.plan.pieces[k]
+            ic, xi, _ = coarse.element_at((piece.s0 + (ie - first[k] + 0.5) * piece.l) / fine.plan.length)
+            c = int(coarse.cls[ic])
+            ratio = piece.l / coarse.classes[c].shape.l
+            found.setdefault((c, round(xi, 9), round(ratio, 9)), []).append((ie, ic))
+        return [(np.array(pairs), c, interpolation(self.classes[name][c].xi, xi + (x - 0.5) * ratio))
+                for (c, xi, ratio), pairs in found.items()]
+
+    def __call__(self, v: Array) -> Array:
+        """Return the vector of a mode (n_q,)."""
+        out = [np.sqrt(item.mass) * np.array([dot(c, v) for c in self.model.point(item.at).position()])
+               for item in self.model.case.masses]
+        for name, mesh in self.model.meshes.items():
+            nc, finer = mesh.plan.element.components, self.finer[name]
+            field = np.zeros((self.fine.meshes[name].plan.count, *finer[0].dm.shape, nc))
+            for pairs, c, table in self.within[name]:
+                e = v[mesh.dofs[pairs[:, 1]]].reshape(len(pairs), -1, nc)
+                u = np.einsum("ix,xyk,ekc->eiyc", table, self.classes[name][c].field, e, optimize=True)
+                fine = finer[int(self.fine.meshes[name].cls[pairs[0, 0]])]
+                u[..., :2] *= np.sqrt(fine.dm)[:, :, None]
+                u[..., 2:] *= np.sqrt(fine.inertia[2])[:, None, None]
+                field[pairs[:, 0]] = u
+            out.append(field.ravel())
+        return np.concatenate(out)
+
+
+def verified(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+    """Yield the states with each mode's ``verified`` and, by it, its kind; numbers are counted again."""
+    for state in states:
+        entries: list[dict[str, Any]] = state.report["frequencies"]
+        fine = build_model(refined(loaded))
+        found = list(solve_eigen(fine, replace(loaded.case.solver, modes=2 * len(entries) + MORE)))[-1]
+        ours, theirs = Fields(model, fine), Fields(fine, fine)
+        others = np.array([theirs(v) for v in found.arrays["modes/shapes"][0]])
+        omegas = np.array([f["omega"] for f in found.report["frequencies"]])
+        # a branch that lives in gaps is dense enough to imitate anything
+        shared = np.array([f["gaps"] <= GAPS for f in found.report["frequencies"]])
+        for entry, shape in zip(entries, state.arrays["modes/shapes"][0], strict=True):
+            near = shared & (np.abs(omegas - entry["omega"]) <= NEAR * entry["omega"])
+            entry["verified"] = bool(((others[near] @ ours(shape)) ** 2).sum() >= ALIKE)
+            if entry["kind"] != "rigid":
+                entry["kind"] = Classifier.shape_kind(entry["shares"]) if entry["verified"] else "spurious"
+        renumber(entries)
+        state.tables["modes"].update({k: [e[k] for e in entries] for k in ("kind", "number")})
+        state.tables["modes"]["verified"] = [int(e["verified"]) for e in entries]
+        yield state
