@@ -24,19 +24,25 @@ from .text import table
 @click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write what is drawn as a table of numbers.")
 @click.option("--list", "list_only", is_flag=True, help="List the kinds of figure that the file can be drawn as.")
 @click.option("--scale", type=float, help="Magnification of displacements (shape).")
-@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape).")
+@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape, "
+              "difference).")
 @click.option("--probe", multiple=True, help="Probe that is drawn; may be given several times (curves).")
 @click.option("--quantity", multiple=True, help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s"]),
               help="What the error is drawn over (convergence).")
+@click.option("--values", is_flag=True, default=None, help="Draw the goal itself instead of its error (convergence).")
+@click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
+              "(difference).")
+@click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
+              "cases have in common.")
 @quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
-            list_only: bool, **options: Any) -> int:
+            list_only: bool, title: str | None, **options: Any) -> int:
     """Draw result files; several are overlaid.
 
-    KIND is shape, load_deflection, history, convergence, ...; --list names those that fit a file. Without
+    KIND is shape, load_deflection, history, convergence, difference, ...; --list names those that fit a file. Without
     KIND, what tells most about the first file is drawn.
     """
     from ..plot import KINDS, default_kind
@@ -52,7 +58,7 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
         name = kind or default_kind(results[0])
         if save is None and data is None and not show:
             save = f"{_stem(files[0])}-{name}.png"
-        _draw(session, results, name, save, data, show, chosen)
+        _draw(session, results, name, save, data, show, title, chosen)
     return 0
 
 
@@ -72,20 +78,20 @@ def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str
 
 
 def _draw(session: Session, results: list[Any], kind: str, save: str | None, data: str | None, show: bool,
-          options: dict[str, Any]) -> None:
+          title: str | None, options: dict[str, Any]) -> None:
     from .. import plot
 
     for path in (save, data):
         if path is not None and any(os.path.exists(path) and os.path.samefile(path, r.path) for r in results):
             raise ResultsError(f"'{path}' is the result file itself; choose another name")
     if save is not None:
-        plot.save(plot.draw(results, kind, **options), save)
+        plot.save(plot.draw(results, kind, title=title, **options), save)
         session.out(f"wrote {save} ({kind})")
     if data is not None:
         plot.data_csv(results, data, kind, **options)
         session.out(f"wrote {data} ({kind})")
     if show:
-        plot.show(results, kind, **options)
+        plot.show(results, kind, title=title, **options)
 
 
 def _stem(file: str) -> str:

@@ -1,4 +1,4 @@
-"""Error against the number of elements, with the observed order."""
+"""A goal or its error against the number of elements, with the observed order."""
 
 from __future__ import annotations
 
@@ -7,25 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results, Table
 
 ROUND_OFF = 1e-16  # where an error of exactly zero is drawn
+SUSPECT = 1e-7  # an error below this that no longer falls is round-off
+LEVEL = 0.05  # an order below this is none: the error stays as it is
 COUNTS = {"elements": "number of elements", "dofs": "nodal coordinates", "wall_s": "wall time"}
 
 
 def observed_order(n: np.ndarray, error: np.ndarray) -> float:
     """Return -d log(error) / d log(n) of the last refinement before round-off stops it; else NaN.
 
-    Refinements count from the largest error on, while the error shrinks and stays above 1e-13.
+    Refinements count from the largest error on, while the error does not grow and stays above 1e-13. NaN too where
+    the error has come to stand still at a size that is no round-off.
     """
     order = np.nan
     start = int(np.argmax(error)) if len(error) else 0
     for k in range(start + 1, len(n)):
-        if not (error[k - 1] > error[k] > 1e-13):
+        if not (error[k - 1] >= error[k] > 1e-13):
             break
-        order = np.log(error[k - 1] / error[k]) / np.log(n[k] / n[k - 1])
-    return float(order)
+        found = np.log(error[k - 1] / error[k]) / np.log(n[k] / n[k - 1])
+        if found < LEVEL and error[k] < SUSPECT:
+            break
+        order = found
+    return float(order) if order >= LEVEL else np.nan
 
 
 def _groups(table: Table) -> dict[str, np.ndarray]:
@@ -39,31 +45,68 @@ def _groups(table: Table) -> dict[str, np.ndarray]:
     return {name: np.flatnonzero([n == name for n in names]) for name in dict.fromkeys(names)}
 
 
-def convergence(sources: Sequence[Source], *, against: str = "elements") -> Curves:
-    """Build error against ``elements``, ``dofs`` or ``wall_s``, a line per element type."""
+def convergence(sources: Sequence[Source], *, against: str = "elements", values: bool = False) -> Curves:
+    """Build the error against ``elements``, ``dofs`` or ``wall_s``, a line per element type.
+
+    ``values`` draws the goal itself instead of its error.
+    """
     if against not in COUNTS:
-        raise ResultsError(f"cannot draw the error against '{against}' "
+        raise ResultsError(f"cannot draw {'the goal' if values else 'the error'} against '{against}' "
                            f"(known: {', '.join(COUNTS)})")
-    units = "s" if against == "wall_s" else "1"
-    panel, zeros = Panel((COUNTS[against], units), ("relative error", "1")), False
+    column = "value" if values else "error"
+    curves, zeros = [], False
     for source in sources:
         table = source.results.tables["convergence"]
-        if against not in table:
-            raise ResultsError(f"the table of '{source.results.path}' has no column '{against}'")
-        for name, rows in _groups(table).items():
-            rows = rows[np.argsort(np.asarray(table[against], float)[rows], kind="stable")]
-            x = np.asarray(table[against], float)[rows]
-            error = np.abs(np.asarray(table["error"], float)[rows])
-            keep = np.isfinite(error) & (x > 0)
-            x, error = x[keep], error[keep]
-            zeros |= bool((error == 0).any())
-            note = "" if against == "wall_s" else _order_note(observed_order(x, error))
-            panel.curves.append(Curve(source.name(name), x, np.maximum(error, ROUND_OFF), note))
-    if not any(len(c.x) for c in panel.curves):
-        raise ResultsError("the convergence table holds no finite error to draw")
-    note = f"errors of zero are drawn at {ROUND_OFF:g}" if zeros else ""
-    return Curves(sources[0].results.title, note, [panel],
-                  log_base=2 if against == "elements" else 10)
+        for needed in (against, column):
+            if needed not in table:
+                raise ResultsError(f"the table of '{source.results.path}' has no column '{needed}'")
+        groups = _groups(table)
+        for name, rows in groups.items():
+            x, y = _points(table, rows, against, column)
+            zeros |= not values and bool((y == 0).any())
+            note = "" if values or against == "wall_s" else _order_note(observed_order(x, y))
+            # a file with one line needs no more than its own name
+            label = source.label if source.label and len(groups) == 1 else source.name(name)
+            curves.append(Curve(label, x, y if values else np.maximum(y, ROUND_OFF), note))
+    if not any(len(c.x) for c in curves):
+        raise ResultsError(f"the convergence table holds no finite {column} to draw")
+    panel = Panel((COUNTS[against], "s" if against == "wall_s" else "1"), _y_axis(sources, column), curves)
+    notes = [] if values else [_against(sources)]
+    notes += [f"errors of zero are drawn at {ROUND_OFF:g}"] if zeros else []
+    return Curves(common_title(sources), "; ".join(n for n in notes if n), [panel],
+                  log_base=2 if against == "elements" else 10, log_y=not values)
+
+
+def _points(table: Table, rows: np.ndarray, against: str, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y of one line in the order of x, without the meshes that failed."""
+    rows = rows[np.argsort(np.asarray(table[against], float)[rows], kind="stable")]
+    x, y = (np.asarray(table[name], float)[rows] for name in (against, column))
+    keep = np.isfinite(y) & (x > 0)
+    return x[keep], y[keep] if column == "value" else np.abs(y[keep])
+
+
+def _told(sources: Sequence[Source], name: str) -> str:
+    """Return an attribute of the tables where all files agree on it, else nothing."""
+    found = {str(s.results.tables["convergence"].attrs.get(name, "")) for s in sources}
+    return found.pop() if len(found) == 1 else ""
+
+
+def _y_axis(sources: Sequence[Source], column: str) -> tuple[str, str]:
+    goal = _told(sources, "goal")
+    if column == "error":
+        return (f"relative error of {goal}" if goal else "relative error"), "1"
+    units = {s.results.tables["convergence"].units.get("value", "1") for s in sources}
+    if len(units) > 1:
+        raise ResultsError(f"the goals of the files have different units: {', '.join(sorted(units))}")
+    return goal or "goal", units.pop()
+
+
+def _against(sources: Sequence[Source]) -> str:
+    """Return what the errors are against, in words."""
+    reference = _told(sources, "reference")
+    if not reference:
+        return ""
+    return "errors against each type's own limit" if reference == "auto" else f"errors against {reference}"
 
 
 def _order_note(order: float) -> str:
@@ -77,5 +120,5 @@ def _no_table(results: Results) -> str:
     return ""
 
 
-CONVERGENCE = Kind("convergence", "error against the number of elements, with observed orders",
+CONVERGENCE = Kind("convergence", "error of the goal, or its values, against the number of elements",
                    _no_table, convergence)

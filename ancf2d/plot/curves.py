@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 
 FAMILIES = {
@@ -96,7 +96,7 @@ def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | N
                     quantity: str | Sequence[str] | None = None) -> Curves:
     """Build the load factor against probe quantities (default: displacements, else rotations)."""
     panels = _panels(sources, probe, quantity, ("displacement",), ("load factor", "1"), True)
-    return Curves(sources[0].results.title, "", panels, share="y")
+    return Curves(common_title(sources), "", panels, share="y")
 
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
@@ -104,7 +104,7 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
     """Build probe quantities over time (default: displacements and rotations)."""
     panels = _panels(sources, probe, quantity, ("displacement", "rotation"),
                      _t_axis(sources[0].results), False)
-    return Curves(sources[0].results.title, "", panels, share="x")
+    return Curves(common_title(sources), "", panels, share="x")
 
 
 def _no_probes(results: Results) -> str:

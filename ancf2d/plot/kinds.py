@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 from ancf2d.errors import ResultsError
 from ancf2d.plot.convergence import CONVERGENCE
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
+from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.style import style
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
-KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY)}
+KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -62,7 +63,7 @@ def _near(name: str, known: Sequence[str]) -> str:
 
 
 def _sources(results: Input) -> list[Source]:
-    """Name the files of a figure by what tells them apart: case, file name, or whole path."""
+    """Name the files of a figure by file name or whole path, and by element type where that differs."""
     if isinstance(results, Results):
         return [Source("", results)]
     if isinstance(results, Mapping):
@@ -74,7 +75,17 @@ def _sources(results: Input) -> list[Source]:
     names = [r.path.name.removesuffix(".part").removesuffix(".h5") for r in results]
     if len(set(names)) < len(names):
         names = [str(r.path) for r in results]
+    types = [_types(r) for r in results]
+    if len(set(types)) > 1:
+        names = [f"{n} ({t})" if t and t not in n else n for n, t in zip(names, types, strict=True)]
     return [Source(name, r) for name, r in zip(names, results, strict=True)]
+
+
+def _types(results: Results) -> str:
+    """Return the element types of a file, of its convergence table or, without one, of its bodies."""
+    table = results.tables.get("convergence")
+    found = [b.element_type for b in results.bodies.values()] if table is None else map(str, table.get("element", []))
+    return ", ".join(dict.fromkeys(found))
 
 
 def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
@@ -96,16 +107,18 @@ def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
     return chosen.build(sources, **options)
 
 
-def draw(results: Input, kind: str | None = None, *, figure: Figure | None = None,
+def draw(results: Input, kind: str | None = None, *, figure: Figure | None = None, title: str | None = None,
          **options: Any) -> Figure:
     """Draw one result file, or several overlaid in one axes, and return the figure.
 
     ``results``: open results, a list of them, or a mapping from label to results; ``kind``: a name
     in KINDS (default: what tells most about the first file); ``options``: those of the kind;
-    ``figure``: an empty one to draw into. ResultsError where the kind is unknown or the file lacks
-    what it needs.
+    ``figure``: an empty one to draw into; ``title``: instead of the case's. ResultsError where the kind is
+    unknown or the file lacks what it needs.
     """
     picture = build(results, kind, **options)
+    if title is not None:
+        picture.title = title
     with style():
         if figure is None:
             figure = Figure()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -27,8 +29,21 @@ class Source:
         return f"{self.label}: {text}" if self.label and text else self.label or text
 
 
+def common_title(sources: Sequence[Source]) -> str:
+    """Return the title of all files: where they differ, what they begin with in common, up to a comma or colon."""
+    parts = [re.split(r"(?<=[,:;])\s+", s.results.title) for s in sources]
+    same = list(itertools.takewhile(lambda column: len(set(column)) == 1, zip(*parts, strict=False)))
+    whole = all(len(p) == len(same) for p in parts)
+    # 'beam,' and 'beam' begin alike
+    ends = {p[len(same)].rstrip(",:;") if len(p) > len(same) else "" for p in parts}
+    text = " ".join([column[0] for column in same] + (list(ends) if len(ends) == 1 else []))
+    return text if whole else text.rstrip(" ,:;")
+
+
 class Picture(Protocol):
     """Something that draws itself into a figure and lists its data."""
+
+    title: str
 
     @property
     def size(self) -> tuple[float, float]:
@@ -81,7 +96,8 @@ class Panel:
 class Curves:
     """A picture of lines, in panels one above the other or, sharing y, side by side.
 
-    ``log_base``: of the x axis where both axes are logarithmic, 0 where they are not.
+    ``log_base``: of the x axis where it is logarithmic, else 0; ``log_y``: whether the y axis is. Values below
+    ``floor`` are not drawn on a logarithmic axis.
     """
 
     title: str
@@ -89,6 +105,8 @@ class Curves:
     panels: list[Panel]
     share: str = "x"
     log_base: int = 0
+    log_y: bool = False
+    floor: float = 0.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -112,11 +130,13 @@ class Curves:
                 if len(curve.x) > MAX_MARKERS:
                     looks["marker"] = ""
                 name = f"{curve.name}{curve.note}"
-                (handles[name],) = axes.plot(curve.x, curve.y, label=name, **looks)
+                y = np.where(curve.y > self.floor, curve.y, np.nan) if self.log_y else curve.y
+                (handles[name],) = axes.plot(curve.x, y, label=name, **looks)
             if self.log_base:
                 axes.set_xscale("log", base=self.log_base)
-                axes.set_yscale("log")
                 axes.xaxis.set_major_formatter("{x:g}")
+            if self.log_y:
+                axes.set_yscale("log")
             style.verbatim(axes.set_xlabel(style.label(*panel.x)))
             style.verbatim(axes.set_ylabel(style.label(*panel.y)))
             axes.label_outer()

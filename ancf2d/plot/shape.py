@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Polygon
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.picture import Kind, Source
+from ancf2d.plot.picture import Kind, Source, common_title
 from ancf2d.results import BodyRecord, Results
 
 MAX_SAMPLED = 400  # elements up to which all their samples are drawn
@@ -106,16 +106,19 @@ class Shape:
     def size(self) -> tuple[float, float]:
         width, height = np.ptp(self._bounds(), axis=0)
         ratio = height / width if width > 0 else 10.0
-        return (6.4, float(np.clip(5.6 * ratio, 1.6, 5.4)) + 1.6)
+        rows = style.legend_rows(6.4, [*(p.name for p in self.parts if p.deformed), "nodes", "reference"])
+        return (6.4, float(np.clip(5.6 * ratio, 1.6, 5.4)) + 1.4 + 0.2 * rows)
 
     def render(self, figure: Figure) -> None:
         axes = figure.subplots()
         handles: dict[str, Any] = {}
-        fill = 0.35 if self.parts[-1].file == 0 else 0.1  # files that nearly agree hide each other
+        last = self.parts[-1].file
+        # files that nearly agree would hide each other: the first ones have wider lines
+        fill, step = (0.1, min(0.7, 1.5 / last)) if last else (0.35, 0.0)
         for i, part in enumerate(self.parts):
             self._reference(axes, part)
             if part.deformed is not None:
-                handles[part.name] = self._deformed(axes, part, i, fill)
+                handles[part.name] = self._deformed(axes, part, i, fill, 1.3 + step * (last - part.file))
         if any(p.deformed is not None and _marked(p.deformed).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
         handles["reference"] = Patch(facecolor="none", edgecolor=style.REFERENCE, linestyle="--")
@@ -137,12 +140,12 @@ class Shape:
                                joinstyle="round"))
 
     @staticmethod
-    def _deformed(axes: Axes, part: Part, i: int, fill: float) -> Polygon:
+    def _deformed(axes: Axes, part: Part, i: int, fill: float, width: float) -> Polygon:
         color = style.PALETTE[i % len(style.PALETTE)]
         shape = part.deformed
         assert shape is not None
         # the edge keeps a section visible that is thinner than a line at this scale
-        patch = Polygon(shape.boundary, facecolor=(color, fill), edgecolor=color, linewidth=1.3,
+        patch = Polygon(shape.boundary, facecolor=(color, fill), edgecolor=color, linewidth=width,
                         linestyle=style.DASHES[part.file % len(style.DASHES)], joinstyle="round",
                         zorder=2.5, label=part.name)
         axes.add_patch(patch)
@@ -191,7 +194,7 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
             deformed = outline(results, body, state, factor) if results.nt else None
             parts.append(Part(label, file, outline(results, body, None, 1.0), deformed))
     first = sources[0].results
-    return Shape(first.title, _note(with_states, state, factor), first.units.length, parts)
+    return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts)
 
 
 def _factor(scale: float | str) -> float:

@@ -60,12 +60,17 @@ def title(figure: Figure, text: str, note: str = "") -> None:
     verbatim(figure.axes[0].set_title("\n".join(lines[:6])))
 
 
-def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Put one legend below the axes, where it hides nothing, filled row by row."""
-    room = 7.2 * figure.get_figwidth()  # in units of the font size
+def legend_rows(inches: float, labels: Sequence[str]) -> int:
+    """Return how many rows a legend has below a figure of a width."""
+    room = 7.2 * inches  # in units of the font size
     widths = [0.55 * len(text) + 5 for text in labels]
     columns = len(labels) if sum(widths) <= room else max(1, int(room / max(widths)))
-    rows = -(-len(labels) // columns)
+    return -(-len(labels) // columns)
+
+
+def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
+    """Put one legend below the axes, where it hides nothing, filled row by row."""
+    rows = legend_rows(figure.get_figwidth(), labels)
     columns = -(-len(labels) // rows)
     # matplotlib fills column by column
     order = [i for c in range(columns) for i in range(c, len(labels), columns)]

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from ancf2d.results.records import BodyRecord
 
+DEGREE = 12  # along the element: no basis has a higher power
 BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape functions
 
 
@@ -58,6 +60,28 @@ def body_faces(body: BodyRecord, e: np.ndarray,
         for name, values in zip(faces, points, strict=True):
             faces[name][start:start + len(part)] = values
     return faces
+
+
+def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arclength in [0, 1].
+
+    q (nq,): nodal coordinates, or displacements of them for displacements. The samples of the shape functions are
+    continued between their points by the polynomial through them, exact up to DEGREE along the element.
+    """
+    ne = len(body.dofs)
+    ie = np.clip(np.searchsorted(body.arclength, s, side="right") - 1, 0, ne - 1)
+    xi = (s - body.arclength[ie]) / (body.arclength[ie + 1] - body.arclength[ie])
+    degree = min(len(body.sample_xi) - 1, DEGREE)
+    # Legendre polynomials: powers of xi would lose digits
+    fit = np.linalg.pinv(legvander(2 * body.sample_xi - 1, degree))
+    weights = legvander(2 * xi - 1, degree) @ fit
+    out = np.empty((len(s), 2))
+    for start in range(0, len(s), BLOCK):
+        part = slice(start, start + BLOCK)
+        k = ie[part]
+        x = q[body.dofs[k]].reshape(len(k), -1, body.components)[..., :2]
+        out[part] = np.einsum("mi,mik,mkc->mc", weights[part], body.sample_S[body.classes[k], 1], x, optimize=True)
+    return out
 
 
 def body_nodes(body: BodyRecord, e: np.ndarray) -> np.ndarray:

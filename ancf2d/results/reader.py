@@ -12,7 +12,7 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
-from ancf2d.results.geometry import body_faces, body_nodes
+from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, Units, unescape
 
 
@@ -225,6 +225,14 @@ class Results:
         Displacements are magnified by ``scale``; ``elements`` selects some of the elements.
         """
         return body_faces(self.body(body), self._scaled(i, scale), elements)
+
+    def displacement(self, body: str, s: np.ndarray, i: int = -1) -> np.ndarray:
+        """Return the displacements (n, 2) of the axis at fractions s (n,) of a body's arclength in state i."""
+        return axis_values(self.body(body), self.d(i), np.asarray(s, float))
+
+    def reference(self, body: str, s: np.ndarray) -> np.ndarray:
+        """Return the reference axis (n, 2) at fractions s (n,) of a body's arclength."""
+        return axis_values(self.body(body), self.e0, np.asarray(s, float))
 
     def nodes(self, body: str, i: int | None = -1, *, scale: float = 1.0) -> np.ndarray:
         """Return the node positions (n, 2) of a body in state i (None: reference)."""

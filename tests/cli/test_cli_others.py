@@ -153,6 +153,30 @@ def test_several_files_are_overlaid(solved: Call, folder: Path) -> None:
     assert "other: tip uy" in text
 
 
+def test_the_difference_of_two_meshes(solved: Call, folder: Path) -> None:
+    for count in (1, 3):
+        solved("run", "beam.yaml", "-o", f"{count}.h5", "-q", "--set", f"bodies.beam.element={{type: reissner2, "
+               f"count: {count}}}")
+    result = solved("plot", "1.h5", "3.h5", "beam.h5", "difference", "--data", "d.csv", "--save", "d.png",
+                    "--title", "A")
+    assert result.stdout == "wrote d.png (difference)\nwrote d.csv (difference)\n"
+    text = (folder / "d.csv").read_text()
+    assert text.startswith('curve,"S, share of the arc length",distance between the axes [m]\n')
+    assert {line.split(",")[0] for line in text.split("\n")[1:-1]} == {"1 (reissner2)", "3 (reissner2)"}
+    assert solved("plot", "1.h5", "3.h5", "difference", "--reference", "1.h5", "--data", "d.csv").exit_code == 0
+    assert "\n3," in (folder / "d.csv").read_text()
+    result = solved("plot", "1.h5", "difference")
+    assert (result.exit_code, "needs two result files" in result.stderr) == (2, True)
+    solved("run", "beam.yaml", "-o", "long.h5", "-q", "--set", "bodies.beam.geometry.end=[3, 0]")
+    assert "reference geometry of 'beam' differs" in solved("plot", "1.h5", "long.h5", "difference").stderr
+
+
+def test_the_values_of_a_convergence_study_are_drawn_when_asked_for(call: Call, folder: Path) -> None:
+    call("convergence", "beam.yaml", "--element", "reissner2", "--elements", "2,4", "-o", "s.h5", "-q")
+    assert call("plot", "s.h5", "--values", "--data", "s.csv").exit_code == 0
+    assert (folder / "s.csv").read_text().startswith("curve,number of elements,tip uy [m]\nreissner2,2.0,-0.0")
+
+
 def test_compare_agrees_or_exits_with_1(solved: Call, call_json: CallJson) -> None:
     assert solved("compare", "beam.h5", "beam.h5").stdout == "beam.h5 and beam.h5 agree\n"
     solved("run", "beam.yaml", "-o", "other.h5", "-q", "--set", "solver={type: static, steps: 3}", "--set",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -120,13 +121,36 @@ def test_a_body_of_very_many_elements_is_thinned_but_keeps_its_ends(tmp_path: Pa
 def test_files_are_overlaid_under_their_names(tmp_path: Path) -> None:
     a, b = (opened(bent_beam(tmp_path / f"{n}.h5", k)) for n, k in
             (("fine", "tangent"), ("coarse", "theta")))
-    assert list(bodies(draw([a, b], "shape"))) == ["fine", "coarse"]
+    assert list(bodies(draw([a, b], "shape"))) == ["fine (cable)", "coarse (reissner2)"]
+    same = opened(bent_beam(tmp_path / "same.h5"))
+    assert list(bodies(draw([a, same], "shape"))) == ["fine", "same"]
     assert list(bodies(draw({"one": a, "two": b}, "shape"))) == ["one", "two"]
     figure = draw([a, b], "load_deflection", quantity="uy")
-    assert legend_texts(figure) == ["fine: tip uy", "coarse: tip uy"]
+    assert legend_texts(figure) == ["fine (cable): tip uy", "coarse (reissner2): tip uy"]
     (tmp_path / "sub").mkdir()
     c = opened(bent_beam(tmp_path / "sub" / "fine.h5"))
     assert list(bodies(draw([a, c], "shape"))) == [str(a.path), str(c.path)]
+
+
+def test_the_title_of_several_files_is_what_theirs_have_in_common(tmp_path: Path) -> None:
+    def title(*titles: str) -> str:
+        files = [opened(bent_beam(tmp_path / f"{i}.h5", header={"title": t}, steps=1)) for i, t in enumerate(titles)]
+        return draw(files, "load_deflection").axes[0].get_title(loc="left")
+
+    assert title("Beam, linear: 2d2n") == "Beam, linear: 2d2n"
+    assert title("Beam, linear: 2d2n", "Beam, linear: 2d2n") == "Beam, linear: 2d2n"
+    assert title("Beam, linear: 2d2n", "Beam, linear: 2d3n") == "Beam, linear"
+    assert title("Beam, linear: 2d2n", "Beam") == "Beam"
+    assert title("Beam", "Frame") == ""
+    files = [opened(bent_beam(tmp_path / f"{i}.h5", steps=1)) for i in range(2)]
+    assert draw(files, "load_deflection", title="Own").axes[0].get_title(loc="left") == "Own"
+
+
+def test_outlines_that_coincide_are_all_seen(tmp_path: Path) -> None:
+    figure = draw([opened(bent_beam(tmp_path / f"{i}.h5")) for i in range(5)], "shape")
+    widths = [p.get_linewidth() for p in figure.axes[0].patches if p.get_label() in list("01234")]
+    assert len(widths) == 5
+    assert all(a > b for a, b in pairwise(widths))
 
 
 def test_a_file_without_states_shows_its_reference(tmp_path: Path) -> None:
@@ -202,10 +226,44 @@ def test_an_error_of_zero_is_drawn_and_said(tmp_path: Path) -> None:
     assert legend_texts(figure) == ["exact, order undefined"]
 
 
+def test_the_goal_itself_over_the_meshes(tmp_path: Path) -> None:
+    results = opened(table_file(tmp_path / "a.h5", {"2d2n": 2.0, "cable": 4.0}))
+    (axes,) = draw(results, "convergence", values=True).axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+    assert axes.get_ylabel() == "tip uy"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 1 + 0.5 * np.array([2., 4, 8, 16]) ** -2, rtol=1e-12)
+    assert axes.lines[0].get_label() == "2d2n"
+
+
+def test_files_with_one_type_each_go_by_their_names(tmp_path: Path) -> None:
+    a, b = (opened(table_file(tmp_path / f"{n}.h5", {e: p})) for n, e, p in
+            (("a", "2d2n", 2.0), ("b", "cable", 4.0)))
+    assert legend_texts(draw([a, b])) == ["a (2d2n), order 2.0", "b (cable), order 4.0"]
+    assert legend_texts(draw({"ours": a, "theirs": b})) == ["ours, order 2.0", "theirs, order 4.0"]
+    both = opened(table_file(tmp_path / "both.h5", {"2d2n": 2.0, "cable": 4.0}))
+    assert legend_texts(draw({"a": a, "both": both}))[1:] == ["both: 2d2n, order 2.0", "both: cable, order 4.0"]
+
+
+@pytest.mark.parametrize(("reference", "said"), [
+    ("auto", "errors against each type's own limit"), (-0.5, "errors against -0.5")])
+def test_a_convergence_figure_says_what_errors_are_against(tmp_path: Path, reference: object, said: str) -> None:
+    path = tmp_path / "a.h5"
+    with ResultWriter(path, HEADER, [], np.zeros(0)) as w:
+        w.table("convergence", {"element": ["cable"] * 2, "elements": [1, 2], "error": [1.0, 0.5]},
+                {"goal": "tip uy", "reference": reference})
+        w.finish()
+    (axes,) = draw(opened(path)).axes
+    assert axes.get_title(loc="left").endswith(said)
+    assert axes.get_ylabel() == "relative error of tip uy"
+
+
 @pytest.mark.parametrize(("errors", "order"), [
     ([1.0, 0.25, 0.0625], 2.0), ([0.5, 1.0, 0.125, 0.015625], 3.0),
     ([1.0, 1e-2, 1e-4, 3e-16], np.log2(100)), ([1e-15, 2e-15, 1e-15], np.nan), ([0.1], np.nan),
-    ([1.0, 0.5, 0.6, 0.1], 1.0)])
+    ([1.0, 0.5, 0.6, 0.1], 1.0),
+    # an error that stays as it is has no order, unless it is round-off; a slow start is no end
+    ([3e-2, 3e-2, 3e-2], np.nan), ([3e-2, 3e-2 - 1e-5, 3e-2 - 2e-5], np.nan), ([0.1, 0.05, 0.0499, 0.0499], np.nan),
+    ([1.0, 1e-2, 1e-9, 0.99e-9], np.log2(1e7)), ([1.0, 0.99, 0.5, 0.125], 2.0)])
 def test_the_observed_order_is_that_of_the_last_refinement_before_round_off(
         errors: list[float], order: float) -> None:
     n = 2.0 ** np.arange(len(errors))
@@ -247,7 +305,8 @@ def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
         results = opened(path)
         for kind in list_kinds(results):
             if not kind.missing:
-                draw(results, kind.name).draw_without_rendering()
+                files = [results, results] if kind.name == "difference" else results
+                draw(files, kind.name).draw_without_rendering()
 
 
 def test_wrong_names_are_answered_with_the_nearest(tmp_path: Path) -> None:
