@@ -8,15 +8,23 @@ from ..case import Units
 from ..case.units import unit_label
 from .text import duration, many, number, rounded, table
 
-# quantities of one kind share a unit, and a size that round-off is judged against
+# quantities of one kind share a unit, and what they are known to
 _UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
           "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m"}
 _KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
-          "vy": "velocity", "N": "force", "Q": "force", "fx": "force", "fy": "force"}
+          "vy": "velocity", "theta": "rotation", "N": "force", "Q": "force", "fx": "force", "fy": "force",
+          "M": "moment", "m": "moment"}
+# no displacement or force is known better than this share of the largest
+ROUND_OFF = 1e-12
+# forces out of balance by more than this share of the largest are no round-off
+MOST = 1e-5
 
 
-def run_report(summary: dict[str, Any], units: Units) -> str:
-    """Return the summary of a finished run: status, probes, reactions, expected values."""
+def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced: float = 0.0) -> str:
+    """Return the summary of a finished run: status, probes, reactions, expected values.
+
+    ``extent`` [length] of the model and the forces left ``unbalanced`` [force] say what is round-off.
+    """
     labels = (units.length, units.force, units.time)
     lines = [summary["title"]] if summary["title"] else []
     facts = [summary["solver"], many(summary["elements"], "element"), many(summary["dofs"], "nodal coordinate")]
@@ -25,23 +33,43 @@ def run_report(summary: dict[str, Any], units: Units) -> str:
     lines.append(f"{summary['status']}: {', '.join(facts)}, {duration(summary['wall_s'])}")
     if summary.get("load_factor", 1.0) != 1.0:
         lines.append(f"load factor {number(summary['load_factor'])}")
+    floors = round_off_floors(summary, extent, unbalanced)
     for title, key in (("probe", "probes"), ("reaction", "reactions")):
         if summary.get(key):
-            lines += ["", *_quantities(title, summary[key], labels)]
+            lines += ["", *_quantities(title, summary[key], labels, floors)]
     if summary.get("checks"):
         lines += ["", *_checks(summary["checks"])]
     return "\n".join(lines)
 
 
-def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[str, str, str]) -> list[str]:
-    names = list(dict.fromkeys(q for row in values.values() for q in row))
-    scales: dict[str, float] = {}
-    for row in values.values():
+def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) -> dict[str, float]:
+    """Return, for each kind of quantity, the size below which it is round-off.
+
+    1e-12 of the largest of its kind among probes and reactions. Moments and rotations count as forces and
+    displacements at the distance ``extent``, and the other way round: a column of nothing but round-off has no scale
+    of its own. Forces are known no better than those that the solution leaves ``unbalanced``.
+    """
+    largest: dict[str, float] = dict.fromkeys(_KINDS.values(), 0.0)
+    for row in (row for key in ("probes", "reactions") for row in summary.get(key, {}).values()):
         for q, value in row.items():
-            kind = _KINDS.get(q, q)
-            scales[kind] = max(scales.get(kind, 0.0), abs(value))
+            largest[_KINDS.get(q, q)] = max(largest.get(_KINDS.get(q, q), 0.0), abs(value))
+    scales = dict(largest)
+    scales["position"] = max(largest["position"], extent)
+    for small, large in (("force", "moment"), ("rotation", "displacement")):
+        scales[small] = max(largest[small], largest[large] / extent)
+        scales[large] = max(largest[large], largest[small] * extent)
+    floors = {kind: ROUND_OFF * scale for kind, scale in scales.items()}
+    unknown = min(unbalanced, MOST * scales["force"])
+    floors["force"] = max(floors["force"], unknown)
+    floors["moment"] = max(floors["moment"], unknown * extent)
+    return floors
+
+
+def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[str, str, str],
+                floors: dict[str, float]) -> list[str]:
+    names = list(dict.fromkeys(q for row in values.values() for q in row))
     header = [title, *(f"{q} [{unit_label(_UNITS[q], labels)}]" for q in names)]
-    rows = [[name, *(rounded(row[q], scales[_KINDS.get(q, q)]) if q in row else "" for q in names)]
+    rows = [[name, *(rounded(row[q], floors[_KINDS.get(q, q)]) if q in row else "" for q in names)]
             for name, row in values.items()]
     return table([header, *rows])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,6 +23,9 @@ from .options import (
 from .progress import Bar
 from .session import Session
 from .text import many
+
+if TYPE_CHECKING:
+    from ..solve.state import State
 
 
 @click.command(epilog="Examples: 'ancf2d run beam.yaml', 'ancf2d run beam.yaml -o fine.h5 --set "
@@ -45,6 +49,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     earlier result once it has succeeded.
     """
     session.subject = {"case": case}
+    from ..study.balance import unbalanced_forces
     from ..study.run import Progress, end_factor, load, run_case
     from .report import built_report, run_report
 
@@ -53,7 +58,14 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     _keep_the_case(case, out)
     bar = Bar("solving", session.shows_progress)
     end = end_factor(loaded.case)
-    progress = Progress(state=lambda state: bar.update(state.t / end), warn=session.warn, compiling=compiling(session),
+    state: State | None = None
+
+    def follow(new: State) -> None:
+        nonlocal state
+        state = new
+        bar.update(new.t / end)
+
+    progress = Progress(state=follow, warn=session.warn, compiling=compiling(session),
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)
     session.parting = lambda: _tell_part(session, out)
     with bar:
@@ -63,7 +75,8 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
         click.echo(outcome.failure.text(), err=True)
         _tell_part(session, out)
         return FAILED
-    session.out(run_report(outcome.summary, loaded.case.units))
+    unbalanced = 0.0 if state is None else unbalanced_forces(outcome.model, state)
+    session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
     missed = [c for c in outcome.summary["checks"] if not c["met"]]
     if check and missed:

@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-# a sum of forces or displacements of size 1 is not known better than this
-ROUND_OFF = 1e-12
-
 
 def number(value: float | None, digits: int = 6) -> str:
     """Return a number with few digits; '-' where there is none."""
     return "-" if value is None or math.isnan(value) else f"{value:.{digits}g}"
 
 
-def rounded(value: float, scale: float, digits: int = 6) -> str:
-    """Return a number beside others of size ``scale``: what is round-off of theirs is shown as 0."""
-    return "0" if abs(value) <= ROUND_OFF * scale else number(value, digits)
+def rounded(value: float, floor: float, digits: int = 6) -> str:
+    """Return a number that is known no better than ``floor``: less than that is shown as 0."""
+    return "0" if abs(value) <= floor else number(value, digits)
 
 
 def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str = "") -> list[str]:

@@ -1,0 +1,61 @@
+"""What is shown as zero: what is round-off beside the forces and displacements of the model, and nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ancf2d.case import Units
+from ancf2d.cli.report import run_report
+
+FACTS = {"title": "", "solver": "linear_static", "elements": 2, "dofs": 12, "status": "converged", "wall_s": 0.1}
+
+
+def shown(name: str, *, unbalanced: float = 0.0, extent: float = 2.0, **summary: Any) -> dict[str, str]:
+    """The row of a probe or support by quantity."""
+    lines = run_report({**FACTS, **summary}, Units(), extent, unbalanced).split("\n")
+    k = next(k for k, line in enumerate(lines) if line.split()[:1] == [name])
+    head = next(line for line in reversed(lines[:k]) if "[" in line)
+    quantities = [word for word in head.split()[1:] if not word.startswith("[") and not word.endswith("]")]
+    return dict(zip(quantities, lines[k].split()[1:], strict=True))
+
+
+def reaction(fx: float, fy: float, m: float, **options: Any) -> dict[str, str]:
+    return shown("a", reactions={"a": {"fx": fx, "fy": fy, "m": m}}, **options)
+
+
+def test_moments_of_nothing_but_round_off_are_zero_beside_forces() -> None:
+    assert reaction(0.0, 5e5, -5.2e-9) == {"fx": "0", "fy": "500000", "m": "0"}
+    # at a long lever arm as at a short one, in whatever units
+    assert reaction(0.0, 5e5, -5.2e-9, extent=2e-3)["m"] == "-5.2e-09"
+    assert reaction(0.0, 5e-7, -5.2e-21)["m"] == "0"
+
+
+def test_forces_of_nothing_but_round_off_are_zero_beside_moments() -> None:
+    assert reaction(1.7e-15, 3.9e-14, -6.28) == {"fx": "0", "fy": "0", "m": "-6.28"}
+    assert reaction(1.7e-9, 0.0, -6.28)["fx"] == "1.7e-09"
+
+
+def test_rotations_of_nothing_but_round_off_are_zero_beside_displacements_and_the_other_way_round() -> None:
+    probe = {"x": 1.0, "y": 1e-17, "ux": 0.0, "uy": -9.7e-5, "theta": -1.1e-19}
+    assert shown("mid", probes={"mid": probe}) == {"x": "1", "y": "0", "ux": "0", "uy": "-9.7e-05", "theta": "0"}
+    turned = {"x": 0.0, "y": 3e-17, "ux": 2e-17, "uy": 0.0, "theta": 0.5}
+    assert shown("mid", probes={"mid": turned}) == {"x": "0", "y": "0", "ux": "0", "uy": "0", "theta": "0.5"}
+
+
+def test_small_values_that_mean_something_stay() -> None:
+    probe = {"x": 1.0, "y": 0.0, "ux": -4.7e-15, "uy": -9.7e-5, "theta": 1e-14}
+    assert shown("mid", probes={"mid": probe})["ux"] == "-4.7e-15"
+    assert shown("mid", probes={"mid": probe})["theta"] == "1e-14"
+    assert reaction(6.4e-4, 5e5, 0.0)["fx"] == "0.00064"
+
+
+def test_no_force_is_known_better_than_the_forces_left_unbalanced() -> None:
+    assert reaction(6.4e-4, 5e5, 3e-3, unbalanced=2e-3) == {"fx": "0", "fy": "500000", "m": "0"}
+    assert reaction(6.4e-4, 5e5, 5e-3, unbalanced=2e-3)["m"] == "0.005"
+    # section forces of probes are forces as well
+    probes = {"mid": {"N": 1e-3, "Q": 5e5, "M": 1e-3}}
+    assert shown("mid", probes=probes, unbalanced=2e-3) == {"N": "0", "Q": "500000", "M": "0"}
+
+
+def test_what_is_far_off_balance_is_not_taken_for_round_off() -> None:
+    assert reaction(100.0, 5e5, 0.0, unbalanced=1e4)["fx"] == "100"
