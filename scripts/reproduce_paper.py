@@ -1,8 +1,10 @@
 """Print the seed paper's tables beside what ancf2d computes, digit by digit.
 
     python scripts/reproduce_paper.py [--table 1] [--json]
+    python scripts/reproduce_paper.py --figures FOLDER
 
-Exit code 0 where every verdict is the documented one (see paper_tables.py), else 1.
+The second form draws Figures 3 to 5 into a folder instead, with the result files that they are drawn from. Exit code
+0 where every verdict is the documented one (see paper_tables.py), else 1.
 """
 
 from __future__ import annotations
@@ -67,11 +69,19 @@ def report(table: Table, verdicts: Sequence[dict[str, Any]]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Examine the tables that are asked for; return the exit code."""
-    parser = argparse.ArgumentParser(description="The paper's tables beside what ancf2d computes.")
+    """Examine the tables that are asked for, or draw the figures; return the exit code."""
+    parser = argparse.ArgumentParser(description="The paper's tables beside what ancf2d computes, or its figures.")
     parser.add_argument("--table", choices=sorted(TABLES), action="append", help="only this table (repeatable)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--figures", type=Path, metavar="FOLDER", help="draw Figures 3 to 5 into a folder instead")
     options = parser.parse_args(arguments)
+    if options.figures is not None:
+        if options.table or options.json:
+            parser.error("--figures goes without --table and --json")
+        from paper_figures import make_figures  # matplotlib only where something is drawn
+
+        print("\n".join(f"wrote {picture}" for picture in make_figures(options.figures)))
+        return 0
     found = {name: examine(TABLES[name]) for name in options.table or sorted(TABLES)}
     if options.json:
         print(json.dumps({"tables": {n: {"title": TABLES[n].title, "unit": TABLES[n].unit, "entries": v}

@@ -68,3 +68,33 @@ def test_command_line() -> None:
     assert list(tables) == ["2"]
     assert tables["2"]["entries"][3]["printed"] == "-0.68070"
     assert tables["2"]["entries"][3]["same"]
+
+
+def test_figures_are_drawn_from_the_papers_cases(reproduce, tmp_path: Path) -> None:
+    from paper_figures import make_figures
+
+    from ancf2d.results import open_results
+
+    pictures = make_figures(tmp_path / "new" / "folder", meshes=(2, 4), elements=4)
+    assert [p.name for p in pictures] == ["figure3_ux.png", "figure3_uy.png", "figure4.png", "figure5_linear.png",
+                                          "figure5_nonlinear.png"]
+    assert all(p.read_bytes().startswith(b"\x89PNG") for p in pictures)
+    folder = tmp_path / "new" / "folder"
+    for name, types in (("linear", "2d2n"), ("nonlinear", "2d2n")):
+        with open_results(folder / f"{name}_{types}.h5") as results:
+            assert results.solver == {"linear": "linear_static", "nonlinear": "static"}[name]
+            assert (results.body("beam").element_type, len(results.body("beam").dofs)) == (types, 4)
+    with open_results(folder / "figure3_ux_beam189.h5") as results:
+        table = results.tables["convergence"]
+        assert (list(table["elements"]), set(table["element"])) == ([2, 4], {"reissner3"})
+        assert table.attrs["goal"] == "tip ux"
+
+
+def test_figures_from_the_command_line(reproduce, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    import paper_figures
+
+    monkeypatch.setattr(paper_figures, "make_figures", lambda folder: [folder / "figure4.png"])
+    assert reproduce.main(["--figures", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"wrote {tmp_path / 'figure4.png'}\n"
+    with pytest.raises(SystemExit):
+        reproduce.main(["--figures", str(tmp_path), "--table", "1"])
