@@ -32,6 +32,10 @@ def _static(model: Model, spec: Static) -> Iterator[State]:
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
+    if model.case.steady_rotation is not None:
+        from .gyroscopic import solve_turning
+
+        return solve_turning(model, spec)
     from .eigen import solve_eigen
 
     return solve_eigen(model, spec)
@@ -72,8 +76,6 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     if case.accuracy is not None:
         problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
                                               expected="no accuracy ('ancf2d convergence' estimates the error)"))
-    if case.steady_rotation is not None and not isinstance(case.solver, Static):
-        problems.append(loaded.source.problem(("steady_rotation",), "steady_rotation is not available yet"))
     return problems
 
 

@@ -30,11 +30,8 @@ def seconds(command: list[str], folder: str, cache: str | None = None) -> float:
     return time.perf_counter() - start
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeat", type=int, default=5)
-    repeat = parser.parse_args().repeat
+def measure(repeat: int) -> dict[str, float]:
+    """Return the median wall time of each way to start [s]."""
     commands = {"the imports alone": IMPORTS, "--help": [*ANCF2D, "--help"],
                 "validate": [*ANCF2D, "validate", str(CASE)], "run": [*ANCF2D, "run", str(CASE), "-q"]}
     found: dict[str, list[float]] = {name: [] for name in [*commands, "first run ever"]}
@@ -46,10 +43,16 @@ def main() -> None:
             if k < 3:
                 with tempfile.TemporaryDirectory() as cache:
                     found["first run ever"].append(seconds(commands["run"], folder, cache))
-    base = statistics.median(found["the imports alone"])
-    for name, times in found.items():
-        middle = statistics.median(times)
-        print(f"{name:20s} {middle:7.3f} s   {middle / base:6.2f} of the imports alone")
+    return {name: statistics.median(times) for name, times in found.items()}
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=5)
+    found = measure(parser.parse_args().repeat)
+    for name, middle in found.items():
+        print(f"{name:20s} {middle:7.3f} s   {middle / found['the imports alone']:6.2f} of the imports alone")
 
 
 if __name__ == "__main__":

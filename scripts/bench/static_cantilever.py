@@ -132,35 +132,45 @@ def main() -> None:
         tool, element, count = args.child
         print(json.dumps(TOOLS[tool](element, int(count))))
         return
-    runs = [("ancf2d", t) for t in args.types.split(",")]
+    rows = compare(args.elements, args.types.split(","), args.repeat)
+    report(rows, args)
+
+
+def compare(elements: int, types: list[str], repeat: int) -> list[dict]:
+    """Return the medians of each tool and type, measured in turn; ``ratio`` is to Exudyn's solve where it ran."""
+    runs = [("ancf2d", t) for t in types]
     if importlib.util.find_spec("exudyn"):
         runs.insert(0, ("exudyn", "geometrically exact"))
     else:
         print("exudyn is not installed (pip install exudyn): ancf2d alone", file=sys.stderr)
     found = {run: [] for run in runs}
-    for _ in range(args.repeat):
+    for _ in range(repeat):
         for run in runs:
-            found[run].append(measure(*run, args.elements))
-    report(found, args)
-
-
-def report(found: dict, args: argparse.Namespace) -> None:
-    """Print medians and the ratio to Exudyn's time."""
-    print(f"{args.elements} elements, {STEPS} load steps, median of {args.repeat}, {platform.processor() or 'cpu'}")
-    print(f"{'tool':8s} {'element':20s} {'build s':>8s} {'solve s':>8s} {'ratio':>6s} {'memory MB':>10s}  tip")
-    peer, rows = None, []
+            found[run].append(measure(*run, elements))
+    rows, peer = [], None
     for (tool, element), results in found.items():
         good = [r for r in results if "error" not in r]
         if not good:
-            print(f"{tool:8s} {element:20s} failed: {results[0]['error']}")
+            rows.append({"tool": tool, "element": element, "error": results[0]["error"]})
             continue
         row = {k: statistics.median(r[k] for r in good) for k in ("build_s", "solve_s", "memory_mb")}
         peer = row["solve_s"] if tool == "exudyn" else peer
-        ratio = f"{row['solve_s'] / peer:6.2f}" if peer else "     -"
-        u = good[0]["u"]
-        print(f"{tool:8s} {element:20s} {row['build_s']:8.3f} {row['solve_s']:8.3f} {ratio} {row['memory_mb']:10.1f}  "
-              f"{u[0]:.7f} {u[1]:.7f}")
-        rows.append({"tool": tool, "element": element, **row, "u": u, "iterations": good[0]["iterations"]})
+        rows.append({"tool": tool, "element": element, **row, "ratio": row["solve_s"] / peer if peer else None,
+                     "u": good[0]["u"], "iterations": good[0]["iterations"]})
+    return rows
+
+
+def report(rows: list[dict], args: argparse.Namespace) -> None:
+    """Print medians and the ratio to Exudyn's time."""
+    print(f"{args.elements} elements, {STEPS} load steps, median of {args.repeat}, {platform.processor() or 'cpu'}")
+    print(f"{'tool':8s} {'element':20s} {'build s':>8s} {'solve s':>8s} {'ratio':>6s} {'memory MB':>10s}  tip")
+    for row in rows:
+        if "error" in row:
+            print(f"{row['tool']:8s} {row['element']:20s} failed: {row['error']}")
+            continue
+        ratio = f"{row['ratio']:6.2f}" if row["ratio"] else "     -"
+        print(f"{row['tool']:8s} {row['element']:20s} {row['build_s']:8.3f} {row['solve_s']:8.3f} {ratio} "
+              f"{row['memory_mb']:10.1f}  {row['u'][0]:.7f} {row['u'][1]:.7f}")
     if args.json:
         with open(args.json, "w", encoding="utf-8") as file:
             json.dump({"elements": args.elements, "steps": STEPS, "repeat": args.repeat, "rows": rows}, file, indent=1)

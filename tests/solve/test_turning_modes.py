@@ -1,0 +1,85 @@
+"""Vibrations in a turning frame: published frequencies, the skew Coriolis matrix, exact pairs of a turning mass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ancf2d.case import load_case_text
+from ancf2d.model.build import build_model
+from ancf2d.model.model import Model
+from ancf2d.solve import gyroscopic
+from ancf2d.solve.gyroscopic import Gyroscope
+from ancf2d.study.run import run_case
+
+BEAM = """
+bodies:
+  beam:
+    geometry: {{type: line, start: [0, 0], end: [1, 0]}}
+    section: {{EA: 1.2e7, kGA: 5e6, EI: 1, rhoA: 1}}
+    element: {{type: {element}}}
+boundary_conditions: [{{name: hub, type: clamp, at: beam@0, hold: section}}]
+masses: {masses}
+steady_rotation: {{omega: {omega}, about: {about}}}
+solver: {{type: eigen, modes: 3}}
+"""
+
+
+def case(element: str, omega: float, masses: str = "[]", about: str = "[0, 0]") -> str:
+    return BEAM.format(element=element, omega=omega, masses=masses, about=about)
+
+
+def omegas(text: str) -> list[float]:
+    return [f["omega"] for f in run_case(load_case_text(text)).summary["frequencies"]]
+
+
+@pytest.mark.parametrize("element", ["cable, count: 16", "vallejo, count: 16", "reissner3, count: 24"])
+@pytest.mark.parametrize(("omega", "first"), [(2, 3.621797), (5, 4.073896), (10, 5.048975)])
+def test_first_frequency_of_a_rotating_cantilever(element: str, omega: float, first: float) -> None:
+    """Euler-Bernoulli, no stretch, zero hub radius, in-plane, in units of sqrt(EI/(rhoA L^4))."""
+    assert math.isclose(omegas(case(element, omega))[0], first, rel_tol=2e-5)
+
+
+def test_the_scene_may_turn_either_way() -> None:
+    np.testing.assert_allclose(omegas(case("vallejo, count: 4", 5)), omegas(case("vallejo, count: 4", -5)), rtol=1e-9)
+
+
+def test_arnoldi_finds_the_pairs_that_all_pairs_at_once_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = case("vallejo, count: 12", 7)
+    dense = omegas(text)
+    monkeypatch.setattr(gyroscopic, "DENSE", 0)
+    np.testing.assert_allclose(omegas(text), dense, rtol=1e-8)
+
+
+@pytest.mark.parametrize("element", ["2d2n, count: 3", "reissner3, count: 3", "cable, count: 3"])
+def test_coriolis_forces_do_no_work_and_are_linear_in_omega(element: str) -> None:
+    model: Model = build_model(load_case_text(case(element, 3, "[{at: beam@0.4, mass: 2}]")))
+    n = model.numbering.n_unknowns
+    columns = np.array([Gyroscope(model, 3.0)(c) for c in np.eye(n)]).T
+    assert np.abs(columns).max() > 0
+    np.testing.assert_allclose(columns, -columns.T, atol=1e-14 * np.abs(columns).max())
+    np.testing.assert_allclose(2 * columns[:, 0], Gyroscope(model, 6.0)(np.eye(n)[0]), atol=1e-14)
+
+
+def test_coriolis_force_of_a_translation_is_twice_omega_times_the_momentum() -> None:
+    """Everything that moves along y with v feels -2 m omega v along x."""
+    model = build_model(load_case_text(case("vallejo, count: 3", 3, "[{at: beam@0.4, mass: 2}]")))
+    free = replace(model.numbering, free=np.arange(model.n_q), place=np.arange(model.n_q),
+                   dependent=np.zeros(0, dtype=np.int64))
+    v = (model.meshes["beam"].kinds == 1).astype(float)
+    force = Gyroscope(replace(model, numbering=free), 3.0)(v)
+    rigid = (model.meshes["beam"].kinds == 0).astype(float)
+    assert math.isclose(rigid @ force, -2 * 3.0 * (1 + 2), rel_tol=1e-12)
+    assert abs(v @ force) < 1e-12
+
+
+def test_a_beam_pressed_towards_its_hub_grows_beyond_the_critical_speed() -> None:
+    """An unstable pair is reported with its growth rate, never as a frequency."""
+    found = run_case(load_case_text(case("cable, count: 8", 12, about="[1.5, 0]"))).summary
+    grown = [f for f in found["frequencies"] if "growth" in f]
+    assert grown
+    assert all(f["omega"] == 0.0 and f["growth"] > 0.0 for f in grown)
+    assert any("unstable" in w for w in found["warnings"])
