@@ -87,7 +87,9 @@ def solver_name(case: Case) -> str:
 
 
 def end_factor(case: Case) -> float:
-    """Return the load factor that a static case ends at."""
+    """Return the load factor that a static case ends at; infinite for a path, which may pass its last one before."""
+    if isinstance(case.solver, Static) and case.solver.method != "newton":
+        return float("inf")
     return float(getattr(getattr(case.solver, "until", None), "value", 1.0))
 
 
