@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ..case import Units
@@ -31,15 +32,53 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
     if summary["solver"] != "linear_static":
         facts.append(f"{many(summary['iterations'], 'iteration')} in {many(summary['steps'], 'step')}")
     lines.append(f"{summary['status']}: {', '.join(facts)}, {duration(summary['wall_s'])}")
-    if summary.get("load_factor", 1.0) != 1.0:
+    if summary["solver"] == "static" and summary.get("load_factor", 1.0) != 1.0:
         lines.append(f"load factor {number(summary['load_factor'])}")
     floors = round_off_floors(summary, extent, unbalanced)
     for title, key in (("probe", "probes"), ("reaction", "reactions")):
         if summary.get(key):
             lines += ["", *_quantities(title, summary[key], labels, floors)]
+    for key, described in _FINDINGS.items():
+        if summary.get(key):
+            lines += ["", *described(summary[key])]
     if summary.get("checks"):
         lines += ["", *_checks(summary["checks"])]
     return "\n".join(lines)
+
+
+def _frequencies(found: list[dict[str, Any]]) -> list[str]:
+    growing = any("growth" in f for f in found)
+    rows = [["mode", "omega [rad/s]", "f [Hz]", *(["growth [1/s]"] if growing else []), "kind", "largest share"]]
+    for k, f in enumerate(found, start=1):
+        share = max(f["shares"], key=lambda name: f["shares"][name]) if f["shares"] else ""
+        growth = [number(f["growth"]) if "growth" in f else ""] if growing else []
+        rows.append([str(k), number(f["omega"], 7), number(f["hz"]), *growth, f"{f['kind']} {f['number']}",
+                     f"{share} {100 * f['shares'][share]:.0f} %" if share else ""])
+    return table(rows, left=(len(rows[0]) - 2, len(rows[0]) - 1))
+
+
+def _load_factors(found: list[Any]) -> list[str]:
+    return table([["buckling mode", "load factor"], *([str(k), number(f, 8)] for k, f in enumerate(found, start=1))])
+
+
+def _limit_points(found: list[dict[str, Any]]) -> list[str]:
+    named = [(p, q) for p in found[0]["probes"] for q in ("ux", "uy", "theta")]
+    rows = [["limit point", "load factor", *(f"{p} {q}" for p, q in named)]]
+    rows += [[str(k), number(f["factor"], 8), *(number(f["probes"][p][q]) for p, q in named)]
+             for k, f in enumerate(found, start=1)]
+    return table(rows)
+
+
+def _bifurcations(found: list[dict[str, Any]]) -> list[str]:
+    rows = ([str(k), number(f["factor"])] for k, f in enumerate(found, start=1))
+    return table([["bifurcation", "load factor"], *rows])
+
+
+# what solvers report beyond probes and reactions
+_FINDINGS: dict[str, Callable[[list[Any]], list[str]]] = {
+    "frequencies": _frequencies, "load_factors": _load_factors, "limit_points": _limit_points,
+    "bifurcations": _bifurcations,
+}
 
 
 def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) -> dict[str, float]:
@@ -112,7 +151,7 @@ def built_report(model: Any) -> str:
     lines.append(f"matrix: {matrix_text(model)}, half-bandwidth {num.half_bandwidth}")
     formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values()))
     lines.append(f"kernels: force, tangent and energy of {formulations}")
-    left_out = ["mass matrix (static)"]
+    left_out = [] if "modes" in vars(model.case.solver) else ["mass matrix (static)"]
     left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
     left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
     lines.append("left out: " + ", ".join(left_out))

@@ -59,3 +59,26 @@ def test_no_force_is_known_better_than_the_forces_left_unbalanced() -> None:
 
 def test_what_is_far_off_balance_is_not_taken_for_round_off() -> None:
     assert reaction(100.0, 5e5, 0.0, unbalanced=1e4)["fx"] == "100"
+
+
+def _found(**found: object) -> str:
+    summary = {"title": "", "solver": "static", "status": "converged", "elements": 1, "dofs": 4, "iterations": 1,
+               "steps": 1, "wall_s": 1.0, "probes": {}, "reactions": {}, **found}
+    return run_report(summary, Units(), 1.0)
+
+
+def test_modes_are_listed_with_their_kind_and_largest_share() -> None:
+    mode = {"omega": 95.634, "hz": 15.22, "kind": "bending", "number": 2, "shares": {"axial": 0.1, "transverse": 0.9}}
+    text = _found(frequencies=[mode])
+    assert "95.634" in text
+    assert "bending 2" in text
+    assert "transverse 90 %" in text
+    assert "growth" not in text
+    assert "growth [1/s]" in _found(frequencies=[mode, {**mode, "omega": 0.0, "growth": 3.5}])
+
+
+def test_limit_points_bifurcations_and_buckling_loads_are_listed() -> None:
+    point = {"factor": 18544.527, "probes": {"load": {"ux": 26.8784, "uy": -48.7543, "theta": -0.5}}}
+    text = _found(limit_points=[point], bifurcations=[{"factor": 77.5}], load_factors=[2.4674])
+    for expected in ("18544.527", "load uy", "-48.7543", "77.5", "2.4674"):
+        assert expected in text
