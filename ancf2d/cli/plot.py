@@ -33,6 +33,8 @@ from .text import table
 @click.option("--values", is_flag=True, default=None, help="Draw the goal itself instead of its error (convergence).")
 @click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
               "(difference).")
+@click.option("--first", type=click.IntRange(1), help="First mode that is drawn (modes).")
+@click.option("--count", type=click.IntRange(1), help="Number of modes that are drawn at most (modes).")
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
               "cases have in common.")
 @quiet_option
@@ -42,7 +44,7 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
             list_only: bool, title: str | None, **options: Any) -> int:
     """Draw result files; several are overlaid.
 
-    KIND is shape, load_deflection, history, convergence, difference, ...; --list names those that fit a file. Without
+    KIND is shape, load_deflection, history, convergence, modes, ...; --list names those that fit a file. Without
     KIND, what tells most about the first file is drawn.
     """
     from ..plot import KINDS, default_kind

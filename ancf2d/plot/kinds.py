@@ -15,13 +15,14 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.convergence import CONVERGENCE
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
+from ancf2d.plot.modes import MODES
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.style import style
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
-KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE)}
+KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE, MODES)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -45,6 +46,8 @@ def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
     if not CONVERGENCE.missing(results):
         return CONVERGENCE.name
+    if not MODES.missing(results):
+        return MODES.name
     if results.solver == "dynamic" and not HISTORY.missing(results):
         return HISTORY.name
     if "limit_points" in results.summary and not LOAD_DEFLECTION.missing(results):

@@ -1,0 +1,216 @@
+"""Modes of vibration or buckling: a grid of shapes with their cross-sections, each with its kind and number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot import style
+from ancf2d.plot.picture import Kind, Source
+from ancf2d.results import BodyRecord, Results
+from ancf2d.results.geometry import body_faces
+
+SHAPES = "modes/shapes"
+SHOWN = 12  # modes that are drawn unless asked for more
+LARGEST = 0.12  # of the model's extent: displacement to which a mode is magnified ...
+TURN = 0.4  # ... unless its sections would turn or stretch by more than this
+PROBE = 1e-6  # size of the motion that the section's rates are read from
+MAX_SECTIONS = 60  # cross-sections drawn per body
+MAX_POINTS = 2000  # elements drawn per body
+# one colour per kind, the same in every figure
+COLORS = {"bending": 0, "axial": 1, "shear": 2, "thickness": 3, "mixed": 4, "rigid": 5, "spurious": 6}
+
+
+@dataclass
+class BodyShape:
+    """One body: axis, top and bottom points (n, 2) in the reference and in the mode; drawn sections (k, 3, 2).
+
+    ``pieces``: boundaries of what is one surface, each element of its own: end faces of some types part.
+    """
+
+    name: str
+    reference: dict[str, np.ndarray]
+    moved: dict[str, np.ndarray]
+    sections: np.ndarray
+    pieces: list[np.ndarray]
+
+
+@dataclass
+class Mode:
+    """One mode: its number in the file, what it is called, and its bodies."""
+
+    number: int
+    label: str
+    kind: str
+    bodies: list[BodyShape]
+
+
+def _boundary(faces: dict[str, np.ndarray]) -> np.ndarray:
+    return np.vstack([faces["bottom"], faces["axis"][-1:], faces["top"][::-1], faces["axis"][:1]])
+
+
+@dataclass
+class Modes:
+    """The picture of the modes of one file."""
+
+    title: str
+    units: str
+    modes: list[Mode]
+
+    def _extent(self) -> np.ndarray:
+        points = np.vstack([p for m in self.modes for b in m.bodies
+                            for p in (_boundary(b.moved), _boundary(b.reference))])
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+    @property
+    def _grid(self) -> tuple[int, int]:
+        width, height = np.ptp(self._extent(), axis=0)
+        columns = min(len(self.modes), 2 if height < 0.25 * width else 3 if height < width else 4)
+        return -(-len(self.modes) // columns), columns
+
+    @property
+    def size(self) -> tuple[float, float]:
+        rows, columns = self._grid
+        width, height = np.ptp(self._extent(), axis=0)
+        each = 9.0 / max(columns, 2)
+        return (each * columns, 0.6 + rows * (0.45 + float(np.clip(each * height / width if width else 3.0, 0.5, 3.0))))
+
+    def render(self, figure: Figure) -> None:
+        grid = figure.subplots(*self._grid, squeeze=False)
+        low, high = self._extent()
+        pad = 0.03 * float((high - low).max())
+        for axes, mode in zip(grid.ravel(), self.modes, strict=False):
+            self._draw(axes, mode)
+            axes.set_xlim(low[0] - pad, high[0] + pad)
+            axes.set_ylim(low[1] - pad, high[1] + pad)
+        for axes in grid.ravel()[len(self.modes):]:
+            axes.set_axis_off()
+        style.verbatim(figure.suptitle(self.title))
+
+    @staticmethod
+    def _draw(axes: Axes, mode: Mode) -> None:
+        color = style.PALETTE[COLORS.get(mode.kind, 0)]
+        for body in mode.bodies:
+            axes.add_patch(Polygon(_boundary(body.reference), facecolor="none", edgecolor=style.REFERENCE,
+                                   linestyle="--", linewidth=0.7))
+            axes.add_collection(PolyCollection(body.pieces, facecolors=[(color, 0.25)], edgecolors="none"))
+            # each piece: bottom, axis at the end, top, axis at the start
+            half = [len(p) // 2 - 1 for p in body.pieces]
+            faces = [part for p, k in zip(body.pieces, half, strict=True) for part in (p[:k], p[k + 1:-1])]
+            axes.add_collection(LineCollection(faces, colors=color, linewidths=1.1))
+            axes.add_collection(LineCollection(list(body.sections), colors=color, linewidths=0.7))
+            axes.plot(*body.moved["axis"].T, color=color, linewidth=0.7, linestyle=(0, (4, 2)))
+        axes.set_aspect("equal", adjustable="box")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        style.verbatim(axes.set_title(mode.label, fontsize="small"))
+
+    def header(self) -> list[str]:
+        unit = f" [{self.units}]"
+        columns = (f"{axis}_{face}{unit}" for face in ("axis", "top", "bottom") for axis in "xy")
+        return ["mode", "label", "body", *columns]
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        for mode in self.modes:
+            for body in mode.bodies:
+                table = np.hstack([body.moved[face] for face in ("axis", "top", "bottom")])
+                for row in table.tolist():
+                    yield mode.number, mode.label, body.name, *row
+
+
+def _chosen(body: BodyRecord) -> np.ndarray:
+    ne = len(body.dofs)
+    return np.unique(np.linspace(0, ne - 1, min(ne, MAX_POINTS)).astype(int))
+
+
+def _flat(faces: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {k: v.reshape(-1, 2) for k, v in faces.items()}
+
+
+def _sections(body: BodyRecord, faces: dict[str, np.ndarray]) -> np.ndarray:
+    """Return bottom, axis and top (k, 3, 2) of sections at the ends of elements, between them too where few."""
+    ne, ns = faces["top"].shape[:2]
+    columns = [0, ns // 2] if 2 * ne <= MAX_SECTIONS else [0]
+    step = max(1, ne // MAX_SECTIONS)
+    points = np.stack([faces["bottom"], faces["axis"], faces["top"]], axis=2)
+    picked = points[::step, columns].reshape(-1, 3, 2)
+    ends = points[::step, -1] if step == 1 else points[-1:, -1]
+    return np.concatenate([picked, ends])
+
+
+def magnification(results: Results, base: np.ndarray, shape: np.ndarray, extent: float) -> float:
+    """Return the factor that makes a mode's largest displacement LARGEST of the extent, its sections turning little."""
+    size = PROBE * extent / (float(np.abs(shape).max()) or 1.0)
+    moved = turned = 0.0
+    for body in results.bodies.values():
+        some = _chosen(body)
+        start, end = (body_faces(body, base + s * shape, some) for s in (0.0, size))
+        change = {k: (end[k] - start[k]) / size for k in end}
+        moved = max(moved, *(float(np.linalg.norm(c, axis=-1).max()) for c in change.values()))
+        spread = np.linalg.norm(change["top"] - change["bottom"], axis=-1).max()
+        turned = max(turned, float(spread) / body.height if body.height > 0 else 0.0)
+    limits = [LARGEST * extent / moved if moved else math.inf, TURN / turned if turned else math.inf]
+    return min(limits) if math.isfinite(min(limits)) else 0.0
+
+
+def _mode(results: Results, number: int, base: np.ndarray, shape: np.ndarray, factor: float, label: str, kind: str
+          ) -> Mode:
+    bodies = []
+    for name, body in results.bodies.items():
+        some = _chosen(body)
+        faces = body_faces(body, base + factor * shape, some)
+        whole = len(some) < len(body.dofs)
+        pieces = ([_boundary(_flat(faces))] if whole else
+                  [_boundary({k: v[ie] for k, v in faces.items()}) for ie in range(len(some))])
+        bodies.append(BodyShape(name, _flat(body_faces(body, base, some)), _flat(faces), _sections(body, faces),
+                                pieces))
+    return Mode(number, label, kind, bodies)
+
+
+def _label(results: Results, k: int) -> tuple[str, str]:
+    """Return what mode k is called, and its kind."""
+    table = results.tables.get("modes", {})
+    if "load_factor" in table:
+        return f"load factor {table['load_factor'][k]:.6g}", "bending"
+    if "kind" not in table:
+        return f"mode {k + 1}", ""
+    kind, growth = table["kind"][k], float(table["growth"][k]) if "growth" in table else 0.0
+    time = results.units.time
+    rate = f"grows with {growth:.5g} 1/{time}" if growth else f"{table['omega'][k]:.6g} rad/{time}"
+    return f"{kind} {int(table['number'][k])}: {rate}", kind
+
+
+def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> Modes:
+    """Build the grid of modes ``first``, ``first + 1``, ... of a file, at most ``count`` of them."""
+    if len(sources) > 1:
+        raise ResultsError("modes are drawn from one file at a time")
+    results = sources[0].results
+    shapes = results.array(SHAPES)
+    if not 1 <= int(first) <= len(shapes) or int(count) < 1:
+        raise ResultsError(f"'{results.path}' holds modes 1 to {len(shapes)}")
+    base = results.e(-1) if results.solver == "eigen" and results.nt else results.e0
+    points = np.vstack([_boundary(_flat(body_faces(b, base, _chosen(b)))) for b in results.bodies.values()])
+    extent = float(np.hypot(*np.ptp(points, axis=0)))
+    found = []
+    for k in range(int(first) - 1, min(len(shapes), int(first) - 1 + int(count))):
+        factor = magnification(results, base, shapes[k], extent)
+        found.append(_mode(results, k + 1, base, shapes[k], factor, *_label(results, k)))
+    return Modes(results.title, results.units.length, found)
+
+
+def _missing(results: Results) -> str:
+    return "" if SHAPES in results.arrays and results.bodies else "it holds no modes (solver eigen or buckling)"
+
+
+MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes)
