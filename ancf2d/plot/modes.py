@@ -22,7 +22,7 @@ from ancf2d.results.geometry import body_faces
 SHAPES = "modes/shapes"
 SHOWN = 12  # modes that are drawn unless asked for more
 LARGEST = 0.12  # of the model's extent: displacement to which a mode is magnified ...
-TURN = 0.4  # ... unless its sections would turn or stretch by more than this
+TURN = 0.6  # ... unless its sections would turn or stretch by more than this
 PROBE = 1e-6  # size of the motion that the section's rates are read from
 MAX_SECTIONS = 60  # cross-sections drawn per body
 MAX_POINTS = 2000  # elements drawn per body

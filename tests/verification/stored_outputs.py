@@ -10,13 +10,18 @@ STORED = Path(__file__).parent / "stored"
 RTOL = 1e-9
 KINDS = {"x": "length", "y": "length", "ux": "displacement", "uy": "displacement", "theta": "angle",
          "fx": "force", "fy": "force", "N": "force", "Q": "force", "m": "moment", "M": "moment",
-         "strain": "energy", "potential": "energy", "kinetic": "energy"}
+         "strain": "energy", "potential": "energy", "kinetic": "energy", "omega": "frequency", "factor": "load factor"}
 
 
 def outputs(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return what is stored of a run."""
-    return {"dofs": summary["dofs"], "elements": summary["elements"], "probes": summary["probes"],
-            "reactions": summary["reactions"], "energy": summary["energy"]}
+    """Return what is stored of a run; modes by kind and number, so that another name is a deviation too."""
+    out = {"dofs": summary["dofs"], "elements": summary["elements"], "probes": summary["probes"],
+           "reactions": summary["reactions"], "energy": summary["energy"]}
+    if "frequencies" in summary:
+        out["modes"] = {f"{f['kind']} {f['number']}": {"omega": f["omega"]} for f in summary["frequencies"]}
+    if "load_factors" in summary:
+        out["buckling"] = {str(i): {"factor": f} for i, f in enumerate(summary["load_factors"], 1)}
+    return out
 
 
 def flatten(stored: dict[str, Any]) -> dict[str, float]:
