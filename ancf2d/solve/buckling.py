@@ -21,12 +21,15 @@ from .system import System
 SMALL = 1e-4
 # rotation or strain of the states between which the tangent is differentiated
 STEP = 1e-3
+# rotation or strain of the linear response beyond which a load factor is no statement
+LARGEST = 1e3
 # unknowns up to which an unsymmetric problem is solved at once
 DENSE = 1000
 # imaginary part, relative, that counts as none
 REAL = 1e-6
 EXTRA = 3
 LANCZOS = 1e-10
+RESTARTS = 200
 
 
 def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
@@ -40,13 +43,17 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     pivots = pencil.system.factor({"solver": "buckling"})
     unstable = pencil.negative(pivots)
     u = _response(pencil)
-    pencil.B = -tangent_rate(model, base, u, pencil)
+    size = response_size(pencil, u)
+    pencil.B = -tangent_rate(pencil, u, STEP / size)
     # the differences have used the factors' place
     pencil.factor(0.0)
     if pencil.multipliers or unstable != 0:
         factors, V = _general(pencil, spec.modes)
     else:
         factors, V = _positive(pencil, spec.modes)
+    # a linear response this large says nothing of the beam
+    known = factors * size <= LARGEST
+    factors, V = factors[known], V[known]
     if unstable:
         warnings.append("the state without the scaled loads is unstable already")
     if len(factors) < spec.modes:
@@ -97,26 +104,30 @@ def _expanded(model: Model, z: Array) -> Array:
     return out
 
 
-def tangent_rate(model: Model, d: Array, u: Array, pencil: Pencil) -> Array:
+def response_size(pencil: Pencil, u: Array) -> float:
+    """Return the rotation or strain that a response u (n_full,) is."""
+    model = pencil.model
+    gradients = np.concatenate([mesh.kinds >= 2 for mesh in model.meshes.values()])
+    moved = pencil.system.norm(u[model.numbering.free]) / model.extent
+    return max(moved, float(np.abs(u[:model.n_q][gradients]).max(initial=0.0)))
+
+
+def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
 
-    Their distance is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
+    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
     """
-    size = pencil.system.norm(u[model.numbering.free]) / model.extent
-    gradients = np.concatenate([mesh.kinds >= 2 for mesh in model.meshes.values()])
-    size = max(size, float(np.abs(u[:model.n_q][gradients]).max(initial=0.0)))
-    h = STEP / size
-    system = System(model)
+    system = System(pencil.model)
     out = np.zeros_like(pencil.K)
     for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-        system.assemble(d + k * h * u, k * h)
+        system.assemble(pencil.d + k * h * u, k * h)
         out += weight / (12 * h) * system.matrix.target.values
     return out
 
 
 def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
     """Return the lowest positive factors of a positive K: the largest theta = 1/mu of B phi = theta K phi."""
-    from scipy.sparse.linalg import LinearOperator, eigsh
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
     n = pencil.n
     k = min(m + EXTRA, n - 1)
@@ -125,9 +136,16 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
     B, K, inverse = (LinearOperator((n, n), matvec=f, dtype=float)
                      for f in (pencil.other, pencil.formed, lambda b: pencil.solve(np.ascontiguousarray(b).ravel())))
     start = pencil.solve(np.random.default_rng(0).standard_normal(n))
-    theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS)
+    try:
+        theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS,
+                               maxiter=RESTARTS)
+    except ArpackNoConvergence as error:
+        # without so many positive factors the iteration ends in the crowd near theta = 0
+        theta, vectors = error.eigenvalues, error.eigenvectors
+    if not len(theta):
+        return np.zeros(0), np.zeros((0, n))
     V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
-    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), k)
+    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), len(V))
     return _factors(-values, Y @ V, m)
 
 
@@ -164,7 +182,8 @@ def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warn
     F = model.external(1.0)
     shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
     history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
-    return State(1.0, d, Q, F, pencil.balance.energy + 0.5 * float(elastic @ u), linear=True, last=True, history=history,
+    energy = pencil.balance.energy + 0.5 * float(elastic @ u)
+    return State(1.0, d, Q, F, energy, linear=True, last=True, history=history,
                  warnings=warnings, report={"load_factors": [float(f) for f in factors]},
                  arrays={"modes/shapes": (shapes, "1", "buckling shapes: rows of nodal coordinates")},
                  tables={"modes": {"load_factor": [float(f) for f in factors]}})

@@ -41,6 +41,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     state.arrays = {"modes/shapes": (shapes, "1", "mode shapes: rows of nodal coordinates, unit modal mass")}
     state.tables = {"modes": table(state.report["frequencies"], verdicts)}
     state.warnings = [*state.warnings, *_warnings(spec, modes)]
+    if spec.about == "reference" and np.any(pencil.balance.R):
+        state.warnings.append("the reference is no equilibrium: springs pull (about: static finds one)")
     yield state
 
 

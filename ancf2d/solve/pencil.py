@@ -101,7 +101,7 @@ class Pencil:
         out = np.zeros(len(v))
         for group in self.model.groups:
             strain_action(group, self.d, v, out)
-        for _, _, K, dofs in self.system._patches(self.d, self.t, elastic=not self.loads):
+        for _, _, K, dofs in self.system.patches(self.d, self.t, elastic=not self.loads):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
 

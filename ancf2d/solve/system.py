@@ -41,7 +41,7 @@ class System:
         self.factorisations = 0
         self.evaluations = 0
 
-    def _patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Array]]:
+    def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Array]]:
         """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
         model, n_q = self.model, self.model.n_q
         e = model.e0 + d[:n_q]
@@ -72,7 +72,7 @@ class System:
         energy = 0.0
         for group in model.groups:
             energy += force_tangent(group, d, Q, self.matrix.target, *self.tables)
-        for u, q, K, dofs in self._patches(d, t, elastic=not load_stiffness):
+        for u, q, K, dofs in self.patches(d, t, elastic=not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), 0, len(dofs),
@@ -88,7 +88,7 @@ class System:
         out = np.abs(model.external(t))
         for group in model.groups:
             force_noise(group, d, out)
-        for _, q, K, dofs in self._patches(d, t):
+        for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         return UNIT_ROUNDOFF * np.abs(n.reduce(out))
 
@@ -104,7 +104,7 @@ class System:
         energy = 0.0
         for group in model.groups:
             energy += force(group, d, Q)
-        for u, q, _, dofs in self._patches(d, t):
+        for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
         F = model.external(t)
@@ -115,7 +115,7 @@ class System:
         out = np.zeros(len(d))
         for group in self.model.groups:
             tangent_action(group, d, v, out)
-        for _, _, K, dofs in self._patches(d, t, elastic=True):
+        for _, _, K, dofs in self.patches(d, t, elastic=True):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
 

@@ -1,0 +1,149 @@
+"""Buckling: Euler's columns, prestress, frames, multipliers, and the tangent that becomes singular at the factor."""
+
+import math
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+
+from ancf2d.elements.section import timoshenko
+from ancf2d.errors import CaseError, ComputationError
+from ancf2d.solve import buckling as buckling_module
+from ancf2d.solve.pencil import Pencil
+from ancf2d.study.run import prepare
+
+E, L = 2e11, 1000.0
+EULER = E / 12 * (math.pi / L) ** 2
+SECTION, MATERIAL = {"height": 1.0, "width": 1.0}, {"E": E, "nu": 0.3}
+TURN = {"interpolated": "ry_x", "theta": "theta", "tangent": "rx_y"}
+PROPPED = (4.493409457909064 / math.pi) ** 2
+
+
+def ends(name: str) -> dict[str, tuple[float, list[dict[str, Any]]]]:
+    """Return (factor of Euler's load, supports) of the four columns."""
+    clamp, roller = {"type": "clamp", "at": "c@0"}, {"type": "roller", "at": "c@1", "fixed": "y"}
+    guide = {"type": "fix", "at": "c@1", "coordinates": ["y", TURN[h.TYPES[name].section_kind]]}
+    return {"pinned": (1.0, [{"type": "pin", "at": "c@0"}, roller]), "cantilever": (0.25, [clamp]),
+            "propped": (PROPPED, [clamp, roller]), "clamped": (4.0, [clamp, guide])}
+
+
+def column(name: str, count: int, how: str, loads: list[dict[str, Any]] | None = None, angle: float = 0.0,
+           modes: int = 2, formulation: str | None = None) -> h.Solution:
+    push = [-EULER * math.cos(angle), -EULER * math.sin(angle)]
+    body = h.body(h.line(L, angle), h.element(name, count, formulation), SECTION, MATERIAL)
+    return h.solved({"c": body}, {"type": "buckling", "modes": modes}, bc=ends(name)[how][1],
+                    loads=loads or [{"type": "force", "at": "c@1", "value": push}])
+
+
+def factors(solution: h.Solution) -> list[float]:
+    return solution.state.report["load_factors"]
+
+
+@pytest.mark.parametrize("how", ["pinned", "cantilever", "propped", "clamped"])
+@pytest.mark.parametrize(("name", "formulation"), [("reissner3", None), ("vallejo", "structural"),
+                                                   ("vallejo", "enhanced"), ("cable", None)])
+def test_slender_columns_buckle_at_eulers_loads(name, formulation, how):
+    """Of L/h = 1000; what shear takes away, at most 1e-5, is taken into account."""
+    euler = ends(name)[how][0]
+    shear = 0.0 if name == "cable" else euler * EULER / (timoshenko(0.3) * E / 2.6)
+    found = factors(column(name, 64, how, formulation=formulation))[0]
+    assert found == pytest.approx(euler * (1 - shear), rel=1e-5)
+
+
+def test_shear_lowers_the_load_as_haringx_says():
+    """The geometrically exact beam: P (1 + P/kGA) = EI (pi/L)^2 (Haringx 1948), here with P/kGA = 0.17."""
+    section = {"EA": 1e12, "kGA": 50.0, "EI": 10.0}
+    body = h.body(h.line(math.pi), h.element("reissner3", 64), section)
+    scene = {"bc": [{"type": "pin", "at": "c@0"}, {"type": "roller", "at": "c@1", "fixed": "y"}],
+             "loads": [{"type": "force", "at": "c@1", "value": [-1.0, 0]}]}
+    found = factors(h.solved({"c": body}, {"type": "buckling", "modes": 1}, **scene))
+    assert found[0] * (1 + found[0] / 50.0) == pytest.approx(10.0, rel=1e-5)
+
+
+def test_the_direction_of_the_column_does_not_matter():
+    straight, inclined = (factors(column("vallejo", 16, "cantilever", angle=a)) for a in (0.0, 0.8))
+    assert inclined == pytest.approx(straight, rel=1e-7)
+
+
+def test_tension_does_not_buckle():
+    solution = column("reissner3", 16, "pinned", [{"type": "force", "at": "c@1", "value": [EULER, 0]}])
+    assert factors(solution) == []
+    assert "do not buckle" in solution.state.warnings[-1]
+
+
+def test_a_constant_tension_adds_to_the_load():
+    loads = [{"type": "force", "at": "c@1", "value": [0.5 * EULER, 0], "amplitude": {"type": "constant"}},
+             {"type": "force", "at": "c@1", "value": [-EULER, 0]}]
+    assert factors(column("reissner3", 64, "pinned", loads))[0] == pytest.approx(1.5, rel=1e-5)
+
+
+def test_shapes_are_those_of_the_column():
+    solution = column("reissner3", 32, "pinned")
+    mesh = solution.model.meshes["c"]
+    y = np.array([0.0, *(mesh.plan.length * np.arange(1, 33) / 32)])
+    for m, shape in enumerate(solution.state.arrays["modes/shapes"][0], start=1):
+        w = shape[np.append(mesh.dofs[:, 1], mesh.dofs[-1, -2])]
+        exact = np.sin(m * math.pi * y / L)
+        assert abs(w @ exact) / np.linalg.norm(w) / np.linalg.norm(exact) == pytest.approx(1.0, abs=1e-8)
+
+
+def test_the_tangent_of_the_loaded_state_is_singular_at_the_factor():
+    solution = column("reissner3", 32, "propped", modes=1)
+    factor, d = factors(solution)[0], solution.d
+    model = solution.model
+    negative = [Pencil(model, (1 + s) * factor * d, (1 + s) * factor, loads=True) for s in (-1e-4, 1e-4)]
+    assert [p.negative(p.factor(0.0)) for p in negative] == [0, 1]
+
+
+def test_the_linear_response_is_that_of_linear_statics():
+    loads = [{"type": "force", "at": "c@1", "value": [-EULER, 10.0]}]
+    solution = column("vallejo", 8, "cantilever", loads)
+    linear = h.solved({"c": h.body(h.line(L), h.element("vallejo", 8), SECTION, MATERIAL)}, "linear_static",
+                      bc=ends("vallejo")["cantilever"][1], loads=loads)
+    np.testing.assert_allclose(solution.u("c@1"), linear.u("c@1"), rtol=1e-7)
+    deflection = 10 * L**3 / (3 * E / 12) + 10 * L / (timoshenko(0.3) * E / 2.6)
+    assert solution.u("c@1")[1] == pytest.approx(deflection, rel=1e-11)
+    assert solution.reactions()["c@0"] == pytest.approx(linear.reactions()["c@0"], rel=1e-8, abs=1e-8 * EULER)
+
+
+@pytest.mark.parametrize("dense", [1000, 0], ids=["dense", "arnoldi"])
+def test_a_rotation_held_by_a_multiplier_gives_the_same_factor(monkeypatch, dense):
+    monkeypatch.setattr(buckling_module, "DENSE", dense)
+    body = {"c": h.body(h.line(L), h.element("vallejo", 24), SECTION, MATERIAL)}
+    scene = {"loads": [{"type": "force", "at": "c@1", "value": [-EULER, 0]}]}
+    solver = {"type": "buckling", "modes": 2}
+    held = h.solved(body, solver, bc=[{"type": "clamp", "at": "c@0", "hold": "section"}], **scene)
+    prescribed = {"type": "prescribed", "at": "c@0", "angle": 0}
+    multiplied = h.solved(body, solver, bc=[{"type": "pin", "at": "c@0"}, prescribed], **scene)
+    assert multiplied.model.numbering.n_multipliers == 1
+    assert factors(multiplied) == pytest.approx(factors(held), rel=1e-6)
+
+
+def test_sway_of_a_portal_frame():
+    """Two clamped legs below a stiff beam sway at 2 EI (pi/L)^2: each leg is a guided column of length 2 L/2."""
+    legs = {"EA": 1e9, "EI": 1.0, "kGA": 1e9}
+    stiff = {"EA": 1e9, "EI": 1e6, "kGA": 1e9}
+    bodies = {"a": h.body(h.line(1.0, math.pi / 2), h.element("reissner3", 24), legs),
+              "b": h.body(h.line(1.0, math.pi / 2, (1.0, 0.0)), h.element("reissner3", 24), legs),
+              "top": h.body(h.line(1.0, 0.0, (0.0, 1.0)), h.element("reissner3", 2), stiff)}
+    found = factors(h.solved(
+        bodies, {"type": "buckling", "modes": 1},
+        bc=[{"type": "clamp", "at": "a@0"}, {"type": "clamp", "at": "b@0"}],
+        joints=[{"type": "weld", "between": ["a@1", "top@0"]}, {"type": "weld", "between": ["b@1", "top@1"]}],
+        loads=[{"type": "force", "at": p, "value": [0, -1.0]} for p in ("a@1", "b@1")]))
+    assert found[0] == pytest.approx(math.pi**2, rel=1e-4)
+
+
+def test_follower_loads_are_refused():
+    loaded = h.load({"c": h.body(h.line(L), h.element("vallejo", 4), SECTION, MATERIAL)}, "buckling",
+                    bc=[{"type": "clamp", "at": "c@0"}],
+                    loads=[{"type": "follower_force", "at": "c@1", "value": [-1, 0]}])
+    with pytest.raises(CaseError, match="no potential"):
+        prepare(loaded)
+
+
+def test_a_case_without_scaled_loads_says_so():
+    constant = [{"type": "force", "at": "c@1", "value": [-1.0, 0], "amplitude": {"type": "constant"}}]
+    with pytest.raises(ComputationError, match="no load grows"):
+        column("reissner3", 4, "pinned", constant)
