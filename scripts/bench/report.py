@@ -65,8 +65,8 @@ def static_table(elements: int) -> list[str]:
 
 def eigen_table() -> list[str]:
     """Return the modes of long meshes as Markdown rows."""
-    return [f"| {r['elements']} | {r['element']} | {r['solve_s']:.2f} s | {r['memory_mb']:.0f} MB | {r['to_exact']:.0e} | "
-            f"{r['to_coarse']:.0e} |" for r in eigen.compare(["reissner2", "vallejo"], 100_000)]
+    return [f"| {r['elements']} | {r['element']} | {r['solve_s']:.2f} s | {r['memory_mb']:.0f} MB | "
+            f"{r['to_exact']:.0e} | {r['to_coarse']:.0e} |" for r in eigen.compare(["reissner2", "vallejo"], 100_000)]
 
 
 def main() -> None:
