@@ -118,8 +118,10 @@ def test_conforming_elements_have_no_gaps():
 
 
 @pytest.mark.parametrize("kind", ["bending", "axial", "shear"])
-def test_exact_modes_are_orthogonal_and_computed_ones_are_them(kind):
-    loaded = scene("reissner3", 32, modes=40)
+@pytest.mark.parametrize("name", ["reissner3", "vallejo"])
+def test_exact_modes_are_orthogonal_and_computed_ones_are_them(name, kind):
+    formulation = {"formulation": "structural"} if name == "vallejo" else {}
+    loaded = scene(name, 32, modes=40, **formulation)
     model = prepare(loaded)
     state = list(solve_eigen(model, loaded.case.solver))[-1]
     mesh, shapes = model.meshes["b"], state.arrays["modes/shapes"][0]
