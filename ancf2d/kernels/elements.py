@@ -33,7 +33,7 @@ class Group(NamedTuple):
 
 
 @inlined
-def _sizes(group):  # type: ignore[no-untyped-def]
+def sizes(group):  # type: ignore[no-untyped-def]
     """Return (n_dof, fields, strains).
 
     Known at run time only: sizes known to the compiler gain nothing measurable, and each would compile anew.
@@ -65,7 +65,7 @@ def _turn_rows(A, nc, c, s):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _turn_vector(v, nc, c, s):  # type: ignore[no-untyped-def]
+def turn_vector(v, nc, c, s):  # type: ignore[no-untyped-def]
     for k in range(0, len(v), nc):
         x, y = v[k], v[k + 1]
         v[k] = c * x - s * y
@@ -82,9 +82,9 @@ def _turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _station(group, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
+def station(group, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
     """Fill u, eps, sigma and J of one station; return its energy."""
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     law = group.law
     for i in range(nu):
         v = 0.0
@@ -106,11 +106,11 @@ def _station(group, c, s, de, u, eps, sigma, J):  # type: ignore[no-untyped-def]
 def _element_force(group, c, de, u, eps, sigma, J, g, Qe):  # type: ignore[no-untyped-def]
     """Fill Q_e in the element frame; return the strain energy."""
     law = group.law
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     Qe[:] = 0.0
     energy = 0.0
     for s in range(law.B.shape[1]):
-        energy += _station(group, c, s, de, u, eps, sigma, J)
+        energy += station(group, c, s, de, u, eps, sigma, J)
         for i in range(nu):
             v = 0.0
             for j in range(ns):
@@ -125,12 +125,12 @@ def _element_force(group, c, de, u, eps, sigma, J, g, Qe):  # type: ignore[no-un
 def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type: ignore[no-untyped-def]
     """Fill Q_e and K in the element frame; return the strain energy."""
     law = group.law
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     Qe[:] = 0.0
     Ke[:] = 0.0
     energy = 0.0
     for s in range(law.B.shape[1]):
-        energy += _station(group, c, s, de, u, eps, sigma, J)
+        energy += station(group, c, s, de, u, eps, sigma, J)
         for i in range(nu):
             g[i] = 0.0
             for j in range(nu):
@@ -169,7 +169,7 @@ def _element_tangent(group, c, de, u, eps, sigma, J, g, H, HB, Qe, Ke):  # type:
 def force(group, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
     nc = group.components
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     energy = 0.0
@@ -178,7 +178,7 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
         energy += _element_force(group, group.cls[ie], de, u, eps, sigma, J, g, Qe)
         it = ie if len(group.turn) > 1 else 0
         tc, ts = group.turn[it, 0], group.turn[it, 1]
-        _turn_vector(Qe, nc, tc, ts)
+        turn_vector(Qe, nc, tc, ts)
         for a in range(n):
             Q[group.dofs[ie, a]] += Qe[a]
     return energy
@@ -188,7 +188,7 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
 def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
     """Fill Q (m, n) and K (m, n, n) of elements first, first + 1, ... in global components; return their energy."""
     nc = group.components
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     de, u, g, Qe = np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
     eps, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
     H, HB = np.zeros((nu, nu)), np.zeros((nu, n))
@@ -200,7 +200,7 @@ def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
         it = ie if len(group.turn) > 1 else 0
         tc, ts = group.turn[it, 0], group.turn[it, 1]
         if ts != 0.0 or tc != 1.0:
-            _turn_vector(Qe, nc, tc, ts)
+            turn_vector(Qe, nc, tc, ts)
             _turn_rows(K[m], nc, tc, ts)
             _turn_columns(K[m], nc, tc, ts)
         for a in range(n):
@@ -252,14 +252,14 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     Times the unit round-off this bounds the error of the forces, cancellation inside the element included.
     """
     law = group.law
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     de, u, J = np.zeros(n), np.zeros(nu), np.zeros((ns, nu))
     eps, sigma, ub, sb = np.zeros(ns), np.zeros(ns), np.zeros(nu), np.zeros(ns)
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
         c = group.cls[ie]
         for s in range(law.B.shape[1]):
-            _station(group, c, s, de, u, eps, sigma, J)
+            station(group, c, s, de, u, eps, sigma, J)
             B, D = law.B[c, s], law.D[c, s]
             for i in range(nu):
                 ub[i] = 0.0
@@ -284,9 +284,9 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
 def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
     """Fill the strains and D eps at every station: (ne, stations, n_eps) each."""
     law = group.law
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     de, u, J = np.zeros(n), np.zeros(nu), np.zeros((ns, nu))
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
         for s in range(law.B.shape[1]):
-            _station(group, group.cls[ie], s, de, u, eps_out[ie, s], sigma_out[ie, s], J)
+            station(group, group.cls[ie], s, de, u, eps_out[ie, s], sigma_out[ie, s], J)

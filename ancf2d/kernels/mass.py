@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .elements import _sizes, _station, _turn_vector, gather
+from .elements import gather, sizes, station, turn_vector
 from .jit import kernel
 from .laws import geometric
 from .matrix import scatter
@@ -40,7 +40,7 @@ def strain_action(group, d, v, out):  # type: ignore[no-untyped-def]
     keeps digits which the formed matrix has lost.
     """
     law, nc = group.law, group.components
-    n, nu, ns = _sizes(group)
+    n, nu, ns = sizes(group)
     de, ve, Qe, u, g = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(nu), np.zeros(nu)
     du, eps, sigma, J, H = np.zeros(nu), np.zeros(ns), np.zeros(ns), np.zeros((ns, nu)), np.zeros((nu, nu))
     deps = np.zeros(ns)
@@ -50,7 +50,7 @@ def strain_action(group, d, v, out):  # type: ignore[no-untyped-def]
         c = group.cls[ie]
         Qe[:] = 0.0
         for s in range(law.B.shape[1]):
-            _station(group, c, s, de, u, eps, sigma, J)
+            station(group, c, s, de, u, eps, sigma, J)
             H[:] = 0.0
             geometric(law, c, s, u, sigma, H)
             for i in range(nu):
@@ -78,6 +78,6 @@ def strain_action(group, d, v, out):  # type: ignore[no-untyped-def]
                 for a in range(n):
                     Qe[a] += g[i] * law.B[c, s, i, a]
         it = ie if len(group.turn) > 1 else 0
-        _turn_vector(Qe, nc, group.turn[it, 0], group.turn[it, 1])
+        turn_vector(Qe, nc, group.turn[it, 0], group.turn[it, 1])
         for a in range(n):
             out[group.dofs[ie, a]] += Qe[a]

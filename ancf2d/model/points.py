@@ -45,7 +45,8 @@ class PointRef:
         row[np.abs(row) < 1e-14 * np.abs(row).max()] = 0.0
         return row
 
-    def _columns(self, row: Array, component: int) -> tuple[Index, Array]:
+    def columns(self, row: Array, component: int) -> tuple[Index, Array]:
+        """Return (coordinates, weights) of one component of what a row of shape functions gives."""
         nc = self.mesh.plan.element.components
         used = np.flatnonzero(row)
         return self.mesh.dofs[self.ie, used * nc + component], row[used]
@@ -53,7 +54,7 @@ class PointRef:
     def position(self, spread: str | None = None) -> list[tuple[Index, Array]]:
         """Return (coordinates, weights) of x and of y."""
         row = self.shape_row(spread=spread)
-        return [self._columns(row, 0), self._columns(row, 1)]
+        return [self.columns(row, 0), self.columns(row, 1)]
 
     @property
     def turns_by_theta(self) -> bool:
@@ -62,7 +63,7 @@ class PointRef:
 
     def theta(self) -> tuple[Index, Array]:
         """Return (coordinates, weights) of the section rotation where it is a coordinate."""
-        return self._columns(self.shape_row(), 2)
+        return self.columns(self.shape_row(), 2)
 
     def director(self) -> tuple[list[tuple[Index, Array]], float]:
         """Return (coordinates, weights) of x and y of the vector that turns with the section, and its reference angle.
@@ -72,7 +73,7 @@ class PointRef:
         """
         across = self.mesh.plan.element.section_kind == "interpolated"
         row = self.shape_row(0, 1) if across else self.shape_row(1, 0)
-        columns = [self._columns(row, 0), self._columns(row, 1)]
+        columns = [self.columns(row, 0), self.columns(row, 1)]
         angle = self.angle + (0.5 * math.pi if across else 0.0)
         c, s = math.cos(angle), math.sin(angle)
         x, y = (float(w @ self.mesh.e0[i - self.mesh.first_dof]) for i, w in columns)

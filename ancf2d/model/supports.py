@@ -87,7 +87,7 @@ def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> Non
     out.rows.append(Row(*along(point.position("uniform"), -ty, tx), owner, "mean transverse position"))
     for j in range(1, element.degree_y + 1):
         row = point.shape_row(0, j)
-        columns = [point._columns(row, 0), point._columns(row, 1)]
+        columns = [point.columns(row, 0), point.columns(row, 1)]
         coords, coefs = along(columns, tx, ty)
         if len(coords):
             out.rows.append(Row(coords, coefs, owner, "section direction" if j == 1 else "section warping"))
