@@ -15,6 +15,10 @@ class State:
     ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``report`` is merged into the
     summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
     ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
+
+    Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
+    statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
+    solver needs to go on from here.
     """
 
     t: float
@@ -29,3 +33,7 @@ class State:
     report: dict[str, Any] = field(default_factory=dict)
     arrays: dict[str, tuple[Array, str, str]] = field(default_factory=dict)
     tables: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
+    v: Array | None = None
+    a: Array | None = None
+    blocks: dict[str, Array] = field(default_factory=dict)
+    checkpoint: dict[str, Array] | None = None
