@@ -77,6 +77,11 @@ class Formulation:
     None where no finite rule does. ``sample(sampler, rule)`` returns (B, ref, D) of one element class.
     ``strain(law, c, s, u, eps, J)`` and ``geometric(law, c, s, u, sigma, H)`` are compiled by the kernels.
     ``selective`` tells whether shear may have a rule of its own.
+
+    ``mean(law, c, s, u0, u1, eps0, eps1, J)`` overwrites the entries of J that ``strain`` fills with those of the
+    discrete Jacobian between two states whose strains are given: J (u1 - u0) = eps1 - eps0, and turning the
+    mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the position gradients).
+    None where no such form is known: then no time step keeps energy and angular momentum at once.
     """
 
     name: str
@@ -90,6 +95,7 @@ class Formulation:
     source: str
     doc: str
     selective: bool = True
+    mean: Callable[..., Any] | None = None
 
 
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:

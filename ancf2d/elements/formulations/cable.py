@@ -64,6 +64,23 @@ def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
             H[i, j] = H[j, i]
 
 
+def mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+    """Discrete Jacobian between two states, by differences of A = r_s.r_s and C = r_s x r_ss at the mid-configuration.
+
+    |r_s|^2 = A gives d|r_s| = dA/(|r_s|_0 + |r_s|_1); kappa A = C gives dkappa = (dC - kappa_m dA)/A_m, m the mean.
+    """
+    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
+    x0, y0, x1, y1 = px + u0[0], py + u0[1], px + u1[0], py + u1[1]
+    A0, A1 = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1
+    L, A = 0.5 * (np.sqrt(A0) + np.sqrt(A1)), 0.5 * (A0 + A1)
+    fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    gx, gy = qx + 0.5 * (u0[2] + u1[2]), qy + 0.5 * (u0[3] + u1[3])
+    k = (px * qy - py * qx) / (px * px + py * py) + 0.5 * (eps0[1] + eps1[1])
+    J[0, 0], J[0, 1] = fx / L, fy / L
+    J[1, 0], J[1, 1] = (gy - 2.0 * k * fx) / A, (-gx - 2.0 * k * fy) / A
+    J[1, 2], J[1, 3] = -fy / A, fx / A
+
+
 def green_strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
     """Strains r_s.r_s/2 and r_s x r_ss/|r_s|^3, less those of the reference (Berzeri & Shabana 2000)."""
     px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
@@ -104,6 +121,22 @@ def green_geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
             H[i, j] = H[j, i]
 
 
+def green_mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+    """Discrete Jacobian between two states: as ``mean``, with kappa |r_s|^3 = C."""
+    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
+    x0, y0, x1, y1 = px + u0[0], py + u0[1], px + u1[0], py + u1[1]
+    A0, A1, LL = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1, px * px + py * py
+    L0, L1 = np.sqrt(A0), np.sqrt(A1)
+    L3 = 0.5 * (A0 * L0 + A1 * L1)
+    fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    gx, gy = qx + 0.5 * (u0[2] + u1[2]), qy + 0.5 * (u0[3] + u1[3])
+    k = (px * qy - py * qx) / (LL * np.sqrt(LL)) + 0.5 * (eps0[1] + eps1[1])
+    m = 2.0 * k * (A0 + L0 * L1 + A1) / (L0 + L1)
+    J[0, 0], J[0, 1] = fx, fy
+    J[1, 0], J[1, 1] = (gy - m * fx) / L3, (-gx - m * fy) / L3
+    J[1, 2], J[1, 3] = -fy / L3, fx / L3
+
+
 def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[Array, Array, Array]:
     xi, _, w = rule_points((n, 1))
     zero = np.zeros_like(xi)
@@ -135,8 +168,9 @@ def _refuse(element: ElementType) -> str | None:
 FORMULATIONS = (
     Formulation("cable", Cable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain, geometric,
                 "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
-                selective=False),
+                selective=False, mean=mean),
     Formulation("green", GreenCable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, green_strain,
                 green_geometric, "Berzeri & Shabana 2000",
-                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False),
+                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
+                mean=green_mean),
 )

@@ -84,6 +84,33 @@ def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
             H[i, j] = H[j, i]
 
 
+def mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+    """Discrete Jacobian between two states, by differences of invariants at the mid-configuration.
+
+    With A = r_y.r_y, L^2 = A: Gamma L = r_s x r_y or r_s . r_y gives dGamma = (d(Gamma L) - Gamma_m dL)/L_m with
+    dL = dA/(L_0 + L_1); kappa A = r_y x r_ys gives dkappa = (d(kappa A) - kappa_m dA)/A_m, m the mean.
+    """
+    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
+    wx, wy = law.ref[c, s, 4], law.ref[c, s, 5]
+    x0, y0, x1, y1 = qx + u0[2], qy + u0[3], qx + u1[2], qy + u1[3]
+    LL = qx * qx + qy * qy
+    A0, A1, R = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1, np.sqrt(LL)
+    L, A = 0.5 * (np.sqrt(A0) + np.sqrt(A1)), 0.5 * (A0 + A1)
+    fx, fy = px + 0.5 * (u0[0] + u1[0]), py + 0.5 * (u0[1] + u1[1])
+    gx, gy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    hx, hy = wx + 0.5 * (u0[4] + u1[4]), wy + 0.5 * (u0[5] + u1[5])
+    G1 = (px * qy - py * qx) / R + 0.5 * (eps0[0] + eps1[0])
+    G2 = (px * qx + py * qy) / R + 0.5 * (eps0[1] + eps1[1])
+    k = (qx * wy - qy * wx) / LL + 0.5 * (eps0[2] + eps1[2])
+    J[0, 0], J[0, 1] = gy / L, -gx / L
+    J[0, 2], J[0, 3] = (-fy - G1 * gx / L) / L, (fx - G1 * gy / L) / L
+    J[1, 0], J[1, 1] = gx / L, gy / L
+    J[1, 2], J[1, 3] = (fx - G2 * gx / L) / L, (fy - G2 * gy / L) / L
+    J[2, 2], J[2, 3] = (hy - 2.0 * k * gx) / A, (-hx - 2.0 * k * gy) / A
+    J[2, 4], J[2, 5] = -gy / A, gx / A
+    J[3, 2], J[3, 3] = gx, gy
+
+
 def _stations(sampler: Sampler, points: tuple[Array, Array],
               weights: tuple[float, ...]) -> tuple[Array, Array, Array]:
     xi, w = points
@@ -125,5 +152,6 @@ def _refuse(element: ElementType) -> str | None:
 FORMULATIONS = (
     Formulation("structural", Structural, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain,
                 geometric, "Gerstmayr, Matikainen & Mikkola 2008; Nachbagauer et al. 2011-13",
-                "axial, shear, bending and thickness strain of the section on the axis, without Poisson coupling"),
+                "axial, shear, bending and thickness strain of the section on the axis, without Poisson coupling",
+                mean=mean),
 )
