@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Eigen, GroundPoint, LinearStatic, LoadedCase, Point, Static
+from ..case import Buckling, Case, Dynamic, Eigen, GroundPoint, LinearStatic, LoadedCase, Point, Static
 from ..elements.shape import Array
 from ..errors import CaseError, Problem
 from .constraints import Equations
@@ -23,24 +23,14 @@ from .points import PointRef, point_ref
 from .spin import centrifugal
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
-from .timing import PathTiming, Timing
-
-
-def ramp(t: float) -> float:
-    """Return the default amplitude of static cases: the load factor itself."""
-    return t
-
-
-def one(t: float) -> float:
-    """Return the default amplitude of everything else."""
-    return 1.0
+from .timing import PathTiming, TimeTiming, Timing
 
 
 def timing_of(case: Case) -> Timing:
     """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
     if isinstance(case.solver, Buckling) or (isinstance(case.solver, Static) and case.solver.method != "newton"):
         return PathTiming()
-    return Timing(ramp if isinstance(case.solver, LinearStatic | Static | Eigen) else one)
+    return TimeTiming() if isinstance(case.solver, Dynamic) else Timing()
 
 
 def must_be_held(case: Case) -> bool:
@@ -127,9 +117,7 @@ class _Builder:
 
     def add_loads(self) -> None:
         for load in self.case.loads:
-            given = load.amplitude
-            amplitude = self.timing if given is None else self.timing.given(given.value)
-            context = LoadContext(self.meshes, self.point, amplitude, given is None)
+            context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), load.amplitude is None)
             LOADS[type(load)](load, context, self.loads)
             if hasattr(load, "value") and type(load).__name__ == "Gravity":
                 self._weigh_masses(load.value, context)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -12,8 +11,7 @@ import numpy as np
 from ..elements.shape import Array
 from .mesh import Index
 from .points import PointRef
-
-Signal = Callable[[float], float]
+from .timing import Course
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Row:
     coefs: Array
     owner: str
     holds: str
-    signal: Signal | None = None
+    signal: Course | None = None
 
     def value(self, t: float) -> float:
         """Return the right-hand side at load factor or time t."""
@@ -76,7 +74,7 @@ class DirectionPrescribed:
     """The section direction v of a point stands at a prescribed angle: v x (cos a, sin a) = 0."""
 
     point: PointRef
-    signal: Signal
+    signal: Course
     owner: str
     holds: str = "rotation"
 
@@ -178,7 +176,7 @@ def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
     out.rows.append(Row(coords, coefs, owner, "rotation"))
 
 
-def prescribe_rotation(point: PointRef, signal: Signal, owner: str, out: Equations) -> None:
+def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equations) -> None:
     """Ask that the section at a point turns by signal(t) from its reference direction."""
     if point.turns_by_theta:
         coords, coefs = point.theta()

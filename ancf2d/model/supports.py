@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..case import Clamp, Fix, Pin, Prescribed, Roller
-from .constraints import Equations, Row, Signal, along, combine, hold_rotation, prescribe_rotation
+from .constraints import Equations, Row, along, combine, hold_rotation, prescribe_rotation
 from .points import PointRef
 from .timing import Timing
 
@@ -111,21 +111,11 @@ def _prescribed(support: Prescribed, point: PointRef, owner: str, timing: Timing
     for k, axis in enumerate("xy"):
         position, displacement = getattr(support, axis), getattr(support, "u" + axis)
         if position is not None:
-            start = float(reference[k])
-            signal = amplitude_signal(position, timing, start)
-            out.rows.append(Row(*combine((1.0, columns[k])), owner, axis, lambda t, s=signal, x=start: s(t) - x))
+            out.rows.append(Row(*combine((1.0, columns[k])), owner, axis, timing.motion(position, float(reference[k]))))
         if displacement is not None:
-            out.rows.append(Row(*combine((1.0, columns[k])), owner, "u" + axis,
-                                amplitude_signal(displacement, timing, 0.0)))
+            out.rows.append(Row(*combine((1.0, columns[k])), owner, "u" + axis, timing.motion(displacement, 0.0)))
     if support.angle is not None:
-        prescribe_rotation(point, amplitude_signal(support.angle, timing, 0.0), owner, out)
-
-
-def amplitude_signal(value: Any, timing: Timing, start: float) -> Signal:
-    """Return the value over t: an amplitude as it is; a number is reached from ``start`` by the default amplitude."""
-    if isinstance(value, int | float):
-        return lambda t: start + (float(value) - start) * timing(t)
-    return timing.given(value.value, start)
+        prescribe_rotation(point, timing.motion(support.angle, 0.0), owner, out)
 
 
 SUPPORTS: dict[type, Callable[[Any, PointRef, str, Timing, Equations], None]] = {

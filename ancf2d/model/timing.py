@@ -5,27 +5,55 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Signal = Callable[[float], float]
+from ..case import Amplitude
+from .signals import Signal
+
+Course = Callable[[float], float]
 
 
 class Timing:
-    """What a load or motion follows: the default where it has no amplitude of its own, else that amplitude."""
-
-    def __init__(self, default: Signal) -> None:
-        self.default = default
+    """What a load or motion follows: the load factor where it has no amplitude of its own, else that amplitude."""
 
     def __call__(self, t: float) -> float:
-        """Return the default amplitude at load factor or time t."""
-        return self.default(t)
+        """Return what stands for a missing amplitude at load factor or time t."""
+        return t
 
-    def given(self, signal: Signal, start: float = 0.0) -> Signal:
-        """Return what follows an amplitude of its own; ``start`` is its value in the reference."""
-        return signal
+    def follow(self, amplitude: Amplitude | None) -> Course:
+        """Return the factor on a load."""
+        return self if amplitude is None else amplitude.value
+
+    def motion(self, value: float | Amplitude, start: float) -> Course:
+        """Return how far a prescribed motion is from ``start``, its value in the reference.
+
+        A number is reached by what stands for a missing amplitude.
+        """
+        if isinstance(value, int | float):
+            way = float(value) - start
+            return lambda t: way * self(t)
+        return lambda t: value.value(t) - start
 
     @contextmanager
     def preload(self) -> Iterator[None]:
         """Return a block in which t raises what is constant: nothing here."""
         yield
+
+
+class TimeTiming(Timing):
+    """Over time: what has no amplitude is constant. Everything is a Signal, which kernels can evaluate."""
+
+    def __call__(self, t: float) -> float:
+        """Return 1."""
+        return 1.0
+
+    def follow(self, amplitude: Amplitude | None) -> Signal:
+        """Return the factor on a load."""
+        return Signal(amplitude)
+
+    def motion(self, value: float | Amplitude, start: float) -> Signal:
+        """Return how far a prescribed motion is from ``start``; a number is the value at all times."""
+        if isinstance(value, int | float):
+            return Signal(None, float(value), -start)
+        return Signal(value, 1.0, -start)
 
 
 class PathTiming(Timing):
@@ -36,17 +64,25 @@ class PathTiming(Timing):
     """
 
     def __init__(self) -> None:
-        super().__init__(self._scaled)
         self.preloading = self.constant = False
 
-    def _scaled(self, t: float) -> float:
+    def __call__(self, t: float) -> float:
+        """Return the load factor, 0 while preloading."""
         return 0.0 if self.preloading else t
 
-    def given(self, signal: Signal, start: float = 0.0) -> Signal:
-        """Return the constant value, raised from ``start`` while preloading."""
+    def follow(self, amplitude: Amplitude | None) -> Course:
+        """Return the factor on a load, raised from 0 while preloading where it is constant."""
+        return self if amplitude is None else self._hold(amplitude.value(1.0))
+
+    def motion(self, value: float | Amplitude, start: float) -> Course:
+        """Return how far a prescribed motion is from ``start``, raised from 0 while preloading where it is constant."""
+        if isinstance(value, int | float):
+            return super().motion(value, start)
+        return self._hold(value.value(1.0) - start)
+
+    def _hold(self, value: float) -> Course:
         self.constant = True
-        value = signal(1.0)
-        return lambda t: start + (value - start) * t if self.preloading else value
+        return lambda t: value * t if self.preloading else value
 
     @contextmanager
     def preload(self) -> Iterator[None]:

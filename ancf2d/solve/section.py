@@ -46,7 +46,7 @@ def _accelerations(model: Model, t: float) -> Iterator[Density]:
 
 
 def _amplitude(model: Model, load: Gravity | Distributed, t: float) -> float:
-    return (model.timing if load.amplitude is None else model.timing.given(load.amplitude.value))(t)
+    return model.timing.follow(load.amplitude)(t)
 
 
 def _position(point: PointRef, e: Array) -> Array:
