@@ -192,7 +192,7 @@ def build_model(loaded: LoadedCase) -> Model:
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
-                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings])
+                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
 
 
 def check_model(loaded: LoadedCase) -> tuple[list[Problem], list[str]]:

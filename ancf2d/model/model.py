@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, Point
+from ..case import Case, LoadedCase, Point
 from ..elements.shape import Array
 from .constraints import Constraint, Row
 from .elimination import Elimination
@@ -66,7 +66,8 @@ class Numbering:
 class Model:
     """Bodies, connections, loads and numbering of one case.
 
-    ``e0`` (n_q,) are the reference nodal coordinates; nodal coordinates are e0 + d.
+    ``e0`` (n_q,) are the reference nodal coordinates; nodal coordinates are e0 + d. ``loaded`` is where the case
+    came from, for what can be told to be wrong with it only later on.
     """
 
     case: Case
@@ -82,6 +83,7 @@ class Model:
     extent: float
     timing: Timing
     warnings: list[str] = field(default_factory=list)
+    loaded: LoadedCase | None = None
 
     @property
     def n_q(self) -> int:
