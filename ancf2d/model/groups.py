@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ..elements.shape import Array
 from ..kernels.elements import Group
 from .mesh import BodyMesh
+from .model import Model
 
 
 def make_group(mesh: BodyMesh) -> Group:
@@ -20,7 +22,14 @@ def make_group(mesh: BodyMesh) -> Group:
                  plan.element.components)
 
 
-
 def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:
     """Return the groups of all bodies."""
     return [make_group(m) for m in meshes.values()]
+
+
+def damping_times(model: Model) -> Array:
+    """Return the retardation time [s] of each group: the material's own and Rayleigh's beta, in stress D tau d eps/dt."""
+    damping = model.case.damping
+    beta = damping.rayleigh.beta if damping else 0.0
+    materials = [model.case.bodies[name].material for name in model.meshes]
+    return np.array([beta + (m.damping.kelvin_voigt if m and m.damping else 0.0) for m in materials])

@@ -73,10 +73,12 @@ class Initial:
 
 @record
 class Rayleigh:
-    """Damping alpha M + beta K."""
+    """Damping alpha M + beta K, where beta acts on the rates of strain."""
 
-    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix", default=0.0)
-    beta: float = key(Number("s", ge=0), "Factor of the stiffness matrix", default=0.0)
+    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix: forces -alpha M v, which slow rigid motion too",
+                       default=0.0)
+    beta: float = key(Number("s", ge=0), "Added to every body's retardation time kelvin_voigt: stress D (eps + beta "
+                      "d eps/dt), which is beta K for small motion and nothing in rigid motion", default=0.0)
 
 
 @record
