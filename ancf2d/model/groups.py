@@ -28,7 +28,7 @@ def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:
 
 
 def damping_times(model: Model) -> Array:
-    """Return the retardation time [s] of each group: the material's own and Rayleigh's beta, in stress D tau d eps/dt."""
+    """Return tau [s] of each group in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
     damping = model.case.damping
     beta = damping.rayleigh.beta if damping else 0.0
     materials = [model.case.bodies[name].material for name in model.meshes]
