@@ -6,6 +6,7 @@ import numpy as np
 
 from ..case import Mass, SteadyRotation
 from ..elements.shape import Array
+from .masses import mass_terms
 from .mesh import BodyMesh, mass_matrix
 from .points import PointRef
 
@@ -51,10 +52,10 @@ def centrifugal(meshes: dict[str, BodyMesh], masses: list[tuple[Mass, PointRef]]
         for k, cls in enumerate(mesh.classes):
             M = _without_theta(mass_matrix(cls.sampler), element.components)
             patches.append(CentrifugalPatch(mesh.dofs[mesh.cls == k], M, centre, spin.omega))
-    for mass, point in masses:
-        for (coords, weights), about in zip(point.position(), spin.about, strict=True):
-            # weights . (e - centre) = r - about
-            centre = about * weights / (weights @ weights)
-            M = mass.mass * np.outer(weights, weights)
-            patches.append(CentrifugalPatch(coords[None, :], M, centre, spin.omega))
+    for term in (term for mass, point in masses for term in mass_terms(mass, point) if len(term.columns) == 2):
+        for (coords, weights), about in zip(term.columns, spin.about, strict=True):
+            # weights . (e - centre) = r - about; directions do not know where the centre is
+            centre = about * weights / (weights @ weights) if term.place else np.zeros(len(weights))
+            patches.append(CentrifugalPatch(coords[None, :], term.inertia * np.outer(weights, weights), centre,
+                                            spin.omega))
     return patches

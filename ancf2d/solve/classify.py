@@ -8,11 +8,11 @@ import numpy as np
 
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
+from ..model.masses import mass_terms
 from ..model.mechanism import rigid_motion
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 from ..model.points import dot
-from ..model.rotation import Rotation
 from .sections import MOTIONS, ClassMotions, Energies, class_motions, element_velocities, energies
 
 KINDS = {"axial": "axial", "transverse": "bending", "rotation": "shear", "stretch": "thickness"}
@@ -96,16 +96,22 @@ class Classifier:
     def _point_masses(self, v: Array) -> Array:
         """Return twice the kinetic energy of the point masses by section motion (4,)."""
         out = np.zeros(4)
+        e = self.model.e0 + self.d[:self.model.n_q]
         for item in self.model.case.masses:
             point = self.model.point(item.at)
-            x, y = (dot(c, v) for c in point.position())
-            c, s = np.cos(point.angle), np.sin(point.angle)
-            out[0] += item.mass * (c * x + s * y) ** 2
-            out[1] += item.mass * (c * y - s * x) ** 2
-            if item.inertia:
-                rotation = Rotation(point)
-                out[2] += item.inertia * float(rotation.gradient(self.model.e0 + self.d[:self.model.n_q])
-                                               @ v[rotation.dofs]) ** 2
+            for term in mass_terms(item, point):
+                rate = np.array([dot(c, v) for c in term.columns])
+                if len(rate) == 1:
+                    out[2] += term.inertia * rate[0] ** 2
+                    continue
+                along = np.array([np.cos(point.angle), np.sin(point.angle)])
+                if not term.place:
+                    along = np.array([dot(c, e) for c in term.columns])
+                    along /= np.hypot(*along)
+                # a position moves along and across the beam, a direction stretches and turns
+                first, second = (0, 1) if term.place else (3, 2)
+                out[first] += term.inertia * (along @ rate) ** 2
+                out[second] += term.inertia * (along[0] * rate[1] - along[1] * rate[0]) ** 2
         return out
 
     def is_rigid(self, v: Array) -> bool:

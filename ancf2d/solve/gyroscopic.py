@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..case import Eigen
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..model.masses import mass_terms
 from ..model.mesh import mass_matrix
 from ..model.model import Model
 from .classify import Classifier
@@ -58,6 +59,8 @@ class Gyroscope:
         self.model, self.omega = model, omega
         self.blocks = [(mesh.dofs[mesh.cls == k], mass_matrix(c.sampler), mesh.plan.element.components)
                        for mesh in model.meshes.values() for k, c in enumerate(mesh.classes)]
+        self.terms = [term for m in model.case.masses for term in mass_terms(m, model.point(m.at))
+                      if len(term.columns) == 2]
 
     def __call__(self, z: Array) -> Array:
         """Return 2 omega T^T G T z."""
@@ -69,11 +72,11 @@ class Gyroscope:
             local = v[dofs]
             turned[:, 0::nc], turned[:, 1::nc] = -local[:, 1::nc], local[:, 0::nc]
             np.add.at(out, dofs, turned @ M)
-        for point, mass in ((self.model.point(m.at), m.mass) for m in self.model.case.masses):
-            (cx, wx), (cy, wy) = point.position()
+        for term in self.terms:
+            (cx, wx), (cy, wy) = term.columns
             x, y = wx @ v[cx], wy @ v[cy]
-            np.add.at(out, cx, -mass * y * wx)
-            np.add.at(out, cy, mass * x * wy)
+            np.add.at(out, cx, -term.inertia * y * wx)
+            np.add.at(out, cy, term.inertia * x * wy)
         return 2.0 * self.omega * num.reduce(out)
 
 

@@ -1,37 +1,30 @@
-"""The mass matrix of the unknowns, stored as the tangent is."""
+"""The mass matrix: of the unknowns, stored as the tangent is, and of all coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.mass import scatter_classes
+from ..model.masses import mass_block, mass_terms
 from ..model.mesh import Index, mass_matrix
 from ..model.model import Model
-from ..model.rotation import Rotation
 from .linear import TangentMatrix
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
-def point_masses(model: Model, d: Array) -> Iterator[tuple[Index, Array]]:
-    """Yield (coordinates (n,), matrix (n, n)) of each point mass: m at r, and its inertia at theta as it is at d."""
-    e = model.e0 + d[:model.n_q]
+
+def point_masses(model: Model) -> Iterator[tuple[Index, Array]]:
+    """Yield (coordinates (n,), matrix (n, n)) of each point mass."""
     for item in model.case.masses:
-        point = model.point(item.at)
-        rows = [(item.mass, *columns) for columns in point.position()]
-        if item.inertia:
-            rotation = Rotation(point)
-            rows.append((item.inertia, rotation.dofs, rotation.gradient(e)))
-        coords = np.unique(np.concatenate([c for _, c, _ in rows]))
-        M = np.zeros((len(coords), len(coords)))
-        for m, c, w in rows:
-            k = np.searchsorted(coords, c)
-            M[np.ix_(k, k)] += m * np.outer(w, w)
-        yield coords, M
+        yield mass_block(mass_terms(item, model.point(item.at)))
 
 
-def assemble_mass(model: Model, d: Array, matrix: TangentMatrix) -> None:
+def assemble_mass(model: Model, matrix: TangentMatrix) -> None:
     """Fill ``matrix`` with T^T M T, M = int rho S^T S dV and the point masses; multipliers have none.
 
     Scalar shape functions: an element's M is the same in every frame, so each class has one.
@@ -43,5 +36,28 @@ def assemble_mass(model: Model, d: Array, matrix: TangentMatrix) -> None:
         Ms = np.array([mass_matrix(c.sampler) for c in mesh.classes])
         scatter_classes(matrix.target, Ms, np.ascontiguousarray(mesh.cls, dtype=np.int64),
                         np.ascontiguousarray(mesh.dofs), *tables)
-    for coords, M in point_masses(model, d):
+    for coords, M in point_masses(model):
         scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), *tables)
+
+
+def full_mass(model: Model) -> csr_matrix:
+    """Return the constant mass matrix M (n_q, n_q) of all nodal coordinates, point masses included."""
+    from scipy.sparse import coo_matrix
+
+    rows, columns, values = [], [], []
+
+    def add(dofs: Index, M: Array) -> None:
+        m, n = dofs.shape
+        rows.append(np.repeat(dofs, n, axis=1).ravel())
+        columns.append(np.tile(dofs, (1, n)).ravel())
+        values.append(np.tile(M.ravel(), m))
+
+    for mesh in model.meshes.values():
+        for k, cls in enumerate(mesh.classes):
+            add(mesh.dofs[mesh.cls == k], mass_matrix(cls.sampler))
+    for coords, M in point_masses(model):
+        add(coords[None, :], M)
+    place = (np.concatenate(rows), np.concatenate(columns))
+    out = coo_matrix((np.concatenate(values), place), shape=(model.n_q, model.n_q)).tocsr()
+    out.eliminate_zeros()
+    return out

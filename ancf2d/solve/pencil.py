@@ -44,7 +44,7 @@ class Pencil:
     def with_mass(self) -> Pencil:
         """Return this pencil with B = M."""
         mass = make_matrix(self.model)
-        assemble_mass(self.model, self.d, mass)
+        assemble_mass(self.model, mass)
         self.B = mass.target.values
         return self
 

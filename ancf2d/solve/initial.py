@@ -1,0 +1,160 @@
+"""How a motion starts: displacements and velocities at t = 0."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..case import Amplitude, Case, Initial, LoadedCase, Prescribed, Static
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError, Problem, ResultsError
+from ..model.build import build_model
+from ..model.model import Model
+from .energy import Kinds
+
+# relative to the size of the scene: reference coordinates that are the same
+SAME = 1e-9
+
+
+def initial_motion(model: Model) -> tuple[Array, Array]:
+    """Return displacements and rates (n_full,) at t = 0 as the case tells them; multipliers and their rates are 0.
+
+    The displacements meet all supports and joints. The rates are those that were asked for: what supports and joints
+    leave of them is their projection in the metric of the mass. Raises CaseError for a state that cannot be had,
+    ComputationError where the static equilibrium is not found.
+    """
+    initial = model.case.initial or Initial()
+    n_q = model.n_q
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    v = np.zeros(len(d))
+    if initial.from_ == "static":
+        d[:n_q] = _static(model)
+    elif initial.from_ != "rest":
+        d[:n_q], v[:n_q] = _from_file(model, initial.from_)
+    e = model.e0 + d[:n_q]
+    v[:n_q] = _rates(model, initial, e, v[:n_q])
+    return d, v
+
+
+def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
+    """Return the rates (n_q,) at nodal coordinates e: what is said of a body, else of all, else what was stored."""
+    kinds = Kinds(model)
+    out = stored.copy()
+    for name, mesh in model.meshes.items():
+        said = initial.bodies.get(name, initial)
+        if said.velocity is None and said.rotation_rate is None:
+            continue
+        v = np.zeros(model.n_q)
+        if said.velocity is not None:
+            kinds.translation(v, *said.velocity)
+        if said.rotation_rate is not None:
+            kinds.rotation(v, e, said.rotation_rate.omega, said.rotation_rate.about)
+        coords = slice(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
+        out[coords] = v[coords]
+    return out
+
+
+def static_case(case: Case) -> Case:
+    """Return the static case whose end is the equilibrium at t = 0: loads and prescribed motion at their size then."""
+    def size(amplitude: Amplitude | None) -> float:
+        return 1.0 if amplitude is None else amplitude.value(0.0)
+
+    def scaled(load: Any) -> Any:
+        value = np.multiply(load.value, size(load.amplitude)).tolist()
+        return replace(load, value=tuple(value) if isinstance(value, list) else value, amplitude=None)
+
+    def held(support: Any) -> Any:
+        if not isinstance(support, Prescribed):
+            return support
+        given = {k: getattr(support, k) for k in ("x", "y", "ux", "uy", "angle")}
+        return replace(support, **{k: float(s.value(0.0)) for k, s in given.items() if hasattr(s, "value")})
+
+    return replace(case, loads=tuple(scaled(load) for load in case.loads), initial=None, damping=None,
+                   boundary_conditions=tuple(held(s) for s in case.boundary_conditions), solver=Static())
+
+
+def _static(model: Model) -> Array:
+    """Return the displacements (n_q,) of the static equilibrium at t = 0."""
+    from .static import solve_static
+
+    loaded = _loaded(model)
+    try:
+        static = build_model(replace(loaded, case=static_case(model.case)))
+    except CaseError as error:
+        raise CaseError([replace(p, message=f"initial.from static: {p.message}") for p in error.problems]) from error
+    try:
+        *_, state = solve_static(static)
+    except ComputationError as error:
+        f = error.failure
+        raise ComputationError(f"the equilibrium that the motion starts from: {f.reason}", at=f.at, history=f.history,
+                               advice=f.advice) from error
+    return state.d[:model.n_q]
+
+
+def _from_file(model: Model, name: str) -> tuple[Array, Array]:
+    """Return the last displacements and rates (n_q,) that a result file of the same meshes holds."""
+    from ..results import open_results
+
+    fail = _failing(model, ("initial", "from"))
+    path = os.path.join(os.path.dirname(_loaded(model).source.file), name)
+    try:
+        with open_results(path) as results:
+            if results.nt == 0:
+                raise fail(f"'{path}' holds no state", "a result file with states")
+            _check_mesh(model, results, path, fail)
+            return results.d(-1), results.v(-1) if results.holds("v") else np.zeros(model.n_q)
+    except ResultsError as error:
+        raise fail(str(error), "the result file of another run, named relative to the case") from error
+
+
+def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseError]) -> None:
+    """Raise CaseError where a result file is of other bodies or another mesh."""
+    here = {name: (mesh.plan.element.name, mesh.plan.count) for name, mesh in model.meshes.items()}
+    there = {name: (body.element_type, len(body.dofs)) for name, body in results.bodies.items()}
+    if list(here) != list(there):
+        raise fail(f"'{path}' has the bodies {', '.join(there)}, the case has {', '.join(here)}",
+                   "a result of the same bodies, in the same order")
+    for name in here:
+        if here[name] != there[name]:
+            raise fail(f"'{path}' has {there[name][1]} elements of type {there[name][0]} in {name}, "
+                       f"the case has {here[name][1]} of type {here[name][0]}", "a result of the same mesh")
+    if results.nq != model.n_q:
+        raise fail(f"'{path}' has {results.nq} nodal coordinates, the case has {model.n_q}",
+                   "a result of the same mesh")
+    gap = float(np.max(np.abs(results.e0 - model.e0) * model.weights, initial=0.0))
+    if gap > SAME * model.extent:
+        raise fail(f"the reference in '{path}' is another one: nodes or directions differ by {gap:.3g}",
+                   "a result of the same reference geometry")
+
+
+def _loaded(model: Model) -> LoadedCase:
+    if model.loaded is None:
+        raise ValueError("the model was not built from a case that was read")
+    return model.loaded
+
+
+def _failing(model: Model, path: tuple[str, ...]) -> Callable[..., CaseError]:
+    """Return what makes the CaseError that stands at a place of the case."""
+    def fail(message: str, expected: str = "") -> CaseError:
+        text = f"{'.'.join(path)}: {message}"
+        return CaseError(_loaded(model).source.problem(path, text, expected or None))
+    return fail
+
+
+def initial_problems(model: Model) -> list[Problem]:
+    """Return what is wrong with the start of a motion that can be seen without solving."""
+    initial = model.case.initial
+    if initial is None or initial.from_ == "rest":
+        return []
+    try:
+        if initial.from_ == "static":
+            build_model(replace(_loaded(model), case=static_case(model.case)))
+        else:
+            _from_file(model, initial.from_)
+    except CaseError as error:
+        return error.problems
+    return []
