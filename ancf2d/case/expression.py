@@ -1,27 +1,15 @@
-"""The expression language of amplitudes: parsed by hand, evaluated over floats or dual numbers."""
+"""Expressions in t, evaluated over floats or dual numbers."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from typing import Any
 
-MAX_LENGTH = 2000
-MAX_DEPTH = 60
-_TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-                    r"|(?P<name>[A-Za-z_]\w*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Time, Tree, syntax
 
 # an operand is a float or a Dual; t is bound at evaluation
 Closure = Callable[[Any], Any]
-
-
-class ExpressionError(ValueError):
-    """A text that is no expression; ``column`` counts from 0 inside it."""
-
-    def __init__(self, message: str, column: int) -> None:
-        super().__init__(message)
-        self.column = column
 
 
 class Dual:
@@ -81,7 +69,6 @@ FUNCTIONS = {
     "abs": _unary(abs, lambda a: math.copysign(1.0, a) if a else 0.0),
 }
 _NEGATE = _unary(lambda a: -a, lambda a: -1.0)
-NAMES = "t, pi, " + ", ".join(FUNCTIONS)
 
 
 def parse(text: str) -> Closure:
@@ -90,168 +77,50 @@ def parse(text: str) -> Closure:
     Raises ExpressionError where the text is none. Work is bounded by the length of the text:
     the language has no loops and no names but t, pi and five functions.
     """
-    if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
-    return _Parser(text).whole()
+    return closure(syntax(text))
 
 
-class _Parser:
-    """Recursive descent: conditional < comparison < sum < product < sign < power < atom."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.tokens = list(self.split(text))
-        self.at = 0
-        self.depth = 0
-
-    @staticmethod
-    def split(text: str) -> Any:
-        """Yield (kind, text, column) of every token, then the end."""
-        at = 0
-        while at < len(text.rstrip()):
-            match = _TOKEN.match(text, at)
-            if match is None:
-                column = at + len(text[at:]) - len(text[at:].lstrip())
-                raise ExpressionError(f"'{text[column]}' is not allowed", column)
-            kind = str(match.lastgroup)
-            yield kind, match[kind], match.start(kind)
-            at = match.end()
-        yield "end", "", len(text.rstrip())
-
-    def peek(self) -> str:
-        return self.tokens[self.at][1]
-
-    def take(self) -> tuple[str, str, int]:
-        token = self.tokens[self.at]
-        self.at += 1
-        return token
-
-    def fail(self, message: str) -> ExpressionError:
-        return ExpressionError(message, self.tokens[self.at][2])
-
-    def whole(self) -> Closure:
-        result = self.conditional()
-        if self.tokens[self.at][0] != "end":
-            raise self.fail(f"'{self.peek()}' is unexpected")
-        return result
-
-    def conditional(self) -> Closure:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise self.fail(f"the expression is nested more than {MAX_DEPTH} deep")
-        value = self.comparison()
-        if self.peek() == "if":
-            self.take()
-            condition = self.comparison()
-            if self.peek() != "else":
-                raise self.fail("'else' is missing after 'a if c'")
-            self.take()
-            other = self.conditional()
-            chosen = value
-            value = lambda t: chosen(t) if _parts(condition(t))[0] else other(t)  # noqa: E731
-        self.depth -= 1
-        return value
-
-    def comparison(self) -> Closure:
-        first = self.sum()
-        chain: list[tuple[Callable[[float, float], bool], Closure]] = []
-        while self.peek() in _COMPARE:
-            chain.append((_COMPARE[self.take()[1]], self.sum()))
-        if not chain:
-            return first
-
-        def compare(t: Any) -> float:
-            left = _parts(first(t))[0]
-            for holds, operand in chain:
-                right = _parts(operand(t))[0]
-                if not holds(left, right):
-                    return 0.0
-                left = right
-            return 1.0
-        return compare
-
-    def chain(self, symbols: str, operand: Callable[[], Closure]) -> Closure:
-        """Parse a left-associative chain; a flat loop, so that long sums are not deep."""
-        first = operand()
-        rest: list[tuple[Callable[[Any, Any], Any], Closure]] = []
-        while self.peek() and self.peek() in symbols:
-            rest.append((_BINARY[self.take()[1]], operand()))
-        if not rest:
-            return first
-
-        def apply(t: Any) -> Any:
-            value = first(t)
-            for operate, closure in rest:
-                value = operate(value, closure(t))
-            return value
-        return apply
-
-    def sum(self) -> Closure:
-        return self.chain("+-", self.product)
-
-    def product(self) -> Closure:
-        return self.chain("*/", self.sign)
-
-    def sign(self) -> Closure:
-        negative = False
-        while self.peek() in ("-", "+"):
-            negative ^= self.take()[1] == "-"
-        operand = self.power()
-        return (lambda t: _NEGATE(operand(t))) if negative else operand
-
-    def power(self) -> Closure:
-        base = self.atom()
-        if self.peek() == "**":
-            raise self.fail("'**' is not allowed; a power is written ^")
-        if self.peek() != "^":
-            return base
-        self.take()
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise self.fail(f"the expression is nested more than {MAX_DEPTH} deep")
-        exponent = self.sign()
-        self.depth -= 1
-        power = _BINARY["^"]
-        return lambda t: power(base(t), exponent(t))
-
-    def atom(self) -> Closure:
-        kind, text, _ = self.tokens[self.at]
-        if kind == "number":
-            value = float(text)
-            if math.isinf(value):
-                raise self.fail("the number is too large")
-            self.take()
+def closure(tree: Tree) -> Closure:
+    """Return the function of t that a tree describes, for floats and for Duals."""
+    match tree:
+        case Constant(value):
             return lambda t: value
-        if kind == "name":
-            return self.named(text)
-        if text == "(":
-            self.take()
-            inner = self.conditional()
-            self.close()
-            return inner
-        raise self.fail("the expression ends too early" if kind == "end"
-                        else f"'{text}' is unexpected")
-
-    def named(self, text: str) -> Closure:
-        if text == "t":
-            self.take()
+        case Time():
             return lambda t: t
-        if text == "pi":
-            self.take()
-            return lambda t: math.pi
-        if text in ("if", "else"):
-            raise self.fail(f"a value is missing before '{text}'")
-        if text not in FUNCTIONS:
-            raise self.fail(f"'{text}' is not known; known are {NAMES}")
-        self.take()
-        if self.peek() != "(":
-            raise self.fail(f"'(' is missing after {text}")
-        self.take()
-        function, argument = FUNCTIONS[text], self.conditional()
-        self.close()
-        return lambda t: function(argument(t))
+        case Negative(operand):
+            inner = closure(operand)
+            return lambda t: _NEGATE(inner(t))
+        case Power(base, exponent):
+            a, b, power = closure(base), closure(exponent), _BINARY["^"]
+            return lambda t: power(a(t), b(t))
+        case Call(name, argument):
+            function, inner = FUNCTIONS[name], closure(argument)
+            return lambda t: function(inner(t))
+        case Choice(condition, chosen, other):
+            c, a, b = closure(condition), closure(chosen), closure(other)
+            return lambda t: a(t) if _parts(c(t))[0] else b(t)
+        case Comparison(first, rest):
+            return _comparison(closure(first), [(_COMPARE[op], closure(node)) for op, node in rest])
+        case Chain(first, rest):
+            return _chain(closure(first), [(_BINARY[op], closure(node)) for op, node in rest])
 
-    def close(self) -> None:
-        if self.peek() != ")":
-            raise self.fail("')' is missing")
-        self.take()
+
+def _comparison(first: Closure, rest: list[tuple[Callable[[float, float], bool], Closure]]) -> Closure:
+    def compare(t: Any) -> float:
+        left = _parts(first(t))[0]
+        for holds, operand in rest:
+            right = _parts(operand(t))[0]
+            if not holds(left, right):
+                return 0.0
+            left = right
+        return 1.0
+    return compare
+
+
+def _chain(first: Closure, rest: list[tuple[Callable[[Any, Any], Any], Closure]]) -> Closure:
+    def apply(t: Any) -> Any:
+        value = first(t)
+        for operate, operand in rest:
+            value = operate(value, operand(t))
+        return value
+    return apply

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.case import Expression
-from ancf2d.case.expression import MAX_LENGTH, ExpressionError, parse
+from ancf2d.case.expression import parse
+from ancf2d.case.syntax import MAX_LENGTH, ExpressionError
 from ancf2d.errors import ComputationError
 
 

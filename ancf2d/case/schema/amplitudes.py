@@ -11,9 +11,10 @@ from typing import Any
 from ...errors import ComputationError
 from ..binder import INVALID, Binder, Issue, Path, dotted
 from ..declare import key, record
-from ..expression import Dual, ExpressionError, parse
+from ..expression import Dual, closure
 from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
+from ..syntax import ExpressionError, Tree, syntax
 
 SCALE_DOC = "Factor on the whole"
 
@@ -151,7 +152,7 @@ class ExpressionText(Text):
         if text is INVALID:
             return INVALID
         try:
-            parse(text)
+            syntax(text)
         except ExpressionError as error:
             return binder.fail(place_inside(node, error.column), path, f"{dotted(path)}: {error}")
         return text
@@ -177,9 +178,14 @@ class Expression:
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     @cached_property
+    def tree(self) -> Tree:
+        """The formula as a tree, parsed once."""
+        return syntax(self.value_)
+
+    @cached_property
     def function(self) -> Callable[[Any], Any]:
-        """The formula as a function of t, parsed once; takes a float or a Dual."""
-        return parse(self.value_)
+        """The formula as a function of t; takes a float or a Dual."""
+        return closure(self.tree)
 
     def value(self, t: float) -> float:
         """Return the amplitude at t; ComputationError where the formula has no value there."""

@@ -1,0 +1,212 @@
+"""Functions of time as programs of a small stack machine that carries values with two time derivatives.
+
+Plain Python that kernels compile and the model runs as it is; whatever the functions are, the arrays have the
+same types, so that kernels are compiled once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+(NUMBER, TIME, NEGATE, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, SIN, COS, EXP, SQRT, ABS,
+ LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, UNEQUAL, KEEP, UNLESS, JUMP, BRANCH,
+ RAMP, TABLE, SMOOTH_TABLE, SINE, SCALE) = range(28)
+
+
+class Programs(NamedTuple):
+    """Programs of many functions: function k is the instructions first[k] to first[k + 1].
+
+    ``code`` (n,) says what each does, ``arg`` (n,) where it goes on (jumps) or where its numbers begin in ``data``.
+    ``stack`` (3, depth) is room to work in. Jumps count from the beginning of ``code``: JUMP always, BRANCH takes
+    the top of the stack and jumps where it is 0, UNLESS too, and puts 0 in place of what is below. KEEP puts the
+    top below the two topmost, for a chain of comparisons.
+    """
+
+    first: Any
+    code: Any
+    arg: Any
+    data: Any
+    stack: Any
+
+
+def compare(op: int, a: float, b: float) -> float:
+    """Return 1 where a compares with b as said, else 0; nan where one of them has no value."""
+    if math.isnan(a) or math.isnan(b):
+        return math.nan
+    if op == LESS:
+        holds = a < b
+    elif op == LESS_EQUAL:
+        holds = a <= b
+    elif op == GREATER:
+        holds = a > b
+    elif op == GREATER_EQUAL:
+        holds = a >= b
+    elif op == EQUAL:
+        holds = a == b
+    else:
+        holds = a != b
+    return 1.0 if holds else 0.0
+
+
+def power_jet(a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
+    """Return a^b with its derivatives, nan where they are not real or not finite.
+
+    What stands still adds nothing: a base may be negative under a whole exponent, or zero.
+    """
+    if math.isnan(a) or math.isnan(b) or (a < 0.0 and b != math.floor(b)) or (a == 0.0 and b < 0.0):
+        return math.nan, math.nan, math.nan
+    f = a**b
+    if math.isinf(f):
+        return math.nan, math.nan, math.nan
+    moving = bd != 0.0 or bdd != 0.0
+    if a > 0.0 and moving:
+        L = math.log(a)
+        g, gg = bd * L + b * ad / a, bdd * L + 2.0 * bd * ad / a + b * (add / a - (ad / a) ** 2)
+        return f, f * g, f * (gg + g * g)
+    fd, fdd = 0.0, 0.0
+    if bd != 0.0:
+        fd = math.nan
+    elif ad != 0.0 and b != 0.0:
+        fd = b * ad * (a ** (b - 1.0) if a != 0.0 or b >= 1.0 else math.nan)
+    if moving:
+        return f, fd, math.nan
+    if add != 0.0 and b != 0.0:
+        fdd += b * add * (a ** (b - 1.0) if a != 0.0 or b >= 1.0 else math.nan)
+    if ad != 0.0 and b != 0.0 and b != 1.0:
+        fdd += b * (b - 1.0) * ad * ad * (a ** (b - 2.0) if a != 0.0 or b >= 2.0 else math.nan)
+    return f, fd, fdd
+
+
+def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
+    """Return sin, cos, exp, sqrt or abs of a jet, nan where it has no value."""
+    if math.isnan(a) or math.isinf(a):
+        return math.nan, math.nan, math.nan
+    if op == SIN or op == COS:
+        s, c = math.sin(a), math.cos(a)
+        if op == SIN:
+            return s, c * ad, c * add - s * ad * ad
+        return c, -s * ad, -s * add - c * ad * ad
+    if op == EXP:
+        f = math.exp(a) if a <= 709.782712893384 else math.nan
+        return f, f * ad, f * (add + ad * ad)
+    if op == ABS:
+        sign = 1.0 if a > 0.0 else -1.0 if a < 0.0 else 0.0
+        return sign * a, sign * ad, sign * add
+    if a < 0.0:
+        return math.nan, math.nan, math.nan
+    f = math.sqrt(a)
+    if ad == 0.0 and add == 0.0:
+        return f, 0.0, 0.0
+    if f == 0.0:
+        return f, 0.0 if ad == 0.0 else math.nan, math.nan
+    return f, 0.5 * ad / f, 0.5 * add / f - 0.25 * ad * ad / (f * a)
+
+
+def table_jet(data, p, smooth, t):  # type: ignore[no-untyped-def]
+    """Return a table at t, from the right at its points: n, n times, n values, n slopes from ``data[p]`` on."""
+    n = int(data[p])
+    times, values, slopes = p + 1, p + 1 + n, p + 1 + 2 * n
+    if t < data[times]:
+        return data[values], 0.0, 0.0
+    if t >= data[times + n - 1]:
+        return data[values + n - 1], 0.0, 0.0
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if data[times + middle] > t:
+            high = middle
+        else:
+            low = middle
+    h = data[times + low + 1] - data[times + low]
+    a, change = data[values + low], data[values + low + 1] - data[values + low]
+    x = (t - data[times + low]) / h
+    if not smooth:
+        return a + change * x, change / h, 0.0
+    m0, m1 = h * data[slopes + low], h * data[slopes + low + 1]
+    c2, c3 = 3.0 * change - 2.0 * m0 - m1, m0 + m1 - 2.0 * change
+    return a + x * (m0 + x * (c2 + x * c3)), (m0 + x * (2.0 * c2 + 3.0 * x * c3)) / h, (2.0 * c2 + 6.0 * x * c3) / h**2
+
+
+def time_jet(op, data, p, t):  # type: ignore[no-untyped-def]
+    """Return a number, t, a ramp, a table or a sine at t, with the numbers it needs from ``data[p]`` on."""
+    if op == NUMBER:
+        return data[p], 0.0, 0.0
+    if op == TIME:
+        return t, 1.0, 0.0
+    if op == RAMP:
+        width = data[p + 1] - data[p]
+        rate = 1.0 / width if data[p] <= t < data[p + 1] else 0.0
+        return min(1.0, max(0.0, (t - data[p]) / width)), rate, 0.0
+    if op == SINE:
+        omega = data[p]
+        s, c = math.sin(omega * t + data[p + 1]), math.cos(omega * t + data[p + 1])
+        return s, omega * c, -omega * omega * s
+    return table_jet(data, p, op == SMOOTH_TABLE, t)
+
+
+def binary_jet(op, a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
+    """Return what a binary operation makes of two jets; comparisons stand still."""
+    if op == ADD:
+        return a + b, ad + bd, add + bdd
+    if op == SUBTRACT:
+        return a - b, ad - bd, add - bdd
+    if op == MULTIPLY:
+        return a * b, ad * b + a * bd, add * b + 2.0 * ad * bd + a * bdd
+    if op == DIVIDE:
+        if b == 0.0:
+            return math.nan, math.nan, math.nan
+        f = a / b
+        fd = (ad - f * bd) / b
+        return f, fd, (add - 2.0 * fd * bd - f * bdd) / b
+    if op == POWER:
+        return power_jet(a, ad, add, b, bd, bdd)
+    return compare(op, a, b), 0.0, 0.0
+
+
+def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
+    """Fill out[row] (3,) with function k at t and its two derivatives, nan where it has none that is finite."""
+    code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
+    at, top, end = programs.first[k], -1, programs.first[k + 1]
+    while at < end:
+        op, p = code[at], arg[at]
+        at += 1
+        if op == JUMP:
+            at = p
+        elif op == BRANCH or op == UNLESS:
+            # a condition without a value leaves none: the machine stops with it on the stack
+            if math.isnan(stack[0, top]):
+                at = end
+            else:
+                at = p if stack[0, top] == 0.0 else at
+                top -= 1
+                if op == UNLESS and at == p:
+                    stack[0, top] = stack[1, top] = stack[2, top] = 0.0
+        elif op == KEEP:
+            top += 1
+            for i in range(3):
+                stack[i, top] = stack[i, top - 1]
+                stack[i, top - 1] = stack[i, top - 2]
+                stack[i, top - 2] = stack[i, top]
+        elif op == SCALE:
+            stack[0, top] = data[p + 1] + data[p] * stack[0, top]
+            stack[1, top] *= data[p]
+            stack[2, top] *= data[p]
+        elif op == NEGATE:
+            for i in range(3):
+                stack[i, top] = -stack[i, top]
+        elif SIN <= op <= ABS:
+            stack[0, top], stack[1, top], stack[2, top] = function_jet(op, stack[0, top], stack[1, top], stack[2, top])
+        elif op >= RAMP or op <= TIME:
+            top += 1
+            stack[0, top], stack[1, top], stack[2, top] = time_jet(op, data, p, t)
+        else:
+            top -= 1
+            stack[0, top], stack[1, top], stack[2, top] = binary_jet(
+                op, stack[0, top], stack[1, top], stack[2, top],
+                stack[0, top + 1], stack[1, top + 1], stack[2, top + 1])
+    for i in range(3):
+        good = math.isfinite(stack[0, top]) and math.isfinite(stack[i, top])
+        out[row, i] = stack[i, top] if good else np.nan
