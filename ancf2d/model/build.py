@@ -113,7 +113,7 @@ class _Builder:
     def add_springs(self) -> None:
         for spring in self.case.springs:
             ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
-            self.springs.append(SPRINGS[type(spring)](spring, ends, self.e0))
+            self.springs.append(SPRINGS[type(spring)](spring, ends))
 
     def add_loads(self) -> None:
         for load in self.case.loads:
@@ -189,6 +189,8 @@ def build_model(loaded: LoadedCase) -> Model:
     if b.problems:
         raise CaseError(b.problems)
     b.add_loads()
+    for k, constraint in enumerate(b.equations.constraints):
+        constraint.multiplier = len(b.e0) + k
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from .mesh import Index
+from .point_patch import NOTHING, PointConstraint, turn_fields
 from .points import PointRef
 from .timing import Course
 
@@ -38,6 +39,7 @@ class Constraint(Protocol):
     owner: str
     holds: str
     dofs: Index
+    multiplier: int
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""
@@ -69,88 +71,24 @@ def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index
     return combine((x, columns[0]), (y, columns[1]))
 
 
-@dataclass
-class DirectionPrescribed:
-    """The section direction v of a point stands at a prescribed angle: v x (cos a, sin a) = 0."""
-
-    point: PointRef
-    signal: Course
-    owner: str
-    holds: str = "rotation"
-
-    def __post_init__(self) -> None:
-        columns, self.reference = self.point.director()
-        self.dofs = np.concatenate([c for c, _ in columns])
-        self.weights = [w for _, w in columns]
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, gradient, Hessian."""
-        a = self.reference + self.signal(t)
-        G = np.concatenate([self.weights[0] * math.sin(a), -self.weights[1] * math.cos(a)])
-        return float(G @ e[self.dofs]), G, np.zeros((len(G), len(G)))
+def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
+    """Two section directions keep the angle of the reference."""
+    (_, fields_a), (_, fields_b) = turn_fields(a), turn_fields(b)
+    scale = fields_a[0].p0 * fields_b[0].p0
+    return PointConstraint("aligned", [*fields_a, *fields_b], [], owner, "relative rotation", scale)
 
 
-@dataclass
-class DirectionsAligned:
-    """Two section directions keep their angle: v_a x R(beta) v_b = 0, beta the reference angle from b to a."""
-
-    a: PointRef
-    b: PointRef
-    owner: str
-    holds: str = "relative rotation"
-
-    def __post_init__(self) -> None:
-        (ax, ay), angle_a = self.a.director()
-        (bx, by), angle_b = self.b.director()
-        beta = angle_a - angle_b
-        c, s = math.cos(beta), math.sin(beta)
-        coords = [ax[0], ay[0], bx[0], by[0]]
-        self.dofs = np.concatenate(coords)
-        # rows that give v_a and R v_b from the coordinates
-        P, Q = np.zeros((2, len(self.dofs))), np.zeros((2, len(self.dofs)))
-        ends = np.cumsum([len(k) for k in coords])
-        P[0, :ends[0]], P[1, ends[0]:ends[1]] = ax[1], ay[1]
-        Q[0, ends[1]:ends[2]], Q[1, ends[1]:ends[2]] = c * bx[1], s * bx[1]
-        Q[0, ends[2]:], Q[1, ends[2]:] = -s * by[1], c * by[1]
-        self.bilinear = np.outer(P[0], Q[1]) - np.outer(P[1], Q[0])
-        self.bilinear += self.bilinear.T
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, gradient, Hessian."""
-        local = e[self.dofs]
-        G = self.bilinear @ local
-        return 0.5 * float(local @ G), G, self.bilinear
+def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
+    """The section direction of a follows the rotation coordinate of b."""
+    _, fields = turn_fields(a)
+    _, theta = turn_fields(b)
+    return PointConstraint("at_angle", [*fields, *theta], [], owner, "relative rotation", fields[0].p0)
 
 
-@dataclass
-class DirectionAtTheta:
-    """A section direction follows a rotation coordinate: v_a x (cos, sin)(angle_a + theta_b) = 0."""
-
-    a: PointRef
-    b: PointRef
-    owner: str
-    holds: str = "relative rotation"
-
-    def __post_init__(self) -> None:
-        columns, self.reference = self.a.director()
-        self.columns, self.theta = columns, self.b.theta()
-        self.dofs = np.concatenate([*(c for c, _ in columns), self.theta[0]])
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, gradient, Hessian; theta_b is a displacement, 0 in the reference."""
-        (cx, wx), (cy, wy) = self.columns
-        angle = self.reference + float(self.theta[1] @ d[self.theta[0]])
-        c, s = math.cos(angle), math.sin(angle)
-        vx, vy = float(wx @ e[cx]), float(wy @ e[cy])
-        slope = vx * c + vy * s
-        G = np.concatenate([wx * s, -wy * c, self.theta[1] * slope])
-        mixed = np.concatenate([wx * c, wy * s])
-        H = np.zeros((len(G), len(G)))
-        n = len(mixed)
-        H[:n, n:] = np.outer(mixed, self.theta[1])
-        H[n:, :n] = H[:n, n:].T
-        H[n:, n:] = (vy * c - vx * s) * np.outer(self.theta[1], self.theta[1])
-        return vx * s - vy * c, G, H
+def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointConstraint:
+    """The section direction of a point stands at the angle signal(t) from its reference."""
+    _, fields = turn_fields(point)
+    return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2)
 
 
 def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -159,11 +97,11 @@ def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
         coords, coefs = combine((1.0, a.theta()), (-1.0, b.theta()))
         out.rows.append(Row(coords, coefs, owner, "relative rotation"))
     elif a.turns_by_theta:
-        out.constraints.append(DirectionAtTheta(b, a, owner))
+        out.constraints.append(direction_at_theta(b, a, owner))
     elif b.turns_by_theta:
-        out.constraints.append(DirectionAtTheta(a, b, owner))
+        out.constraints.append(direction_at_theta(a, b, owner))
     else:
-        out.constraints.append(DirectionsAligned(a, b, owner))
+        out.constraints.append(directions_aligned(a, b, owner))
 
 
 def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
@@ -182,4 +120,4 @@ def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equatio
         coords, coefs = point.theta()
         out.rows.append(Row(coords, coefs, owner, "rotation", signal))
     else:
-        out.constraints.append(DirectionPrescribed(point, signal, owner))
+        out.constraints.append(direction_prescribed(point, signal, owner))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -11,8 +12,8 @@ import numpy as np
 from ..case import Distributed, FollowerForce, Force, Gravity, Moment
 from ..elements.shape import Array, gauss
 from .mesh import BodyMesh, Index, volume_weights
+from .point_patch import PointPatch, position_fields, turn_fields
 from .points import PointRef
-from .rotation import Rotation
 
 Amplitude = Callable[[float], float]
 
@@ -61,46 +62,6 @@ class LoadContext:
     scaled: bool
 
 
-class FollowerPatch:
-    """A force (tangential, normal) along the axes of its section: Q_k = S^T R(theta) f."""
-
-    symmetric = False
-
-    def __init__(self, point: PointRef, value: Array, amplitude: Amplitude, spread: str | None) -> None:
-        self.rotation, self.value, self.amplitude = Rotation(point), value, amplitude
-        columns = point.position(spread)
-        coords = np.concatenate([columns[0][0], columns[1][0]])
-        self.dofs = np.unique(np.concatenate([coords, self.rotation.dofs]))[None, :]
-        where = {int(c): k for k, c in enumerate(self.dofs[0])}
-        self.S = np.zeros((2, len(where)))
-        for m, (c, w) in enumerate(columns):
-            self.S[m, [where[int(i)] for i in c]] = w
-        self.turned = np.array([where[int(i)] for i in self.rotation.dofs])
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return -Q_k and its derivative; the force has no potential."""
-        f = self.rotation.axes(e, d) @ self.value * self.amplitude(t)
-        K = np.zeros((1, len(self.dofs[0]), len(self.dofs[0])))
-        slope = self.S.T @ np.array([-f[1], f[0]])
-        K[0][:, self.turned] = -np.outer(slope, self.rotation.gradient(e))
-        return 0.0, -(self.S.T @ f)[None, :], K
-
-
-class MomentPatch:
-    """A moment conjugate to theta: Q_k = M dtheta/de, symmetric load stiffness M d2theta/de2."""
-
-    symmetric = True
-
-    def __init__(self, point: PointRef, value: float, amplitude: Amplitude) -> None:
-        self.rotation, self.value, self.amplitude = Rotation(point), value, amplitude
-        self.dofs = self.rotation.dofs[None, :]
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return -Q_k and its derivative."""
-        M = self.value * self.amplitude(t)
-        return 0.0, -M * self.rotation.gradient(e)[None, :], -M * self.rotation.hessian(e)[None, :, :]
-
-
 class FollowerLine:
     """A line load (tangential, normal) per reference length along the turning sections of many elements."""
 
@@ -118,6 +79,28 @@ class FollowerLine:
             zero = np.zeros_like(xi)
             order = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}[element.section_kind]
             self.tables.append((elements, shape(xi, zero), shape(xi, zero, *order), w))
+
+    def points(self) -> list[PointPatch]:
+        """Return the load as forces at its quadrature points, which moving models take."""
+        mesh, out = self.mesh, []
+        for elements, xi, w in self.cover:
+            for ie in elements.tolist():
+                piece = max(k for k, first in enumerate(mesh.piece_first) if first <= ie)
+                p = mesh.plan.pieces[piece]
+                for x, weight in zip(xi.tolist(), w.tolist(), strict=True):
+                    s = p.l * (ie - mesh.piece_first[piece] + x)
+                    point = PointRef(mesh, (p.s0 + s) / mesh.plan.length, ie, x, p.angle + p.kappa * s, None)
+                    ft, fn = weight * self.value
+                    out.append(follower_force(point, (ft, fn), self.amplitude, angle=self._angle(point)))
+        return out
+
+    def _angle(self, point: PointRef) -> float:
+        """Return the angle of the interpolated section's tangent in the reference."""
+        if self.nc == 3:
+            coords, weights = point.theta()
+            return float(weights @ self.mesh.e0[coords - self.mesh.first_dof])
+        across = self.mesh.plan.element.section_kind == "interpolated"
+        return point.director()[1] - (0.5 * math.pi if across else 0.0)
 
     def _axes(self, D: Array, local: Array) -> tuple[Array, Array]:
         """Return the unit tangents (m, p, 2) of the sections and dtheta/de (m, p, n)."""
@@ -160,13 +143,27 @@ def _force(load: Force, context: LoadContext, out: LoadSet) -> None:
         out.dead.append(DeadLoad(coords, weights * f, context.amplitude, context.scaled))
 
 
+def follower_force(point: PointRef, value: tuple[float, float], amplitude: Amplitude,
+                   spread: str | None = None, angle: float | None = None) -> PointPatch:
+    """Return a force (tangential, normal) along the axes of its section as it turns.
+
+    ``angle`` is that of the section's tangent in the reference: the body's own unless given.
+    """
+    kind, fields = turn_fields(point)
+    angle = point.angle if angle is None else angle
+    c, s = math.cos(angle), math.sin(angle)
+    reference = (c * value[0] - s * value[1], s * value[0] + c * value[1])
+    return PointPatch("follower", [*position_fields(point, spread), *fields], [*reference, kind], amplitude)
+
+
 def _follower(load: FollowerForce, context: LoadContext, out: LoadSet) -> None:
-    value = np.array(load.value, dtype=float)
-    out.patches.append(FollowerPatch(context.point(load.at), value, context.amplitude, load.spread))
+    out.patches.append(follower_force(context.point(load.at), load.value, context.amplitude, load.spread))
 
 
 def _moment(load: Moment, context: LoadContext, out: LoadSet) -> None:
-    out.patches.append(MomentPatch(context.point(load.at), float(load.value), context.amplitude))
+    """Conjugate to theta: Q_k = M dtheta/de."""
+    kind, fields = turn_fields(context.point(load.at))
+    out.patches.append(PointPatch("moment", fields, [float(load.value), kind], context.amplitude))
 
 
 def _element_loads(mesh: BodyMesh, elements: Index, weights: Array, value: Any) -> tuple[Index, Array]:

@@ -1,0 +1,308 @@
+"""Springs, dampers, loads that turn and constraints of points: the laws of ``elements.point_laws`` over a table."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+
+from ..elements import point_laws
+from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns
+from .jit import kernel
+from .matrix import scatter
+
+for _helper in point_laws.HELPERS:
+    register_jitable(_helper)
+_translational, _translational_mean = kernel(point_laws.translational), kernel(point_laws.translational_mean)
+_rotational, _rotational_mean = kernel(point_laws.rotational), kernel(point_laws.rotational_mean)
+_follower, _follower_mean = kernel(point_laws.follower), kernel(point_laws.follower_mean)
+_moment, _moment_mean = kernel(point_laws.moment), kernel(point_laws.moment_mean)
+_at_angle, _at_angle_mean = kernel(point_laws.at_angle), kernel(point_laws.at_angle_mean)
+_aligned, _aligned_mean = kernel(point_laws.aligned), kernel(point_laws.aligned_mean)
+_length, _length_mean = kernel(point_laws.fixed_length), kernel(point_laws.fixed_length_mean)
+
+
+class Points(NamedTuple):
+    """Items of point laws. Item i has fields p0 + G d[dofs] and coordinates dofs.
+
+    law : (n,) number in POINT_LAWS; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of
+    item i begin in p0, dofs and G (rows of G one after another); par : (n, MAX_PAR); mem : (n, MAX_MEM) last angles;
+    signal : (n,) row of the amplitudes, -1 for a constant 1; fed : (n,) field that the signal prescribes, or -1;
+    multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms.
+    """
+
+    law: Any
+    field: Any
+    dof: Any
+    entry: Any
+    dofs: Any
+    G: Any
+    p0: Any
+    par: Any
+    mem: Any
+    signal: Any
+    fed: Any
+    multiplier: Any
+    scale: Any
+
+
+@kernel
+def apply(law, p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Fill f, H, C of law number ``law``; return its energy."""
+    if law == 0:
+        return _translational(p0, u, w, par, a, mem, f, H, C)
+    if law == 1:
+        return _rotational(p0, u, w, par, a, mem, f, H, C)
+    if law == 2:
+        return _follower(p0, u, w, par, a, mem, f, H, C)
+    if law == 3:
+        return _moment(p0, u, w, par, a, mem, f, H, C)
+    if law == 4:
+        return _at_angle(p0, u, w, par, a, mem, f, H, C)
+    if law == 5:
+        return _aligned(p0, u, w, par, a, mem, f, H, C)
+    return _length(p0, u, w, par, a, mem, f, H, C)
+
+
+@kernel
+def apply_mean(law, p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """Fill the forces f of a step; return (energy at its end, dissipated power)."""
+    if law == 0:
+        return _translational_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    if law == 1:
+        return _rotational_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    if law == 2:
+        return _follower_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    if law == 3:
+        return _moment_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    if law == 4:
+        return _at_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    if law == 5:
+        return _aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+    return _length_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+
+
+@kernel
+def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
+    """Fill G d of item i."""
+    first, m = points.dof[i], points.field[i + 1] - points.field[i]
+    n = points.dof[i + 1] - first
+    at = points.entry[i]
+    for k in range(m):
+        s = 0.0
+        for c in range(n):
+            s += points.G[at + k * n + c] * d[points.dofs[first + c]]
+        out[k] = s
+
+
+@kernel
+def _amplitude(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
+    """Fill the amplitude of item i, and the field that it prescribes with its rate."""
+    k = points.signal[i]
+    a[0], a[1], a[2] = 1.0, 0.0, 0.0
+    if k >= 0:
+        for order in range(3):
+            a[order] = amps[k, order]
+    if points.fed[i] >= 0:
+        u[points.fed[i]] = a[0]
+        w[points.fed[i]] = a[1]
+
+
+@kernel
+def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
+    """Add G^T f of item i to Q."""
+    first, m = points.dof[i], points.field[i + 1] - points.field[i]
+    n = points.dof[i + 1] - first
+    at = points.entry[i]
+    for k in range(m):
+        if f[k] != 0.0:
+            for c in range(n):
+                Q[points.dofs[first + c]] += points.G[at + k * n + c] * f[k]
+
+
+@kernel
+def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+    """Fill fields, rates, amplitude and f, H, C of item i; return its energy."""
+    b, m = points.field[i], points.field[i + 1] - points.field[i]
+    _fields(points, i, d, u)
+    _fields(points, i, v, w)
+    _amplitude(points, i, amps, u, w, a)
+    f[:m] = 0.0
+    H[:m, :m] = 0.0
+    C[:m, :m] = 0.0
+    return apply(points.law[i], points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H[:m, :m],
+                 C[:m, :m])
+
+
+@kernel
+def _work_arrays():  # type: ignore[no-untyped-def]
+    """Return u, w, a, f, H, C."""
+    n = MAX_FIELDS
+    return np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+
+
+@kernel
+def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    """Add the forces at d with rates v to Q (n_full,); return (energy, dissipated power).
+
+    ``amps`` (signals, 3) are the values of the signals with their first and second time derivatives.
+    """
+    energy, power = 0.0, 0.0
+    if len(points.law) == 0:
+        return energy, power
+    u, w, a, f, H, C = _work_arrays()
+    for i in range(len(points.law)):
+        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+        _add(points, i, f, Q)
+        m = points.field[i + 1] - points.field[i]
+        for p in range(m):
+            for q in range(m):
+                power += w[p] * C[p, q] * w[q]
+    return energy, power
+
+
+@kernel
+def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
+    energy = 0.0
+    if len(points.law) == 0:
+        return energy
+    u, w, a, f, H, C = _work_arrays()
+    for i in range(len(points.law)):
+        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+        _add(points, i, f, Q)
+        first, m = points.dof[i], points.field[i + 1] - points.field[i]
+        n = points.dof[i + 1] - first
+        at = points.entry[i]
+        K = np.zeros((n, n))
+        for p in range(m):
+            for q in range(m):
+                h = 0.5 * (H[p, q] + H[q, p] + c * (C[p, q] + C[q, p]))
+                if h != 0.0:
+                    for r in range(n):
+                        g = h * points.G[at + p * n + r]
+                        if g != 0.0:
+                            for s in range(n):
+                                K[r, s] += g * points.G[at + q * n + s]
+        dofs = points.dofs[first:first + n].reshape((1, n))
+        scatter(matrix, K, dofs, 0, place, indptr, index, value)
+    return energy
+
+
+@kernel
+def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type: ignore[no-untyped-def]
+    """Add the forces of a step from d0 to d1 with mean rates v to Q; return (energy at d1, dissipated power).
+
+    Forces with a potential do exactly its difference as work; constraints are met at d1, with multipliers of d1
+    (``lam_from_d1``) or else the mean of both.
+    """
+    energy, power = 0.0, 0.0
+    if len(points.law) == 0:
+        return energy, power
+    u0, w, a0, f, _, _ = _work_arrays()
+    u1, a1 = np.zeros(MAX_FIELDS), np.zeros(3)
+    for i in range(len(points.law)):
+        b, m = points.field[i], points.field[i + 1] - points.field[i]
+        _fields(points, i, d0, u0)
+        _fields(points, i, d1, u1)
+        _fields(points, i, v, w)
+        _amplitude(points, i, amps0, u0, w, a0)
+        _amplitude(points, i, amps1, u1, w, a1)
+        if points.multiplier[i] >= 0 and not lam_from_d1:
+            u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
+        f[:m] = 0.0
+        U, lost = apply_mean(points.law[i], points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
+                             points.mem[i], f[:m])
+        energy += U
+        power += lost
+        _add(points, i, f, Q)
+    return energy, power
+
+
+@kernel
+def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
+    """Set g_t and v^T g_qq v + 2 g_qt v + g_tt at the multiplier of each constraint g(q, t) = 0 (n_full,) each.
+
+    Rates and accelerations that keep it obey g_q v = -g_t and g_q v' = -(the second).
+    """
+    if len(points.law) == 0:
+        return
+    u, w, a, f, H, C = _work_arrays()
+    for i in range(len(points.law)):
+        if points.multiplier[i] < 0:
+            continue
+        b, m = points.field[i], points.field[i + 1] - points.field[i]
+        _fields(points, i, d, u)
+        _fields(points, i, v, w)
+        _amplitude(points, i, amps, u, w, a)
+        u[m - 1] = 1.0
+        f[:m] = 0.0
+        H[:m, :m] = 0.0
+        apply(points.law[i], points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H[:m, :m],
+              C[:m, :m])
+        velocity, acceleration = 0.0, 0.0
+        if points.fed[i] >= 0:
+            velocity = f[points.fed[i]] * a[1]
+            acceleration = f[points.fed[i]] * a[2]
+        for p in range(m - 1):
+            for q in range(m - 1):
+                acceleration += w[p] * H[p, q] * w[q]
+        out_velocity[points.multiplier[i]] = velocity
+        out_acceleration[points.multiplier[i]] = acceleration
+
+
+@kernel
+def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
+    """Return the largest |g| of the constraints, each beside the size of its terms."""
+    worst = 0.0
+    if len(points.law) == 0:
+        return worst
+    u, w, a, f, H, C = _work_arrays()
+    for i in range(len(points.law)):
+        if points.multiplier[i] >= 0:
+            _evaluate(points, i, d, d, amps, u, w, a, f, H, C)
+            g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
+            if not g <= worst:
+                worst = g
+    return worst
+
+
+@kernel
+def point_accept(points, d):  # type: ignore[no-untyped-def]
+    """Count the turns of directions from the accepted state d on."""
+    if len(points.law) == 0:
+        return
+    u = np.zeros(MAX_FIELDS)
+    for i in range(len(points.law)):
+        if points.law[i] == ROTATIONAL:
+            b, m = points.field[i], points.field[i + 1] - points.field[i]
+            _fields(points, i, d, u)
+            count_turns(points.p0[b:b + m], u[:m], points.par[i], points.mem[i])
+
+
+@kernel
+def point_noise(points, d, out):  # type: ignore[no-untyped-def]
+    """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,).
+
+    Signals count as 1: at rates of zero, to within the size of an amplitude.
+    """
+    if len(points.law) == 0:
+        return
+    u, w, a, f, H, C = _work_arrays()
+    no_amps, rest = np.ones((np.max(points.signal) + 1, 3)), np.zeros(len(d))
+    for i in range(len(points.law)):
+        _evaluate(points, i, d, rest, no_amps, u, w, a, f, H, C)
+        first, m = points.dof[i], points.field[i + 1] - points.field[i]
+        n = points.dof[i + 1] - first
+        at = points.entry[i]
+        for q in range(m):
+            w[q] = 0.0
+            for c in range(n):
+                w[q] += abs(points.G[at + q * n + c] * d[points.dofs[first + c]])
+        for p in range(m):
+            s = abs(f[p])
+            for q in range(m):
+                s += abs(H[p, q]) * w[q]
+            for c in range(n):
+                out[points.dofs[first + c]] += abs(points.G[at + p * n + c]) * s

@@ -1,0 +1,159 @@
+"""Springs, loads that turn and constraints at points: a law of ``elements.point_laws`` over fields of coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, count_turns
+from ..elements.shape import Array
+from .mesh import Index
+from .points import PointRef, dot
+
+LAWS = {law.name: law for law in POINT_LAWS}
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity p0 + sum of weights * d[coords]."""
+
+    coords: Index
+    weights: Array
+    p0: float = 0.0
+
+
+NOTHING = Field(np.zeros(0, dtype=np.int64), np.zeros(0))
+
+
+def position_fields(point: PointRef, spread: str | None = None) -> list[Field]:
+    """Return x and y of a point."""
+    first = point.mesh.first_dof
+    return [Field(*c, dot((c[0] - first, c[1]), point.mesh.e0)) for c in point.position(spread)]
+
+
+def turn_fields(point: PointRef) -> tuple[int, list[Field]]:
+    """Return how the section at a point turns, and the fields that tell: theta, or its direction along and across
+    that of the reference."""
+    if point.turns_by_theta:
+        return THETA, [Field(*point.theta())]
+    (x, y), angle = point.director()
+    c, s = (0.0 if abs(v) < 1e-15 else v for v in (np.cos(angle), np.sin(angle)))
+    coords = np.concatenate([x[0], y[0]])
+    along, across = np.concatenate([c * x[1], s * y[1]]), np.concatenate([-s * x[1], c * y[1]])
+    length = float(along @ point.mesh.e0[coords - point.mesh.first_dof])
+    return DIRECTION, [Field(coords, along, length), Field(coords, across)]
+
+
+def difference(a: Field, b: Field) -> Field:
+    """Return b - a."""
+    return Field(np.concatenate([a.coords, b.coords]), np.concatenate([-a.weights, b.weights]), b.p0 - a.p0)
+
+
+def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
+    """Return the coordinates (n,) of some fields, the matrix (m, n) that gives them from d, and p0 (m,)."""
+    used = [f.coords[f.weights != 0.0] for f in fields]
+    coords = np.unique(np.concatenate(used)).astype(np.int64)
+    G = np.zeros((len(fields), len(coords)))
+    for row, field in zip(G, fields, strict=True):
+        kept = field.weights != 0.0
+        np.add.at(row, np.searchsorted(coords, field.coords[kept]), field.weights[kept])
+    return coords, G, np.array([f.p0 for f in fields])
+
+
+class PointPatch:
+    """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
+
+    ``par`` are the constants of the law, ``signal`` its amplitude (None: 1), ``fed`` the field that the signal
+    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted.
+    """
+
+    multiplier = -1
+    scale = 1.0
+
+    def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float],
+                 signal: Callable[[float], float] | None = None, fed: int = -1) -> None:
+        self.law, self.par, self.signal, self.fed = LAWS[law], np.array(par, dtype=float), signal, fed
+        coords, self.G, self.p0 = table_of(fields)
+        self.dofs = coords[None, :]
+        self.mem = np.zeros(MAX_MEM)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the stiffness is symmetric."""
+        return self.law.symmetric
+
+    @property
+    def coordinates(self) -> Index:
+        """Every full coordinate that the law acts on."""
+        return self.dofs[0]
+
+    @property
+    def rows(self) -> Array:
+        """The matrix that gives the fields from the coordinates."""
+        return self.G
+
+    def forces(self, u: Array, t: float) -> tuple[float, Array, Array]:
+        """Return energy, f and H at fields p0 + u (m,) at rest; ``u`` gets the field that is prescribed."""
+        m = len(self.p0)
+        a = np.array([1.0 if self.signal is None else self.signal(t), 0.0, 0.0])
+        if self.fed >= 0:
+            u[self.fed] = a[0]
+        f, H = np.zeros(m), np.zeros((m, m))
+        U = self.law.forces(self.p0, u, np.zeros(m), self.par, a, self.mem, f, H, np.zeros((m, m)))
+        return float(U), f, H
+
+    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
+        """Return energy, Q (1, n) and K (1, n, n); turns are counted from the last evaluation."""
+        u = self.G @ d[self.dofs[0]]
+        U, f, H = self.forces(u, t)
+        if self.law.name == "rotational":
+            count_turns(self.p0, u, self.par, self.mem)
+        return U, (self.G.T @ f)[None], (self.G.T @ H @ self.G)[None]
+
+
+class PointConstraint(PointPatch):
+    """A law g(d, t) = 0 with a multiplier, the last of its fields; ``dofs`` (n,) are the coordinates without it.
+
+    ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words; ``scale`` the size of the terms
+    of g. ``multiplier`` is the full coordinate of the multiplier, known once a model is numbered.
+    """
+
+    def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str, scale: float,
+                 signal: Callable[[float], float] | None = None, fed: int = -1) -> None:
+        super().__init__(law, [*fields, NOTHING], par, signal, fed)
+        self.dofs = self.dofs[0]
+        self.owner, self.holds, self.scale = owner, holds, scale
+
+    @property
+    def coordinates(self) -> Index:
+        """Every full coordinate that the law acts on, the multiplier last."""
+        return np.append(self.dofs, self.multiplier)
+
+    @property
+    def rows(self) -> Array:
+        """The matrix that gives the fields from the coordinates, the multiplier last."""
+        m, n = self.G.shape
+        out = np.zeros((m, n + 1))
+        out[:, :n], out[-1, -1] = self.G, 1.0
+        return out
+
+    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
+        """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""
+        u = self.G @ d[self.dofs]
+        u[-1] = 1.0
+        _, f, H = self.forces(u, t)
+        g, f[-1] = float(f[-1]), 0.0
+        H[-1], H[:, -1] = 0.0, 0.0
+        return g, self.G.T @ f, self.G.T @ H @ self.G
+
+
+def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
+    """Return how each end turns and the fields of all; None is the ground."""
+    kinds, fields = [], []
+    for end in ends:
+        kind, more = (GROUND, []) if end is None else turn_fields(end)
+        kinds.append(kind)
+        fields += more
+    return kinds, fields

@@ -1,0 +1,41 @@
+"""Point laws as the kernels take them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..elements.point_laws import MAX_MEM, MAX_PAR, POINT_LAWS
+from ..elements.shape import Array
+from ..kernels.points import Points
+from .point_patch import PointPatch
+
+_NUMBER = {law.name: k for k, law in enumerate(POINT_LAWS)}
+
+
+def _joined(parts: list[Array], dtype: type) -> tuple[Array, Array]:
+    """Return where each part begins (n + 1,), and all parts one after another."""
+    starts = np.zeros(len(parts) + 1, dtype=np.int64)
+    starts[1:] = np.cumsum([p.size for p in parts])
+    return starts, np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
+
+
+def point_table(patches: Sequence[PointPatch], signals: list[Any] | None = None) -> Points:
+    """Return the table of point laws; what they follow is appended to ``signals``, whose rows they then refer to."""
+    signals = [] if signals is None else signals
+    n = len(patches)
+    dof, dofs = _joined([p.coordinates for p in patches], np.int64)
+    entry, G = _joined([p.rows for p in patches], np.float64)
+    field, p0 = _joined([p.p0 for p in patches], np.float64)
+    par, mem, rows = np.zeros((n, MAX_PAR)), np.zeros((n, MAX_MEM)), np.full(n, -1, dtype=np.int64)
+    for k, patch in enumerate(patches):
+        par[k, :len(patch.par)] = patch.par
+        if patch.signal is not None:
+            rows[k] = len(signals)
+            signals.append(patch.signal)
+    return Points(np.array([_NUMBER[p.law.name] for p in patches], dtype=np.int64), field, dof, entry, dofs, G, p0,
+                  par, mem, rows, np.array([p.fed for p in patches], dtype=np.int64),
+                  np.array([p.multiplier for p in patches], dtype=np.int64),
+                  np.array([p.scale for p in patches], dtype=np.float64))
