@@ -158,10 +158,14 @@ class BodyMesh:
                 for k in range(len(pieces) - 1)]
 
 
-def _over_body(sampler: Sampler) -> tuple[Array, Array]:
-    """Return S (points, n_shape) and the weights dV/A (points,) that integrate S^T S over an element."""
+def over_body(sampler: Sampler, upto: float = 1.0) -> tuple[Array, Array]:
+    """Return S (points, n_shape) and the weights dV/A (points,) that integrate S^T S over an element.
+
+    ``upto`` ends the volume at a fraction of the element's length.
+    """
     element = sampler.shape.element
     xi, eta, w = rule_points((element.degree_x + 2, element.degree_y + 2))
+    xi, w = upto * xi, upto * w
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
     if element.degree_y == 0:
         density = np.hypot(rx[:, 0], rx[:, 1])
@@ -172,7 +176,7 @@ def _over_body(sampler: Sampler) -> tuple[Array, Array]:
 
 def volume_weights(sampler: Sampler) -> Array:
     """Return int s_k dV/A of one element (n_shape,) [m]."""
-    S, dv = _over_body(sampler)
+    S, dv = over_body(sampler)
     return dv @ S
 
 
@@ -182,7 +186,7 @@ def mass_matrix(sampler: Sampler) -> Array:
     Beams with theta carry rhoA at r and rhoI at theta; the cable has no rotary inertia.
     """
     element, section, nc = sampler.shape.element, sampler.section, sampler.e0.shape[1]
-    S, dv = _over_body(sampler)
+    S, dv = over_body(sampler)
     m = (S * dv[:, None]).T @ S
     M = np.zeros((element.n_dof, element.n_dof))
     for k in range(nc):

@@ -13,6 +13,7 @@ from ..model.masses import mass_block, mass_terms
 from ..model.mesh import Index, mass_matrix
 from ..model.model import Model
 from .linear import TangentMatrix
+from .state import State
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -61,3 +62,13 @@ def full_mass(model: Model) -> csr_matrix:
     out = coo_matrix((np.concatenate(values), place), shape=(model.n_q, model.n_q)).tocsr()
     out.eliminate_zeros()
     return out
+
+
+def inertia_rates(model: Model, state: State) -> Array | None:
+    """Return a + alpha v (n_q,), so that M times it are the forces of inertia and of Rayleigh's alpha; None at rest."""
+    if state.a is None:
+        return None
+    a, damping = state.a[:model.n_q], model.case.damping
+    if damping is None or state.v is None:
+        return a
+    return a + damping.rayleigh.alpha * state.v[:model.n_q]

@@ -10,7 +10,9 @@ from ..model.mechanism import rigid_motion
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
-from .section import section_forces
+from .energy import Energies
+from .mass import full_mass, inertia_rates
+from .section import has_section_forces, section_forces
 from .state import State
 
 FORCES = ("N", "Q", "M")
@@ -30,24 +32,46 @@ class Observer:
         self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()}
         self.rotations = {name: Rotation(p) for name, p in self.probes.items()}
         self.theta = dict.fromkeys(self.probes, 0.0)
+        self.omega = dict.fromkeys(self.probes, 0.0)
+        self.t = 0.0
         self.forces = asks_for_forces(model.case)
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
-        """Return x, y, ux, uy, theta (and N, Q, M where asked for) of every probe."""
+        """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
         out = {}
-        d = state.d[:self.model.n_q]
-        e = self.model.e0 + d
         for name, point in self.probes.items():
-            rotation = self.rotations[name]
-            theta = (rotation.linear(self.model.e0, d) if state.linear
-                     else rotation.value(e, d, self.theta[name]))
-            self.theta[name] = theta
-            reference, u = place(point, self.model.e0, d, theta, state.linear)
+            theta = self._turned(name, state)
+            reference, u = place(point, self.model.e0, state.d[:self.model.n_q], theta, state.linear)
             values = {"x": reference[0] + u[0], "y": reference[1] + u[1], "ux": u[0], "uy": u[1], "theta": theta}
-            if self.forces:
+            if state.v is not None:
+                velocity = place_rate(point, state.v, theta, self.omega[name])
+                values.update(vx=velocity[0], vy=velocity[1], omega=self.omega[name])
+            if self.forces and has_section_forces(point):
                 values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
             out[name] = {k: float(v) for k, v in values.items()}
+        self.t = state.t
         return out
+
+    def recall(self, t: float, probes: dict[str, dict[str, float]]) -> None:
+        """Go on counting rotations from what was observed at t."""
+        self.t = t
+        for name in self.probes:
+            self.theta[name] = probes[name]["theta"]
+            self.omega[name] = probes[name].get("omega", 0.0)
+
+    def _turned(self, name: str, state: State) -> float:
+        """Return the rotation of a probe and keep it, with its rate, for the next state."""
+        rotation, d = self.rotations[name], state.d[:self.model.n_q]
+        if state.linear:
+            return rotation.linear(self.model.e0, d)
+        e, near = self.model.e0 + d, self.theta[name]
+        if state.v is not None:
+            omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
+            # between stored states a section may turn by more than half a turn
+            near += 0.5 * (self.omega[name] + omega) * (state.t - self.t)
+            self.omega[name] = omega
+        self.theta[name] = rotation.value(e, d, near)
+        return self.theta[name]
 
 
 def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
@@ -66,9 +90,23 @@ def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> t
     return r0, u
 
 
+def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
+    """Return the velocity (2,) of a point, off the axis too."""
+    axis = PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
+    carried = point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
+    out = np.array([dot(c, v) for c in (axis if carried else point).position()])
+    if carried:
+        y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
+        out -= omega * y * np.array([np.cos(angle), np.sin(angle)])
+    return out
+
+
 def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
     """Return the multipliers of the linear rows and what they leave of the residual (n_q,)."""
     R = (state.Q - state.F)[:model.n_q]
+    moves = inertia_rates(model, state)
+    if moves is not None:
+        R = R + full_mass(model) @ moves
     rows = model.rows
     if not rows:
         return np.zeros(0), R
@@ -116,7 +154,7 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
 
 def energies(model: Model, state: State) -> dict[str, float]:
     """Return strain, kinetic and (gravity) potential energy of a state."""
-    return {"strain": state.energy, "kinetic": 0.0,
-            "potential": model.gravity_potential(state.d, state.t)}
-
-
+    if state.v is None:
+        return {"strain": state.energy, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
+    moving = Energies(model)
+    return {"strain": state.energy, "kinetic": moving.kinetic(state.v), "potential": moving.potential(state.d)}

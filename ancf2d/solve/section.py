@@ -12,11 +12,14 @@ from ..case import Distributed, Gravity
 from ..elements.definition import ElementType
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices
+from ..kernels.viscous import viscous_force
+from ..model.groups import damping_times
 from ..model.mechanism import rigid_motion
-from ..model.mesh import BodyMesh, mass_matrix
+from ..model.mesh import BodyMesh, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
+from .mass import inertia_rates
 from .state import State
 
 Density = Callable[[Any], Array]
@@ -55,13 +58,17 @@ def _position(point: PointRef, e: Array) -> Array:
 
 @dataclass(frozen=True)
 class _OnElement:
-    """The line and body loads on one element, sampled: what they sum to, up to a point or shape by shape."""
+    """The line and body loads on one element, sampled: what they sum to, up to a point or shape by shape.
+
+    ``a`` (n_q,) are accelerations: forces -rho a act like loads.
+    """
 
     model: Model
     point: PointRef
     e: Array
     d: Array
     t: float
+    a: Array | None = None
 
     def _samples(self, upto: float,
                  loads: Iterable[tuple[Density, float, float]]) -> Iterator[tuple[PointRef, Array]]:
@@ -91,7 +98,19 @@ class _OnElement:
         for there, f in self._samples(self.point.xi, loads):
             r = _position(there, self.e) - P
             total += f[0], f[1], r[0] * f[1] - r[1] * f[0]
-        return total
+        return total if self.a is None else total + self._inertia(self.a, P)
+
+    def _inertia(self, a: Array, P: Array) -> Array:
+        """Return force and moment about P (3,) of -rho a over the sections up to the point."""
+        mesh = self.point.mesh
+        nc, section, dofs = mesh.plan.element.components, mesh.plan.section, mesh.dofs[self.point.ie]
+        S, dv = over_body(mesh.classes[mesh.cls[self.point.ie]].sampler, self.point.xi)
+        r, b = S @ self.e[dofs].reshape(-1, nc), S @ a[dofs].reshape(-1, nc)
+        f = -(section.rhoA * dv)[:, None] * b[:, :2]
+        moment = float(((r[:, 0] - P[0]) * f[:, 1] - (r[:, 1] - P[1]) * f[:, 0]).sum())
+        if nc == 3:
+            moment -= section.rhoI * float(dv @ b[:, 2])
+        return np.array([*f.sum(axis=0), moment])
 
     def consistent(self) -> Array:
         """Return the generalised forces (n_dof,) of the loads on the element's own coordinates."""
@@ -102,11 +121,12 @@ class _OnElement:
             row = there.shape_row()
             out[0::nc] += row * f[0]
             out[1::nc] += row * f[1]
-        local = self.e[mesh.dofs[self.point.ie]]
-        fields = list(_accelerations(self.model, self.t))
+        dofs = mesh.dofs[self.point.ie]
+        fields = [_coordinates_of(field, element, self.e[dofs]) for field in _accelerations(self.model, self.t)]
+        if self.a is not None:
+            fields.append(-self.a[dofs])
         if fields:
-            M = mass_matrix(mesh.classes[mesh.cls[self.point.ie]].sampler)
-            out += M @ sum(_coordinates_of(field, element, local) for field in fields)
+            out += mass_matrix(mesh.classes[mesh.cls[self.point.ie]].sampler) @ sum(fields)
         return out
 
 
@@ -120,21 +140,43 @@ def _coordinates_of(field: Density, element: ElementType, local: Array) -> Array
     return out
 
 
+def has_section_forces(point: PointRef) -> bool:
+    """Whether the body has section forces: a rigid one has no law that would tell them."""
+    return point.mesh.plan.element.name != "rigid"
+
+
+def _nodal_forces(model: Model, state: State, point: PointRef, d: Array) -> Array:
+    """Return the elastic and viscous forces (n_dof,) of the point's element at displacements d (n_q,)."""
+    mesh = point.mesh
+    flexible = [name for name, m in model.meshes.items() if m.plan.element.name != "rigid"]
+    number = flexible.index(mesh.plan.name)
+    group, dofs = model.groups[number], mesh.dofs[point.ie]
+    Q, K = np.zeros((1, len(dofs))), np.zeros((1, len(dofs), len(dofs)))
+    element_matrices(group, d, point.ie, Q, K)
+    if state.linear:
+        return K[0] @ state.d[dofs]
+    tau = damping_times(model)[number]
+    if state.v is None or tau == 0.0:
+        return Q[0]
+    turn = group.turn[point.ie:point.ie + 1] if len(group.turn) > 1 else group.turn
+    alone = group._replace(cls=group.cls[point.ie:point.ie + 1], turn=turn, dofs=group.dofs[point.ie:point.ie + 1])
+    viscous = np.zeros(model.n_q)
+    viscous_force(alone, tau, d, state.v[:model.n_q], viscous)
+    return Q[0] + viscous[dofs]
+
+
 def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
     """Return N, Q, M at a point.
 
-    The element's nodal forces, less what the loads on it contribute to them, are the forces at its ends: in
-    balance with the loads whatever the formulation's stresses are worth. N along the section's x axis
+    The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
+    balance with them whatever the formulation's stresses are worth. N along the section's x axis
     (tension), Q along its y axis, M counter-clockwise.
     """
     mesh, d = point.mesh, state.d[:model.n_q]
     e = model.e0 if state.linear else model.e0 + d
     at = np.zeros_like(d) if state.linear else d
-    n = mesh.plan.element.n_dof
-    Q, K = np.zeros((1, n)), np.zeros((1, n, n))
-    element_matrices(model.groups[list(model.meshes).index(mesh.plan.name)], at, point.ie, Q, K)
-    nodal = K[0] @ d[mesh.dofs[point.ie]] if state.linear else Q[0]
-    loads = _OnElement(model, point, e, at, state.t)
+    nodal = _nodal_forces(model, state, point, at)
+    loads = _OnElement(model, point, e, at, state.t, inertia_rates(model, state))
     nodal = nodal - loads.consistent()
     last = point.xi == 1.0
     coords = mesh.node_dofs(point.ie, len(mesh.node_sizes) - 1 if last else 0)
