@@ -11,7 +11,7 @@ from ..elements.shape import Array
 from ..errors import CaseError, Problem
 from .constraints import Equations
 from .elimination import Elimination, eliminate, inconsistent
-from .joints import JOINTS, weld_corners
+from .joints import JOINTS, JointContext, JointError, weld_corners
 from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
 from .mechanism import free_motions
 from .mesh import BodyMesh
@@ -96,19 +96,14 @@ class _Builder:
         for i, joint in enumerate(self.case.joints):
             path = ("joints", i)
             if type(joint) not in JOINTS:
-                self.report(path, f"joints.{i}: a {_kind(joint)} joint is not available in static cases yet",
-                            "pin or weld")
+                self.report(path, f"joints.{i}: a {_kind(joint)} joint is not available yet", "pin, weld or slider")
                 continue
-            points = [self.point(p) for p in joint.between]
-            where = [np.asarray(self.plans[p.mesh.plan.name].position(p.s)[0]) for p in points]
-            for k, r in enumerate(where[1:], start=1):
-                gap = float(np.hypot(*(r - where[0])))
-                if gap > 1e-6 * self.extent:
-                    self.report((*path, "between", k),
-                                f"joints.{i}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
-                                f"{points[0].label} at ({where[0][0]:.6g}, {where[0][1]:.6g})",
-                                "points that coincide in the reference")
-            JOINTS[type(joint)](points, joint.name or f"joints.{i}", self.equations)
+            context = JointContext(self.point, self.meshes, self.extent, f"joints.{i}")
+            try:
+                JOINTS[type(joint)](joint, context, joint.name or f"joints.{i}", self.equations)
+            except JointError as error:
+                for key, message, expected in error.problems:
+                    self.report((*path, *key), message, expected)
 
     def add_springs(self) -> None:
         for spring in self.case.springs:

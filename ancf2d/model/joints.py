@@ -1,17 +1,60 @@
-"""Each kind of joint as equations between points. A further kind is one function and one entry below."""
+"""Each kind of joint as equations. A further kind is one function and one entry in ``JOINTS``."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ..case import PinJoint, WeldJoint
-from .constraints import Equations, Row, align, combine
+from ..case import PinJoint, Point, SliderJoint, WeldJoint
+from ..elements.shape import Array
+from .constraints import Equations, Row, align, along, combine
 from .mesh import BodyMesh
 from .points import PointRef
+
+# a gap in the reference beside the extent of the scene that is taken for round-off of the case's numbers
+GAP = 1e-6
+
+
+class JointError(ValueError):
+    """A joint that its points cannot have; each of ``problems`` is (key of the entry, message, what was expected)."""
+
+    def __init__(self, problems: list[tuple[tuple[str | int, ...], str, str]]) -> None:
+        super().__init__("; ".join(message for _, message, _ in problems))
+        self.problems = problems
+
+
+@dataclass(frozen=True)
+class JointContext:
+    """What a joint needs to find its place: points, meshes, the extent of the scene, and how messages name it."""
+
+    point: Callable[[Point], PointRef]
+    meshes: dict[str, BodyMesh]
+    extent: float
+    label: str
+
+    def place(self, point: PointRef) -> Array:
+        """Return where a point is in the reference (2,)."""
+        return np.asarray(point.mesh.plan.position(point.s)[0])
+
+    def together(self, between: tuple[Point, ...]) -> list[PointRef]:
+        """Return points that coincide in the reference. Raises JointError where they do not."""
+        points = [self.point(p) for p in between]
+        x, *others = (self.place(p) for p in points)
+        problems = []
+        for k, r in enumerate(others, start=1):
+            gap = float(np.hypot(*(r - x)))
+            if gap > GAP * self.extent:
+                problems.append((("between", k),
+                                 f"{self.label}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
+                                 f"{points[0].label} at ({x[0]:.6g}, {x[1]:.6g})",
+                                 "points that coincide in the reference"))
+        if problems:
+            raise JointError(problems)
+        return points
 
 
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -19,9 +62,10 @@ def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> Non
         out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis))
 
 
-def _pin(points: list[PointRef], owner: str, out: Equations) -> None:
-    for other in points[1:]:
-        _share_position(points[0], other, owner, out)
+def _pin(joint: PinJoint, context: JointContext, owner: str, out: Equations) -> None:
+    a, *others = context.together(joint.between)
+    for b in others:
+        _share_position(a, b, owner, out)
 
 
 def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
@@ -58,14 +102,29 @@ def share_all(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
             out.rows.append(Row(np.array([da[nc * k + 2], db[nc * k + 2]]), np.array([1.0, -1.0]), owner, "theta"))
 
 
-def _weld(points: list[PointRef], owner: str, out: Equations) -> None:
-    a = points[0]
-    for b in points[1:]:
-        if _same_nodes(a, b):
-            share_all(a, b, owner, out)
-        else:
-            _share_position(a, b, owner, out)
-            align(a, b, owner, out)
+def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
+    if _same_nodes(a, b):
+        share_all(a, b, owner, out)
+    else:
+        _share_position(a, b, owner, out)
+        align(a, b, owner, out)
+
+
+def _weld(joint: WeldJoint, context: JointContext, owner: str, out: Equations) -> None:
+    a, *others = context.together(joint.between)
+    for b in others:
+        _weld_points(a, b, owner, out)
+
+
+def _slider(joint: SliderJoint, context: JointContext, owner: str, out: Equations) -> None:
+    point = context.point(joint.at)
+    c, s = np.array(joint.along) / math.hypot(*joint.along)
+    x, y = context.place(point)
+    gap = (x - joint.through[0]) * -s + (y - joint.through[1]) * c
+    if abs(gap) > GAP * context.extent:
+        raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
+                           f"{abs(gap):.3g} away from the line", "a line through where the point is in the reference")])
+    out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))
 
 
 def weld_corners(mesh: BodyMesh, out: Equations) -> None:
@@ -76,7 +135,9 @@ def weld_corners(mesh: BodyMesh, out: Equations) -> None:
         s = pieces[k + 1].s0 / mesh.plan.length
         a = PointRef(mesh, s, before, 1.0, pieces[k].angle, last)
         b = PointRef(mesh, s, after, 0.0, pieces[k + 1].angle, 0)
-        share_all(a, b, f"corner {k + 1} of {mesh.plan.name}", out)
+        _weld_points(a, b, f"corner {k + 1} of {mesh.plan.name}", out)
 
 
-JOINTS: dict[type, Callable[[list[PointRef], str, Equations], None]] = {PinJoint: _pin, WeldJoint: _weld}
+JOINTS: dict[type, Callable[[Any, JointContext, str, Equations], None]] = {
+    PinJoint: _pin, WeldJoint: _weld, SliderJoint: _slider,
+}
