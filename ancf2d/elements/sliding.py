@@ -1,0 +1,173 @@
+"""A point on the axis of a deformed body: its foot point there, distance and derivatives.
+
+Functions of arrays alone, which kernels compile and statics call as they are.
+
+The axis of an element is r(z) = sum_j c_j z^j, z from -1 to 1. The foot point of p: r'(z).(p - r(z)) = 0; the distance
+g = n.(p - r(z)) with n = r' turned by +90 degrees over |r'| keeps its sign along the body and over time. With the rows
+(row vectors over coordinates q) N = n.W, A = r'.W, B = n.S' of W = S_p - S(z), the foot point's own motion falls out of
+dg = N dq and leaves d2g = -(A B + B A + (c/T) A A + g B B)/D, T = r'.r', c = n.r'', D = T - g c.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .shape import Array
+
+Index = NDArray[np.int64]
+
+# how far an element's polynomial is followed beyond its ends: a quarter of its length
+REACH = 1.5
+# how far beyond the end of a body a foot point counts as on it: round-off of a point that rests there
+END = 1.0 + 1e-6
+
+
+class Sliding(NamedTuple):
+    """Prismatic joints as flat arrays.
+
+    Per joint (n,): ``multiplier`` full coordinate; ``gap`` distance in the reference [m], which the joint keeps;
+    ``scale`` size of the coordinates it is formed from [m]; ``points`` entries of ``point_dofs`` (., 2) and
+    ``point_weights`` from ``point_first`` on: x and y of the point; ``elements`` entries of ``coef_first`` from
+    ``element_first`` on: where the coefficients (``shapes``, ``terms``) of the element's shape functions as powers of z
+    begin in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by element.
+    ``memory`` (n, 2): element and z of the foot point last accepted. ``e0`` (n_q,): nodal coordinates in the reference.
+    """
+
+    e0: Array
+    multiplier: Index
+    gap: Array
+    scale: Array
+    points: Index
+    point_first: Index
+    point_dofs: Index
+    point_weights: Array
+    shapes: Index
+    terms: Index
+    elements: Index
+    element_first: Index
+    coef_first: Index
+    coef: Array
+    dof_first: Index
+    dofs: Index
+    memory: Array
+
+
+def point_at(table, i, d):  # type: ignore[no-untyped-def]
+    """Return x and y of the point of joint i at displacements d."""
+    x, y = 0.0, 0.0
+    for k in range(table.point_first[i], table.point_first[i] + table.points[i]):
+        a, b = table.point_dofs[k, 0], table.point_dofs[k, 1]
+        x += table.point_weights[k] * (table.e0[a] + d[a])
+        y += table.point_weights[k] * (table.e0[b] + d[b])
+    return x, y
+
+
+def axis_of(table, i, d, out):  # type: ignore[no-untyped-def]
+    """Fill the coefficients c_j (elements, 2, terms) of the body's axis at displacements d."""
+    first, shapes, terms = table.element_first[i], table.shapes[i], table.terms[i]
+    for m in range(out.shape[0]):
+        at, coef = table.dof_first[i] + m * shapes, table.coef_first[first + m]
+        for j in range(terms):
+            x, y = 0.0, 0.0
+            for k in range(shapes):
+                a, b = table.dofs[at + k, 0], table.dofs[at + k, 1]
+                s = table.coef[coef + k * terms + j]
+                x += s * (table.e0[a] + d[a])
+                y += s * (table.e0[b] + d[b])
+            out[m, 0, j] = x
+            out[m, 1, j] = y
+
+
+def step(axis, x, y, m, z):  # type: ignore[no-untyped-def]
+    """Return (element, z, settled) after Newton's method for the foot point of (x, y) in element m from z.
+
+    Not settled: it lies with a neighbour. At a border the bisector of the two end tangents divides: there both sides
+    have the same distance, also where the axis has a kink, and exactly one of them has the point.
+    """
+    last = axis.shape[2] - 1
+    for _ in range(50):
+        rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(last, -1, -1):
+            kx, ky = kx * z + 2.0 * tx, ky * z + 2.0 * ty
+            tx, ty = tx * z + rx, ty * z + ry
+            rx, ry = rx * z + axis[m, 0, j], ry * z + axis[m, 1, j]
+        T = tx * tx + ty * ty
+        slope = max(T - kx * (x - rx) - ky * (y - ry), 0.1 * T)
+        new = min(max(z + (tx * (x - rx) + ty * (y - ry)) / slope, -REACH), REACH)
+        moved = abs(new - z)
+        z = new
+        # quadratic: the step after this one is round-off
+        if moved < 1e-8:
+            break
+    if not ((z > 0.0 and m + 1 < axis.shape[0]) or (z < 0.0 and m > 0)):
+        return m, z, True
+    left = m if z > 0.0 else m - 1
+    rx, ry, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(last, -1, -1):
+        ax, ay = ax + rx, ay + ry
+        rx, ry = rx + axis[left, 0, j], ry + axis[left, 1, j]
+        sign = 1.0 if j % 2 == 1 else -1.0
+        bx, by = bx + sign * j * axis[left + 1, 0, j], by + sign * j * axis[left + 1, 1, j]
+    a, b = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
+    ahead = (x - rx) * (ax / a + bx / b) + (y - ry) * (ay / a + by / b) > 0.0
+    if z > 0.0 and ahead:
+        return m + 1, -1.0, False
+    if z < 0.0 and not ahead:
+        return m - 1, 1.0, False
+    return m, z, True
+
+
+def measure(axis, x, y, m, z):  # type: ignore[no-untyped-def]
+    """Return (g, nx, ny, tx, ty, c) at z of element m: distance, unit normal, r' and n.r''; g nan out of reach."""
+    rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(axis.shape[2] - 1, -1, -1):
+        kx, ky = kx * z + 2.0 * tx, ky * z + 2.0 * ty
+        tx, ty = tx * z + rx, ty * z + ry
+        rx, ry = rx * z + axis[m, 0, j], ry * z + axis[m, 1, j]
+    size = math.sqrt(tx * tx + ty * ty)
+    nx, ny = -ty / size, tx / size
+    g = nx * (x - rx) + ny * (y - ry)
+    if not abs(z) < REACH:
+        g = math.nan
+    return g, nx, ny, tx, ty, nx * kx + ny * ky
+
+
+def rows_at(table, i, m, z, nx, ny, tx, ty, dofs, rows):  # type: ignore[no-untyped-def]
+    """Fill the coordinates (k,) that joint i touches at z of element m, and the rows N, A and B (3, k)."""
+    k = 0
+    for p in range(table.point_first[i], table.point_first[i] + table.points[i]):
+        w = table.point_weights[p]
+        for c in range(2):
+            dofs[k + c] = table.point_dofs[p, c]
+            rows[2, k + c] = 0.0
+        rows[0, k], rows[0, k + 1] = w * nx, w * ny
+        rows[1, k], rows[1, k + 1] = w * tx, w * ty
+        k += 2
+    terms, coef = table.terms[i], table.coef_first[table.element_first[i] + m]
+    at = table.dof_first[i] + m * table.shapes[i]
+    for p in range(table.shapes[i]):
+        s, ds = 0.0, 0.0
+        for j in range(terms - 1, -1, -1):
+            ds = ds * z + s
+            s = s * z + table.coef[coef + p * terms + j]
+        for c in range(2):
+            dofs[k + c] = table.dofs[at + p, c]
+        rows[0, k], rows[0, k + 1] = -s * nx, -s * ny
+        rows[1, k], rows[1, k + 1] = -s * tx, -s * ty
+        rows[2, k], rows[2, k + 1] = ds * nx, ds * ny
+        k += 2
+
+
+def second(g, tx, ty, c, rows, out):  # type: ignore[no-untyped-def]
+    """Fill the second derivative of the distance (k, k) from its rows."""
+    T = tx * tx + ty * ty
+    D = T - g * c
+    n = rows.shape[1]
+    for a in range(n):
+        for b in range(n):
+            out[a, b] = -(rows[1, a] * rows[2, b] + rows[2, a] * rows[1, b] + c / T * rows[1, a] * rows[1, b]
+                          + g * rows[2, a] * rows[2, b]) / D

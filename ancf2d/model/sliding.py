@@ -1,0 +1,144 @@
+"""Prismatic joints: a point that stays on the axis of a deformed body, found on it in the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..elements import sliding
+from ..elements.shape import Array
+from ..elements.sliding import Index, Sliding
+from ..errors import ComputationError
+from .curve import Piece
+from .mesh import BodyMesh
+from .plan import BodyPlan
+from .points import PointRef
+
+
+def _nearest(piece: Piece, r: Array) -> float:
+    """Return the arclength within a piece of its point nearest to r."""
+    x, y = r - np.asarray(piece.start)
+    c, s = math.cos(piece.angle), math.sin(piece.angle)
+    along, across = c * x + s * y, c * y - s * x
+    if piece.kappa == 0.0:
+        return min(max(along, 0.0), piece.length)
+    turned = math.atan2(piece.kappa * along, 1.0 - piece.kappa * across)
+    sigma = math.copysign(turned % (2 * math.pi) if piece.kappa > 0 else -turned % (2 * math.pi), 1.0)
+    sigma /= abs(piece.kappa)
+    if sigma <= piece.length:
+        return sigma
+    return min((0.0, piece.length), key=lambda s: math.dist(piece.position(s)[0], r))
+
+
+def foot_point(plan: BodyPlan, r: Array) -> tuple[float, float]:
+    """Return the fraction S of a body's arclength nearest to r in the reference, and the distance there [m]."""
+    found = [(math.dist(p.position(sigma)[0], r), (p.s0 + sigma) / plan.length)
+             for p in plan.pieces for sigma in [_nearest(p, r)]]
+    distance, s = min(found)
+    return s, distance
+
+
+def _axis_coefficients(mesh: BodyMesh) -> tuple[Index, Array]:
+    """Return where each element's coefficients begin (ne,), and the shape functions on the axis as powers of z."""
+    element = mesh.plan.element
+    parts = []
+    for k in mesh.classes:
+        half, centre = k.shape.l / 2, (np.array([0.5]), np.zeros(1))
+        parts.append(np.stack([k.shape(*centre, j, 0)[0] * half**j / math.factorial(j)
+                               for j in range(element.degree_x + 1)], axis=1))
+    return mesh.cls * parts[0].size, np.concatenate([p.ravel() for p in parts])
+
+
+def _index(*values: int) -> Index:
+    return np.array(values, dtype=np.int64)
+
+
+def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
+    """Return the table of one joint, whose foot point in the reference is at fraction s of the body."""
+    element = mesh.plan.element
+    e0 = np.zeros(max(m.first_dof + m.n_dofs for m in (point.mesh, mesh)))
+    size = mesh.plan.length
+    for m in (point.mesh, mesh):
+        e0[m.first_dof:m.first_dof + m.n_dofs] = m.e0
+        size += float(np.abs(m.e0[m.kinds < 2]).max())
+    (x, weights), (y, _) = point.position()
+    first, coef = _axis_coefficients(mesh)
+    dofs = mesh.dofs.reshape(len(mesh.dofs), -1, element.components)[:, :, :2].reshape(-1, 2)
+    ie, xi, _ = mesh.element_at(s)
+    return Sliding(e0, _index(-1), np.zeros(1), np.array([size]), _index(len(weights)), _index(0),
+                   np.stack([x, y], axis=1), weights, _index(element.n_shape), _index(element.degree_x + 1),
+                   _index(len(mesh.dofs)), _index(0), first, coef, _index(0), dofs, np.array([[ie, 2.0 * xi - 1.0]]))
+
+
+class OnAxis:
+    """A point stays on the axis of a body: its distance from there remains what it is in the reference.
+
+    ``dofs`` (n,): every coordinate of the body and those of the point. Statics follow the foot point from one
+    evaluation to the next. ``multiplier`` is its full coordinate, known once a model is numbered.
+    """
+
+    multiplier = -1
+
+    def __init__(self, point: PointRef, mesh: BodyMesh, s: float, owner: str) -> None:
+        self.owner, self.holds = owner, f"distance from the axis of {mesh.plan.name}"
+        self.label, self.body = point.label, mesh.plan.name
+        self.table = _table(point, mesh, s)
+        self.dofs: Index = np.unique(np.concatenate([mesh.dofs.ravel(), self.table.point_dofs.ravel()]))
+        self.table.gap[0] = self._foot(np.zeros(len(self.table.e0)))[2]
+        self.start = self.table.memory.copy()
+
+    def _foot(self, d: Array) -> tuple[int, float, float, float, float, float, float, float]:
+        """Return (element, z, g, nx, ny, tx, ty, c)."""
+        table = self.table
+        axis = np.zeros((int(table.elements[0]), 2, int(table.terms[0])))
+        sliding.axis_of(table, 0, d, axis)
+        x, y = sliding.point_at(table, 0, d)
+        m, z, settled = int(table.memory[0, 0]), float(table.memory[0, 1]), False
+        for _ in range(2 * len(axis) + 2):
+            m, z, settled = sliding.step(axis, x, y, m, z)
+            if settled:
+                break
+        return m, z, *sliding.measure(axis, x, y, m, z)
+
+    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
+        """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``; raises ComputationError off the end."""
+        m, z, g, nx, ny, tx, ty, c = self._foot(d)
+        if math.isnan(g):
+            raise ComputationError(f"{self.owner}: {self.label} has left {self.body} over its end",
+                                   advice=f"a longer {self.body}, or something that stops {self.label}")
+        self.table.memory[0] = m, z
+        k = 2 * int(self.table.points[0] + self.table.shapes[0])
+        touched, rows, H = np.zeros(k, dtype=np.int64), np.zeros((3, k)), np.zeros((k, k))
+        sliding.rows_at(self.table, 0, m, z, nx, ny, tx, ty, touched, rows)
+        sliding.second(g, tx, ty, c, rows, H)
+        n = len(self.dofs)
+        at, G, full = np.searchsorted(self.dofs, touched), np.zeros(n), np.zeros((n, n))
+        G[at] = rows[0]
+        full[np.ix_(at, at)] = H
+        return g - float(self.table.gap[0]), G, full
+
+
+_EMPTY = Sliding(np.zeros(0), _index(), np.zeros(0), np.zeros(0), _index(), _index(), np.zeros((0, 2), np.int64),
+                 np.zeros(0), _index(), _index(), _index(), _index(), _index(), np.zeros(0), _index(),
+                 np.zeros((0, 2), np.int64), np.zeros((0, 2)))
+# what counts entries of another array, and that array
+_COUNTS = {"point_first": "point_dofs", "element_first": "coef_first", "coef_first": "coef", "dof_first": "dofs"}
+
+
+def sliding_table(constraints: Iterable[object], e0: Array) -> Sliding:
+    """Return the table of the prismatic joints among the constraints of a model with reference coordinates e0.
+
+    Searches begin where the joints are in the reference; the table's memory is its own.
+    """
+    joints = [c for c in constraints if isinstance(c, OnAxis)]
+    tables = [c.table._replace(multiplier=_index(c.multiplier), memory=c.start) for c in joints]
+    out = {}
+    for name in Sliding._fields[1:]:
+        parts = [getattr(t, name) for t in tables]
+        if name in _COUNTS:
+            before = np.cumsum([0, *(len(getattr(t, _COUNTS[name])) for t in tables)])
+            parts = [p + b for p, b in zip(parts, before[:-1], strict=True)]
+        out[name] = np.concatenate([getattr(_EMPTY, name), *parts])
+    return Sliding(e0, **out)
