@@ -1,5 +1,6 @@
 """HDF5 results: written safely, read back checked, compared as numbers."""
 
+from ancf2d.results.checkpoint import Checkpoint, read_checkpoint
 from ancf2d.results.compare import (
     Difference,
     compare_results,
@@ -14,6 +15,7 @@ from ancf2d.results.writer import ResultWriter
 
 __all__ = [
     "BodyRecord",
+    "Checkpoint",
     "Column",
     "Difference",
     "ResultWriter",
@@ -27,4 +29,5 @@ __all__ = [
     "differences_json",
     "open_results",
     "part_path",
+    "read_checkpoint",
 ]

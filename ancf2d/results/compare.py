@@ -18,7 +18,7 @@ _FAMILIES = {
     "ux": "displacement", "uy": "displacement", "x": "position", "y": "position",
     "vx": "velocity", "vy": "velocity", "ax": "acceleration", "ay": "acceleration",
     "N": "force", "Q": "force", "fx": "force", "fy": "force", "M": "moment", "m": "moment",
-    "strain": "energy", "kinetic": "energy", "potential": "energy",
+    "strain": "energy", "kinetic": "energy", "potential": "energy", "dissipated": "energy", "work": "energy",
 }
 # "checks" repeat values that are compared anyway, with differences that are round-off where all is well
 _NOT_COMPARED = {"wall_s", "output", "case", "reason", "at", "time_s", "checks"}
@@ -102,7 +102,7 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
                     rtol: float = 1e-9, atol: float = 0.0) -> list[Difference]:
     """Return the differences of two result files, at most one (the worst) per dataset.
 
-    Compared are mesh, states, probes, tables, further arrays and the summary's numbers; not
+    Compared are mesh, states, energies, probes, tables, further arrays and the summary's numbers; not
     compared is what says how and when: wall times, versions, dates, names, residuals per step.
     An entry differs where |a - b| > atol + rtol * scale. The scale is the largest absolute value,
     in either file, among all entries of its kind: positions, slopes and angles of a state over all
@@ -118,7 +118,7 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
     with ExitStack() as stack:
         one, two = (f if isinstance(f, Results) else stack.enter_context(open_results(f))
                     for f in (a, b))
-        return [d for part in (_mesh, _states, _probes, _tables, _arrays, _summary)
+        return [d for part in (_mesh, _states, _energies, _probes, _tables, _arrays, _summary)
                 for d in part(one, two, tolerance) if d is not None]
 
 
@@ -238,6 +238,14 @@ def _probes(a: Results, b: Results, tol: _Tolerance) -> Found:
             yield tol.judge(f"/probes/{name}/{quantity}", a.probes[name][quantity],
                             b.probes[name][quantity], scales[_FAMILIES.get(quantity, quantity)],
                             lambda i: float(a.probe_t[i]))
+
+
+def _energies(a: Results, b: Results, tol: _Tolerance) -> Found:
+    yield from _names("/energies", a.energies, b.energies)
+    if a.nt == b.nt:
+        scale = _largest(*a.energies.values(), *b.energies.values())
+        for name in [n for n in a.energies if n in b.energies]:
+            yield tol.judge(f"/energies/{name}", a.energies[name], b.energies[name], scale, lambda i: float(a.t[i]))
 
 
 def _tables(a: Results, b: Results, tol: _Tolerance) -> Found:

@@ -29,6 +29,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "platform": r.attrs.get("platform", ""),
                 "versions": {k.removeprefix("version_"): v for k, v in sorted(r.attrs.items())
                              if k.startswith("version_")},
+                "resumed": r.attrs.get("resumed", 0),
                 "case_sha256": r.attrs.get("case_sha256", ""), "overrides": r.overrides,
             },
             "units": {"length": r.units.length, "force": r.units.force, "time": r.units.time},
@@ -54,7 +55,7 @@ def describe_text(found: dict[str, Any]) -> str:
         ("file", f"{found['file']} ({_size(found['bytes'])})"),
         ("solver", f"{found['solver']}, {status}"),
         ("reason", str(found["summary"].get("reason", ""))),
-        ("made", f"{made['created']} on {made['platform']}"),
+        ("made", f"{made['created']} on {made['platform']}{_resumed(made['resumed'])}"),
         ("command", made["command_line"]),
         ("overrides", ", ".join(made["overrides"])),
         ("versions", ", ".join(f"{k} {v}" for k, v in made["versions"].items())),
@@ -92,6 +93,10 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     for name, shape in found["arrays"].items():
         rows.append(("array", f"{name}: {' x '.join(map(str, shape))}"))
     return rows
+
+
+def _resumed(times: int) -> str:
+    return "" if not times else ", resumed once" if times == 1 else f", resumed {times} times"
 
 
 def _many(count: int, what: str) -> str:

@@ -155,6 +155,12 @@ def _waiting_pages(descriptor: int) -> tuple[dict[int, bytearray], int] | None:
             for k, n in enumerate(numbers)}, size
 
 
+def recovered(descriptor: int) -> JournaledFile:
+    """Return the file object of a file that an earlier process left, as its last commit left it."""
+    found = _waiting_pages(descriptor)
+    return JournaledFile(descriptor) if found is None else JournaledFile(descriptor, *found)
+
+
 def open_hdf5(path: Path) -> h5py.File:
     """Open an HDF5 file read-only, as its last commit left it."""
     descriptor = os.open(path, os.O_RDONLY)

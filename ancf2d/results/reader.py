@@ -255,10 +255,16 @@ class Results:
 
     @cached_property
     def history(self) -> Table:
-        """Solver statistics and energies by name, one value per step."""
+        """Solver statistics by name, one value per step."""
         with safe.damage(self.path):
             group = safe.child(self._file, "history", h5py.Group)
             return self._columns(group, self._history_rows)
+
+    @cached_property
+    def energies(self) -> Table:
+        """Energies by name, one value per stored state (dynamic runs)."""
+        with safe.damage(self.path):
+            return self._columns(safe.child(self._file, "energies", h5py.Group), self.nt)
 
     @cached_property
     def _all_probes(self) -> dict[str, Table]:

@@ -118,7 +118,11 @@ _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("energy", "{F}*{L}", "strain energy"), Column("strain", "{F}*{L}", "strain energy"),
     Column("kinetic", "{F}*{L}", "kinetic energy"),
     Column("potential", "{F}*{L}", "potential energy of the loads, from the reference"),
-    Column("work", "{F}*{L}", "work done by loads and dampers"),
+    Column("work", "{F}*{L}", "work done by loads and supports in motion that have no potential"),
+    Column("dissipated", "{F}*{L}", "energy lost in dampers and material"),
+    Column("rejected", "1", "attempts at the step that were given up for a smaller one", True),
+    Column("error", "1", "estimate of the step's local error, relative to the motion's size"),
+    Column("violation", "1", "largest violation of a constraint, relative to its own size"),
 )}
 _TABLE: dict[str, Column] = {c.name: c for c in (
     Column("element", "none", "element type"), Column("formulation", "none", "formulation"),

@@ -9,7 +9,8 @@ import h5py
 import numpy as np
 
 CHUNK_BYTES = 1 << 20
-COLUMN_CHUNK = 128  # numbers
+COLUMN_CHUNK = 128  # numbers, for columns that grow slowly
+LARGEST_COLUMN_CHUNK = 1 << 14
 STATE_CHUNK_BYTES = 8192
 MAX_ATTRIBUTE = 8000  # HDF5 holds at most 64 kB of attributes per object
 # Mesh arrays are mostly regular integers: gzip-1 with shuffle makes them 20 to 40 times smaller at
@@ -90,6 +91,10 @@ class Series:
         """Add one row; an array is copied unless it is large enough to be written at once."""
         self._rows.append(np.array(row, dtype=self._dtype) if self._width else row)
 
+    def extend(self, values: np.ndarray) -> None:
+        """Add many plain numbers at once."""
+        self._rows.extend(np.asarray(values, self._dtype).tolist())
+
     def write_through(self, row: np.ndarray) -> None:
         """Write one large row to disk now, without a copy of it."""
         self.spill()
@@ -108,7 +113,7 @@ class Series:
 
     def _extend(self, rows: int) -> None:
         if self._dataset is None:
-            chunk: tuple[int, ...] = (COLUMN_CHUNK,)
+            chunk: tuple[int, ...] = (min(max(COLUMN_CHUNK, rows), LARGEST_COLUMN_CHUNK),)
             if self._width:
                 row_bytes = self._width * self._dtype.itemsize
                 chunk = (max(1, STATE_CHUNK_BYTES // row_bytes),
@@ -127,6 +132,16 @@ class Series:
                 self._dataset[self._stored:] = np.asarray(rows, self._dtype)  # type: ignore[index]
             self._stored += len(rows)
             self._rows = []
+
+    def reopen(self, rows: int) -> None:
+        """Go on behind the first ``rows`` rows of a dataset that an earlier run left."""
+        dataset = self._group[self._name]
+        if dataset.maxshape[0] is None:
+            dataset.resize(rows, axis=0)
+            self._dataset, self._stored = dataset, rows
+        else:  # written at its exact size when that run ended
+            self._rows = list(dataset[:rows])
+            del self._group[self._name]
 
     def close(self) -> None:
         """Write what is left; a dataset that never spilled gets its exact size."""

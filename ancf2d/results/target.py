@@ -132,6 +132,12 @@ class Target:
             if private is not None:
                 os.unlink(private)
 
+    def take_up(self) -> None:
+        """Go on with the NAME.part that an earlier run left."""
+        if self._old is None:
+            raise ResultsError(f"there is no '{self.part}' to resume from")
+        self._descriptor, self._old = self._old, None
+
     def _unnamed_file(self) -> tuple[int, str, str | None]:
         """Return descriptor and path of a new file without a name, or else with a private one."""
         folder = self.path.parent.absolute()

@@ -15,10 +15,17 @@ import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.head import coordinate_units, write_head, write_mesh
-from ancf2d.results.journal import JournaledFile
+from ancf2d.results.checkpoint import (
+    Checkpoint,
+    checkpoint_to_resume,
+    drop_checkpoint,
+    write_checkpoint,
+)
+from ancf2d.results.growth import Growth
+from ancf2d.results.head import write_head, write_mesh
+from ancf2d.results.journal import JournaledFile, recovered
 from ancf2d.results.records import BodyRecord, Column, Units, escape, known_column
-from ancf2d.results.series import CHUNK_BYTES, Series, set_text, write_fixed, write_texts
+from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
 FLUSH_SECONDS = 1.0
@@ -56,30 +63,65 @@ class ResultWriter:
                  bodies: Sequence[BodyRecord], e0: np.ndarray,
                  coordinate_names: Mapping[str, Sequence[str]] | None = None, *,
                  columns: Sequence[Column] = (), force: bool = False) -> None:
-        self._header = dict(header)
-        units = {k: v for k, v in dict(header.get("units") or {}).items() if v}
-        self._units = Units(**units)
-        self._columns = {column.name: column for column in columns}
-        self._nq = len(e0)
-        self._started = self._last_flush = time.monotonic()
-        self._history: dict[str, Series] = {}
-        self._probes: dict[tuple[str, str], Series] = {}
-        self._logged = self._probed = self._states = self._committed = 0
-        self._fields: dict[str, Series] = {}
-        self._open = False
+        self._prepare(header, len(e0), columns)
         self._target = Target(path, force)
         with self._disk_errors(begin=True):
             # built in memory (meshes compress well), so that no moment leaves an unreadable file
             with h5py.File("head", "w", driver="core", backing_store=False) as head:
-                write_head(head, self._header, self._units)
+                write_head(head, header, self._units)
                 write_mesh(head, self._units, bodies, np.asarray(e0, float),
                            dict(coordinate_names or {}))
                 head.flush()
                 image = head.id.get_file_image()
             self._target.publish(image)
-            self._stream = JournaledFile(self._target.descriptor)
-            self._file = h5py.File(self._stream, "r+")
-            self._open = True
+            self._begin(JournaledFile(self._target.descriptor))
+
+    def _prepare(self, header: Mapping[str, Any], nq: int, columns: Sequence[Column]) -> None:
+        self._units = Units(**{k: v for k, v in dict(header.get("units") or {}).items() if v})
+        self._dynamic = header.get("solver") == "dynamic"
+        self._nq, self._columns = nq, {column.name: column for column in columns}
+        self._started = self._last_flush = time.monotonic()
+        self._earlier, self._committed, self._open = 0.0, 0, False
+        self._checkpoint: Checkpoint | None = None
+        self.resumed: Checkpoint | None = None
+
+    def _begin(self, stream: JournaledFile) -> None:
+        self._stream = stream
+        self._file = h5py.File(stream, "r+")
+        self._open = True
+        self._growth = Growth(self._file, self._nq, self._units, self._dynamic,
+                              list(self._columns.values()))
+
+    @classmethod
+    def resume(cls, path: str | os.PathLike[str], header: Mapping[str, Any], e0: np.ndarray, *,
+               columns: Sequence[Column] = (), force: bool = False) -> ResultWriter:
+        """Go on with the NAME.part that a run of the same case left, from its last checkpoint.
+
+        What lies beyond the checkpoint is cut off; ``resumed`` is that checkpoint. Raises
+        ResultsError where there is none, or where case, options or version of ancf2d differ.
+        """
+        self = cls.__new__(cls)
+        self._prepare(header, len(e0), columns)
+        self._target = Target(path, force)
+        try:
+            self.resumed = found = checkpoint_to_resume(self._target.part, header, np.asarray(e0, float))
+            self._target.take_up()
+        except ResultsError:
+            self._target.release()
+            raise
+        with self._disk_errors():
+            self._begin(recovered(self._target.descriptor))
+            self._file.flush()  # what the earlier process wrote behind its last commit goes
+            self._stream.commit()
+            self._committed, self._earlier = found.rows[0], found.wall_s
+            self._growth.reopen(found.rows)
+            if "summary" in self._file:
+                del self._file["summary"]
+            set_text(self._file, "status", "running")
+            self._file.attrs["resumed"] = int(self._file.attrs.get("resumed", 0)) + 1
+            self._checkpoint = found
+            self.flush()
+        return self
 
     @property
     def path(self) -> Path:
@@ -90,20 +132,26 @@ class ResultWriter:
 
     def append(self, t: float, d: np.ndarray, history: Mapping[str, float] | None = None,
                probes: Mapping[str, Mapping[str, float]] | None = None,
-               v: np.ndarray | None = None, a: np.ndarray | None = None) -> None:
+               v: np.ndarray | None = None, a: np.ndarray | None = None, *,
+               steps: Mapping[str, np.ndarray] | None = None,
+               energies: Mapping[str, float] | None = None,
+               checkpoint: Checkpoint | None = None) -> None:
         """Store one state: displacements ``d`` (nq,) of the nodal coordinates at ``t``.
 
         ``t`` is the load factor in static cases and the time in dynamic ones; ``history`` and
-        ``probes`` are logged as by ``log``; ``v`` and ``a`` (nq,) are time derivatives of d.
+        ``probes`` are logged as by ``log``, ``steps`` (columns of the steps since the last state)
+        as by ``log_block``; ``v`` and ``a`` (nq,) are time derivatives of d; ``energies`` are those
+        of this state; ``checkpoint`` is what the run can be resumed from once this state is on disk.
         """
         with self._disk_errors():
-            self._field("t").append(float(t))
-            self._field("history_row").append(self._logged if history is not None else -1)
-            for name, row in (("d", d), ("v", v), ("a", a)):
-                if row is not None:
-                    self._store(name, row)
-            self._states += 1
+            grown = self._growth
+            if steps:
+                grown.log_block(steps)
+            row = grown.logged if history is not None else grown.logged - 1 if steps is not None else -1
+            grown.state(t, row, {"d": d, "v": v, "a": a}, energies or {})
             self._log(history, probes, t)
+            if checkpoint is not None:
+                self._checkpoint = checkpoint.copied(grown.rows, self._wall_time())
             self._flush_when_due()
 
     def log(self, history: Mapping[str, float], *, t: float | None = None,
@@ -113,78 +161,20 @@ class ResultWriter:
             self._log(history, probes, t)
             self._flush_when_due()
 
-    def _store(self, name: str, row: np.ndarray) -> None:
-        if np.shape(row) != (self._nq,):
-            raise ResultsError(f"a state of {np.shape(row)} does not fit {self._nq} coordinates")
-        field = self._field(name)
-        field.pad_to(self._states)
-        if self._nq * 8 >= CHUNK_BYTES:
-            field.write_through(row)
-        else:
-            field.append(row)
-
-    def _field(self, name: str) -> Series:
-        if name not in self._fields:
-            dynamic = self._header.get("solver") == "dynamic"
-            group = self._file.require_group("states")
-            units, time_unit = coordinate_units(self._units), self._units.time
-            labels = {
-                "t": (time_unit, "time") if dynamic else ("1", "load factor"),
-                "history_row": ("1", "row of /history of this state, -1 where it has none"),
-                "d": (units, "displacements of the nodal coordinates: they are e0 + d"),
-                "v": (f"({units})/{time_unit}", "rates of the nodal coordinates"),
-                "a": (f"({units})/{time_unit}^2", "second rates of the nodal coordinates"),
-            }[name]
-            width = self._nq if name in ("d", "v", "a") else 0
-            self._fields[name] = Series(group, name, *labels, width=width,
-                                        integer=name == "history_row")
-        return self._fields[name]
+    def log_block(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Record many steps at once: columns (n,) of the same length, such as dt and iterations."""
+        with self._disk_errors():
+            self._growth.log_block(columns)
+            self._flush_when_due()
 
     def _log(self, history: Mapping[str, float] | None,
              probes: Mapping[str, Mapping[str, float]] | None, t: float | None) -> None:
         if history is not None:
-            for name, value in history.items():
-                self._history_column(name).append(value)
-            self._logged += 1
-            for series in self._history.values():
-                series.pad_to(self._logged)
+            self._growth.log(history)
         if probes:
             if t is None:
                 raise ResultsError("probe values need the time or load factor that they belong to")
-            for probe, values in probes.items():
-                self._probe_column(probe, "t").append(float(t))
-                for quantity, value in values.items():
-                    self._probe_column(probe, quantity).append(value)
-            self._probed += 1
-            for (_, quantity), series in self._probes.items():
-                if quantity == "t" and len(series) < self._probed:
-                    series.append(float(t))
-                series.pad_to(self._probed)
-
-    def _history_column(self, name: str) -> Series:
-        if name not in self._history:
-            column = self._columns.get(name) or known_column("history", name)
-            self._history[name] = self._series("history", column, self._logged)
-        return self._history[name]
-
-    def _probe_column(self, probe: str, quantity: str) -> Series:
-        key = (probe, quantity)
-        if key not in self._probes:
-            role = "history" if quantity == "t" else "probe"
-            column = self._columns.get(quantity) or known_column(role, quantity)
-            if quantity == "t" and self._header.get("solver") != "dynamic":
-                column = Column("t", "1", "load factor")
-            self._probes[key] = self._series(f"probes/{escape(probe)}", column, self._probed)
-        return self._probes[key]
-
-    def _series(self, place: str, column: Column, length: int) -> Series:
-        group = self._file
-        for part in place.split("/"):
-            group = group[part] if part in group else group.create_group(part, track_order=True)
-        series = Series(group, escape(column.name), self._units.fill(column.units),
-                        column.description, integer=column.integer)
-        series.pad_to(length)
-        return series
+            self._growth.probe(t, probes)
 
     # ------------------------------------------------------------------ what is written once
 
@@ -224,13 +214,11 @@ class ResultWriter:
 
     # ------------------------------------------------------------------ the end
 
-    def _all_series(self) -> Iterator[Series]:
-        yield from self._fields.values()
-        yield from self._history.values()
-        yield from self._probes.values()
+    def _wall_time(self) -> float:
+        return self._earlier + time.monotonic() - self._started
 
     def _flush_when_due(self) -> None:
-        full = sum(s.buffered_bytes for s in self._fields.values()) > BUFFER_BYTES
+        full = self._growth.buffered_bytes > BUFFER_BYTES
         if full or time.monotonic() - self._last_flush >= FLUSH_SECONDS:
             self.flush()
 
@@ -240,14 +228,16 @@ class ResultWriter:
             self._settle(Series.spill)
             self._file.flush()
             self._stream.commit()
-            self._committed = self._states
+            self._committed = self._growth.states
             self._last_flush = time.monotonic()
 
     def _settle(self, action: Callable[[Series], None]) -> None:
-        for series in self._all_series():
+        for series in self._growth.all_series():
             action(series)
-        counts = np.array([self._states, self._logged, self._probed], np.int64)
-        self._file.attrs.modify("committed", counts)
+        self._file.attrs.modify("committed", np.array(self._growth.rows, np.int64))
+        if self._checkpoint is not None:
+            write_checkpoint(self._file, self._checkpoint, plain)
+            self._checkpoint = None
 
     def finish(self, summary: Mapping[str, Any] | None = None, status: str = "converged") -> Path:
         """Close the file and return where it is: the target if ``converged``, else NAME.part.
@@ -262,16 +252,18 @@ class ResultWriter:
             place = self._target.path if done else self._target.part
             text = json.dumps({**dict(summary or {}), "output": str(place)}, default=plain)
             self._settle(Series.close)
+            if done:
+                drop_checkpoint(self._file)
             write_texts(self._file, "summary", text, "none",
                         "the object that --json prints, as JSON text")
-            self._file.attrs["wall_time_s"] = time.monotonic() - self._started
+            self._file.attrs["wall_time_s"] = self._wall_time()
             set_text(self._file, "status", status)
             self._file.close()
             self._open = False
             self._stream.commit()
             if done:
                 self._put_in_place()
-            elif self._states:
+            elif self._growth.states:
                 self._target.keep()
             else:
                 self._target.discard()
@@ -326,7 +318,7 @@ class ResultWriter:
                  trace: object) -> None:
         if not self._open:
             return
-        if not self._states:
+        if not self._growth.states:
             self.discard()
             return
         interrupted = not isinstance(value, Exception)

@@ -14,6 +14,7 @@ from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import BodyRecord, Column, ResultWriter, open_results, part_path
+from ancf2d.results import growth as growth_module
 from ancf2d.results import series as series_module
 from ancf2d.results import target as target_module
 from ancf2d.results import writer as writer_module
@@ -164,7 +165,7 @@ def test_small_files_stay_small_and_meshes_are_compressed(tmp_path: Path) -> Non
 
 def test_large_states_are_written_through_without_buffering(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writer_module, "CHUNK_BYTES", 1 << 10)
+    monkeypatch.setattr(growth_module, "CHUNK_BYTES", 1 << 10)
     monkeypatch.setattr(series_module, "CHUNK_BYTES", 1 << 10)
     monkeypatch.setattr(series_module.Series, "append", _only_scalars(series_module.Series.append))
     with start(tmp_path / "a.h5", ne=100) as w:

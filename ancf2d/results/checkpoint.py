@@ -1,0 +1,145 @@
+"""What a run is resumed from: the solver's complete state, stored in the unfinished file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ancf2d import __version__
+from ancf2d.errors import ResultsError
+from ancf2d.results import safe
+from ancf2d.results.records import escape, unescape
+from ancf2d.results.series import describe, write_fixed, write_texts
+
+GROUP = "checkpoint"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A moment of a run that it can be resumed from.
+
+    ``values`` is the solver's complete state, by name; ``notes`` what else was known by then, as a
+    JSON-able object. ``t`` is the time; ``rows`` are the rows of states, history and probes that
+    belong to it, ``wall_s`` is the time that the run had taken.
+    """
+
+    t: float
+    values: Mapping[str, np.ndarray]
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    rows: tuple[int, int, int] = (0, 0, 0)
+    wall_s: float = 0.0
+
+    def copied(self, rows: tuple[int, int, int], wall_s: float) -> Checkpoint:
+        """Return a checkpoint that nobody else can change, of so many rows."""
+        values = {name: np.array(value) for name, value in self.values.items()}
+        for name, value in values.items():
+            if value.dtype.kind not in "iufb":
+                raise ResultsError(f"'{name}' of a checkpoint is of type {value.dtype}, not numbers")
+        return Checkpoint(self.t, values, dict(self.notes), rows, wall_s)
+
+
+def write_checkpoint(file: h5py.File, found: Checkpoint, to_json: Any) -> None:
+    """Write a checkpoint in place of the one before."""
+    group = file.require_group(GROUP)
+    group.attrs["t"], group.attrs["wall_s"] = float(found.t), float(found.wall_s)
+    group.attrs["rows"] = np.array(found.rows, np.int64)
+    values = group.require_group("values")
+    for name in values:
+        if unescape(name) not in found.values:
+            del values[name]
+    for name, value in found.values.items():
+        _write_value(values, escape(name), np.asarray(value))
+    if "notes" in group:
+        del group["notes"]
+    write_texts(group, "notes", json.dumps(dict(found.notes), default=to_json), "none",
+                "what else was known by then, as JSON text")
+
+
+def _write_value(group: h5py.Group, name: str, value: np.ndarray) -> None:
+    if value.dtype.kind == "b":
+        value = value.astype(np.int8)
+    old = group.get(name)
+    if old is not None and old.shape == value.shape and old.dtype == value.dtype:
+        old[...] = value
+        return
+    if old is not None:
+        del group[name]
+    if value.size:
+        write_fixed(group, name, value, "none", "state of the solver")
+    else:
+        describe(group.create_dataset(name, value.shape, value.dtype), "none", "state of the solver")
+
+
+def drop_checkpoint(file: h5py.File) -> None:
+    """Remove the checkpoint: what is complete is not resumed."""
+    if GROUP in file:
+        del file[GROUP]
+
+
+def checkpoint_of(file: h5py.File) -> Checkpoint | None:
+    """Return the checkpoint of an open file, None where it holds none; ValueError for a broken one."""
+    group = safe.child(file, GROUP, h5py.Group)
+    if group is None:
+        return None
+    rows, t, wall = (safe.attribute(group, name) for name in ("rows", "t", "wall_s"))
+    committed = safe.attribute(file, "committed")
+    if not (isinstance(rows, list) and isinstance(committed, list) and len(rows) == len(committed) == 3
+            and all(isinstance(n, int) and 0 <= n <= most for n, most in zip(rows, committed, strict=True))):
+        raise ValueError("its checkpoint does not fit its states")
+    if not (isinstance(t, float) and isinstance(wall, float)):
+        raise ValueError("its checkpoint has no time")
+    return Checkpoint(t, _values(group), safe.json_object(safe.text(group, "notes")), tuple(rows), wall)
+
+
+def _values(group: h5py.Group) -> dict[str, np.ndarray]:
+    found = safe.child(group, "values", h5py.Group)
+    values = {}
+    for key in found or ():
+        dataset = safe.child(found, key, h5py.Dataset)
+        values[unescape(key)] = np.asarray(safe.numbers(found, key, dataset.ndim))
+    return values
+
+
+def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint | None:
+    """Return what the run in an unfinished file can be resumed from, None where there is nothing."""
+    path = Path(path)
+    with safe.open_file(path) as file, safe.damage(path):
+        return checkpoint_of(file)
+
+
+def checkpoint_to_resume(part: Path, header: Mapping[str, Any], e0: np.ndarray) -> Checkpoint:
+    """Return the checkpoint of an unfinished file of the case of ``header``; ResultsError says why it is none."""
+    if not part.exists():
+        raise ResultsError(f"there is no '{part}' to resume from; run the case without --resume")
+    with safe.open_file(part) as file, safe.damage(part):
+        found = checkpoint_of(file)
+        if found is None:
+            raise ResultsError(f"'{part}' holds no checkpoint to resume from; run the case without --resume")
+        differs = _difference(file, header, e0)
+    if differs:
+        raise ResultsError(f"cannot resume from '{part}': {differs}; run the case without --resume, or choose "
+                           f"another output file")
+    return found
+
+
+def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> str:
+    """Return in words in what an unfinished file is not of this case (empty: in nothing)."""
+    version = safe.attribute(file, "version_ancf2d")
+    if version != __version__:
+        return f"it was written by ancf2d {version}, this is {__version__}"
+    case = safe.child(file, "case", h5py.Group)
+    if safe.strings(case, "overrides") != [str(o) for o in header.get("overrides") or []]:
+        return "it was started with other --set options"
+    for name in ("text", "completed"):
+        if safe.text(case, name) != (header.get(f"case_{name}") or ""):
+            return "the case has changed since"
+    if not np.array_equal(safe.numbers(safe.child(file, "mesh", h5py.Group), "e0", 1), e0):
+        return "its mesh is another one"
+    return ""

@@ -1,0 +1,170 @@
+"""What grows while a run goes on: states, their energies, steps, probes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import h5py
+import numpy as np
+
+from ancf2d.errors import ResultsError
+from ancf2d.results.head import coordinate_units
+from ancf2d.results.records import Column, Units, escape, known_column, unescape
+from ancf2d.results.series import CHUNK_BYTES, Series
+
+STATE_FIELDS = ("d", "v", "a")  # of nq numbers per state
+
+
+class Growth:
+    """The growing columns of a result file, and how many rows of each kind there are.
+
+    There is one row of /states and /energies per stored state, one of /history per step and one
+    of each of /probes whenever probes were read.
+    """
+
+    def __init__(self, file: h5py.File, nq: int, units: Units, dynamic: bool,
+                 columns: Sequence[Column] = ()) -> None:
+        self._file, self._nq, self._units, self._dynamic = file, nq, units, dynamic
+        self._columns = {column.name: column for column in columns}
+        self.states = self.logged = self.probed = 0
+        self._fields: dict[str, Series] = {}
+        self._energies: dict[str, Series] = {}
+        self._history: dict[str, Series] = {}
+        self._probes: dict[tuple[str, str], Series] = {}
+
+    @property
+    def rows(self) -> tuple[int, int, int]:
+        """Rows of states, history and probes."""
+        return self.states, self.logged, self.probed
+
+    @property
+    def buffered_bytes(self) -> int:
+        """Bytes of states that are not on disk yet."""
+        return sum(s.buffered_bytes for s in self._fields.values())
+
+    def all_series(self) -> Iterator[Series]:
+        """Yield every column."""
+        for part in (self._fields, self._energies, self._history, self._probes):
+            yield from part.values()
+
+    # ------------------------------------------------------------------ states
+
+    def state(self, t: float, history_row: int, arrays: Mapping[str, np.ndarray | None],
+              energies: Mapping[str, float]) -> None:
+        """Add one state: ``arrays`` d, v, a (nq,) where they are known."""
+        self._field("t").append(float(t))
+        self._field("history_row").append(history_row)
+        for name in STATE_FIELDS:
+            row = arrays.get(name)
+            if row is not None:
+                self._store(name, row)
+        for name, value in energies.items():
+            self._column(self._energies, "energies", name, self.states).append(float(value))
+        self.states += 1
+        for series in self._energies.values():
+            series.pad_to(self.states)
+
+    def _store(self, name: str, row: np.ndarray) -> None:
+        if np.shape(row) != (self._nq,):
+            raise ResultsError(f"a state of {np.shape(row)} does not fit {self._nq} coordinates")
+        field = self._field(name)
+        field.pad_to(self.states)
+        if self._nq * 8 >= CHUNK_BYTES:
+            field.write_through(row)
+        else:
+            field.append(row)
+
+    def _field(self, name: str) -> Series:
+        if name not in self._fields:
+            group = self._file.require_group("states")
+            units, time_unit = coordinate_units(self._units), self._units.time
+            labels = {
+                "t": (time_unit, "time") if self._dynamic else ("1", "load factor"),
+                "history_row": ("1", "row of /history of this state, -1 where it has none"),
+                "d": (units, "displacements of the nodal coordinates: they are e0 + d"),
+                "v": (f"({units})/{time_unit}", "rates of the nodal coordinates"),
+                "a": (f"({units})/{time_unit}^2", "second rates of the nodal coordinates"),
+            }[name]
+            width = self._nq if name in STATE_FIELDS else 0
+            self._fields[name] = Series(group, name, *labels, width=width,
+                                        integer=name == "history_row")
+        return self._fields[name]
+
+    # ------------------------------------------------------------------ steps and probes
+
+    def log(self, history: Mapping[str, float]) -> None:
+        """Add one step to the history."""
+        for name, value in history.items():
+            self._column(self._history, "history", name, self.logged).append(value)
+        self._logged_up_to(self.logged + 1)
+
+    def log_block(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Add many steps to the history: columns (n,) of the same length."""
+        lengths = {len(values) for values in columns.values()}
+        if len(lengths) > 1:
+            raise ResultsError(f"steps with columns of different lengths {sorted(lengths)}")
+        for name, values in columns.items():
+            self._column(self._history, "history", name, self.logged).extend(values)
+        self._logged_up_to(self.logged + next(iter(lengths), 0))
+
+    def _logged_up_to(self, rows: int) -> None:
+        self.logged = rows
+        for series in self._history.values():
+            series.pad_to(rows)
+
+    def probe(self, t: float, probes: Mapping[str, Mapping[str, float]]) -> None:
+        """Add one row of probe quantities."""
+        for probe, values in probes.items():
+            self._probe_column(probe, "t").append(float(t))
+            for quantity, value in values.items():
+                self._probe_column(probe, quantity).append(value)
+        self.probed += 1
+        for (_, quantity), series in self._probes.items():
+            if quantity == "t" and len(series) < self.probed:
+                series.append(float(t))
+            series.pad_to(self.probed)
+
+    def _probe_column(self, probe: str, quantity: str) -> Series:
+        key = (probe, quantity)
+        if key not in self._probes:
+            role = "history" if quantity == "t" else "probe"
+            column = self._columns.get(quantity) or known_column(role, quantity)
+            if quantity == "t" and not self._dynamic:
+                column = Column("t", "1", "load factor")
+            self._probes[key] = self._series(f"probes/{escape(probe)}", column)
+            self._probes[key].pad_to(self.probed)
+        return self._probes[key]
+
+    def _column(self, found: dict[str, Series], place: str, name: str, length: int) -> Series:
+        if name not in found:
+            column = self._columns.get(name) or known_column("history", name)
+            found[name] = self._series(place, column)
+            found[name].pad_to(length)
+        return found[name]
+
+    def _series(self, place: str, column: Column) -> Series:
+        group = self._file
+        for part in place.split("/"):
+            group = group[part] if part in group else group.create_group(part, track_order=True)
+        return Series(group, escape(column.name), self._units.fill(column.units),
+                      column.description, integer=column.integer)
+
+    # ------------------------------------------------------------------ after an interruption
+
+    def reopen(self, rows: Sequence[int]) -> None:
+        """Take up the columns of an earlier run, cut back to ``rows`` of states, history, probes."""
+        self.states, self.logged, self.probed = rows
+        for name in self._file.get("states", ()):
+            self._field(name).reopen(self.states)
+        for key in self._file.get("energies", ()):
+            self._column(self._energies, "energies", unescape(key), 0).reopen(self.states)
+        for key in self._file.get("history", ()):
+            self._column(self._history, "history", unescape(key), 0).reopen(self.logged)
+        for probe, group in self._file.get("probes", {}).items():
+            for key in group:
+                self._reopen_probe(unescape(probe), unescape(key))
+
+    def _reopen_probe(self, probe: str, quantity: str) -> None:
+        rows, self.probed = self.probed, 0  # nothing is filled up before the rows are there
+        self._probe_column(probe, quantity).reopen(rows)
+        self.probed = rows
