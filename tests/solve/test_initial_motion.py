@@ -1,0 +1,218 @@
+"""How a motion starts: rigid velocity fields, static equilibrium, result files; every refusal stands in the case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import helpers as h
+import numpy as np
+import pytest
+import yaml
+
+from ancf2d.errors import CaseError, ComputationError
+from ancf2d.kernels.viscous import viscous_force
+from ancf2d.model.build import build_model
+from ancf2d.model.points import point_ref
+from ancf2d.solve.initial import initial_motion, initial_problems
+from ancf2d.solve.mass import full_mass
+from ancf2d.solve.system import System
+from ancf2d.study.run import load, run_case
+
+DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}
+SPIN = {"velocity": [0.4, -1.0], "rotation_rate": {"omega": 3.0, "about": [0.2, 0.7]}}
+
+
+def strain_power(model, d, v) -> float:
+    """Return eps'^T D eps' of a state."""
+    Q = np.zeros(len(d))
+    return sum(viscous_force(group, 1.0, d, v, Q) for group in model.groups)
+
+
+@pytest.mark.parametrize(("name", "formulation"), h.SMALL_VARIANTS, ids=h.ids(h.SMALL_VARIANTS))
+def test_a_rigid_velocity_field_strains_nothing(name, formulation):
+    model = h.build({"b": h.body(h.ARC, h.element(name, 2, formulation))}, DYNAMIC, initial=SPIN)
+    d, v = initial_motion(model)
+    other = h.random_state(model, 1.0)
+    assert strain_power(model, d, v) < 1e-24 * strain_power(model, d, other) * (v @ v) / (other @ other)
+
+
+@pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3", "ancf[2,2]"])
+def test_a_deformed_body_turns_as_it_is(name):
+    """The rates of nodal coordinates are omega x them as they stand, not as they are in the reference."""
+    bodies = {"b": h.body(h.line(2.0), h.element(name, 4), {"height": 0.1, "width": 0.1}, h.STEEL)}
+    scene = {"bc": [{"type": "clamp", "at": "b@0"}], "loads": [{"type": "force", "at": "b@1", "value": [0, -1e5]}]}
+    model = h.build(bodies, DYNAMIC, initial={"from": "static", **SPIN}, **scene)
+    d, v = initial_motion(model)
+    assert abs(d).max() > 0.1
+    power, typical = strain_power(model, d, v), strain_power(model, d, h.random_state(model, 1.0))
+    assert power < 1e-20 * typical
+    # the field of the reference would strain it
+    resting = h.build(bodies, DYNAMIC, initial=SPIN, **scene)
+    assert strain_power(model, d, initial_motion(resting)[1]) > 1e-8 * typical
+
+
+def test_velocities_of_points_are_those_of_the_field():
+    model = h.build({"b": h.body(h.ARC, h.element("2d2n", 3))}, DYNAMIC, initial=SPIN)
+    _, v = initial_motion(model)
+    point = point_ref(model.meshes["b"], 0.4)
+    x, y = (w @ model.e0[c] for c, w in point.position())
+    found = [w @ v[c] for c, w in point.position()]
+    np.testing.assert_allclose(found, [0.4 - 3.0 * (y - 0.7), -1.0 + 3.0 * (x - 0.2)], rtol=1e-12)
+
+
+def test_single_bodies_override_what_is_said_of_all():
+    bodies = {n: h.body(h.LINE, h.element("reissner2", 2)) for n in ("a", "b", "c")}
+    own = {"b": {"velocity": [7.0, 0.0]}, "c": {"rotation_rate": {"omega": -1.0}}}
+    model = h.build(bodies, DYNAMIC, initial={**SPIN, "bodies": own})
+    _, v = initial_motion(model)
+    parts = {n: v[m.first_dof:m.first_dof + m.n_dofs].reshape(-1, 3) for n, m in model.meshes.items()}
+    assert np.all(parts["a"][:, 2] == 3.0)
+    np.testing.assert_array_equal(parts["b"], np.tile([7.0, 0.0, 0.0], (3, 1)))
+    assert np.all(parts["c"][:, 2] == -1.0)
+    np.testing.assert_allclose(parts["c"][0, :2], [-0.2, -0.3], atol=1e-15)
+
+
+LOADS = [
+    {"type": "gravity", "value": [0, -9.81]},
+    {"type": "force", "at": "b@1", "value": [0, 4e4], "amplitude": {"type": "expression", "value": "0.5*cos(3*t)"}},
+    {"type": "follower_force", "at": "b@0.5", "value": [1e3, 2e4]},
+    {"type": "moment", "at": "b@1", "value": 2e4, "amplitude": {"type": "sine", "frequency": 1, "phase": 0.3}},
+    {"type": "distributed", "on": "b", "value": [0, 1e4], "amplitude": {"type": "ramp", "t0": 0, "t1": 1}},
+]
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner2", "2d3n"])
+def test_forces_balance_in_the_static_start(name):
+    """With loads at their size at t = 0 (a ramp from 0 is not there yet), nothing accelerates."""
+    bodies = {"b": h.body(h.LINE, h.element(name, 3), {"height": 0.05, "width": 0.1}, h.STEEL)}
+    model = h.build(bodies, DYNAMIC, bc=[{"type": "clamp", "at": "b@0"}], loads=LOADS, initial={"from": "static"})
+    d, v = initial_motion(model)
+    assert abs(d).max() > 1e-3
+    assert not v.any()
+    system = System(model)
+    assert system.imbalance(system.forces(d, 0.0)) < 1e-7
+    assert system.imbalance(system.forces(d, 0.1)) > 1e-4
+
+
+def test_a_static_start_needs_supports():
+    bodies = {"b": h.body(h.LINE, h.element("vallejo", 2))}
+    model = h.build(bodies, DYNAMIC, bc=[{"type": "pin", "at": "b@0"}], initial={"from": "static"})
+    with pytest.raises(CaseError, match=r"initial\.from static: a mechanism: b can turn"):
+        initial_motion(model)
+    assert initial_problems(model)[0].line == 1
+
+
+def test_a_static_start_that_is_not_found_says_what_it_was_for():
+    bodies = {"b": h.body(h.LINE, h.element("vallejo", 2))}
+    loads = [{"type": "force", "at": "b@1", "value": [0, 1e9]}]
+    model = h.build(bodies, DYNAMIC, bc=[{"type": "clamp", "at": "b@0"}], loads=loads, initial={"from": "static"})
+    with pytest.raises(ComputationError, match="the equilibrium that the motion starts from"):
+        initial_motion(model)
+
+
+def write(path: Path, **changes) -> Path:
+    """Write a case of one clamped beam."""
+    data = {"bodies": {"b": h.body(h.line(2.0), h.element("vallejo", 3), {"height": 0.1, "width": 0.1}, h.STEEL)},
+            "boundary_conditions": [{"type": "clamp", "at": "b@0"}],
+            "loads": [{"type": "force", "at": "b@1", "value": [0, -1e5]}], "solver": {"type": "static"}, **changes}
+    path.write_text(yaml.safe_dump(h._plain(data)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory):
+    """Return the directory of a static result ``bent.h5`` and its displacements."""
+    place = tmp_path_factory.mktemp("start")
+    outcome = run_case(load(write(place / "bent.yaml")), str(place / "bent.h5"))
+    assert outcome.failure is None
+    from ancf2d.results import open_results
+
+    with open_results(place / "bent.h5") as results:
+        return place, results.d(-1)
+
+
+def dynamic(place: Path, from_: str, start=None, **changes):
+    """Return the model of a dynamic case that starts from a file beside it."""
+    initial = {"from": from_, **(start or {})}
+    return build_model(load(write(place / "motion.yaml", solver=DYNAMIC, initial=initial, **changes)))
+
+
+def test_a_file_is_found_beside_the_case_and_gives_its_last_state(bent):
+    place, d = bent
+    start, v = initial_motion(dynamic(place, "bent.h5"))
+    np.testing.assert_array_equal(start, d)
+    assert not v.any()
+    assert abs(d).max() > 0.1
+
+
+def test_rates_of_a_file_are_kept_where_nothing_is_said(bent):
+    from ancf2d.results import ResultWriter
+    from ancf2d.study.run import body_record, result_header
+
+    place, d = bent
+    loaded = load(place / "bent.yaml")
+    model = dynamic(place, "moving.h5")
+    rates = np.arange(1.0, model.n_q + 1)
+    names = {"b": [c for node in model.meshes["b"].coordinate_names for c in node]}
+    with ResultWriter(place / "moving.h5", result_header(loaded), [body_record(model.meshes["b"])], model.e0,
+                      names) as writer:
+        writer.append(0.0, d, {"step": 0}, {}, v=0 * rates)
+        writer.append(1.0, d, {"step": 1}, {}, v=rates)
+        writer.finish({}, "converged")
+    np.testing.assert_array_equal(initial_motion(model)[1], rates)
+    v = initial_motion(dynamic(place, "moving.h5", {"velocity": [1.0, 0.0]}))[1].reshape(-1, 2)
+    assert set(v[:, 0]) == {0.0, 1.0}
+    assert not v[:, 1].any()
+
+
+OTHER = {
+    "another mesh": (h.body(h.line(2.0), h.element("vallejo", 4), {"height": 0.1, "width": 0.1}, h.STEEL),
+                     "has 3 elements of type vallejo in b, the case has 4 of type vallejo"),
+    "another type": (h.body(h.line(2.0), h.element("reissner3", 3), {"height": 0.1, "width": 0.1}, h.STEEL),
+                     "3 elements of type vallejo in b, the case has 3 of type reissner3"),
+    "another reference": (h.body(h.line(2.1), h.element("vallejo", 3), {"height": 0.1, "width": 0.1}, h.STEEL),
+                          "nodes or directions differ by 0.1"),
+}
+
+
+@pytest.mark.parametrize("what", OTHER)
+def test_a_file_of_something_else_is_refused_where_it_is_named(bent, what):
+    body, message = OTHER[what]
+    model = dynamic(bent[0], "bent.h5", bodies={"b": body})
+    with pytest.raises(CaseError, match=message) as caught:
+        initial_motion(model)
+    (problem,) = caught.value.problems
+    assert problem.source_line.strip() == "from: bent.h5"
+    assert initial_problems(model) == [problem]
+
+
+def test_a_file_with_other_bodies_is_refused(bent):
+    body = h.body(h.line(2.0), h.element("vallejo", 3), {"height": 0.1, "width": 0.1}, h.STEEL)
+    model = dynamic(bent[0], "bent.h5", bodies={"b": body, "c": body})
+    with pytest.raises(CaseError, match="has the bodies b, the case has b, c"):
+        initial_motion(model)
+
+
+def test_a_file_that_is_missing_or_no_result_is_refused(bent):
+    place, _ = bent
+    (place / "text.h5").write_text("no results")
+    for name in ("absent.h5", "text.h5"):
+        with pytest.raises(CaseError, match=name) as caught:
+            initial_motion(dynamic(place, name))
+        assert caught.value.problems[0].source_line.strip() == f"from: {name}"
+
+
+def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_is_held():
+    from ancf2d.solve.linear import make_matrix
+    from ancf2d.solve.mass import assemble_mass
+    from ancf2d.solve.pencil import product
+
+    for name in ("2d2n", "cable", "reissner3"):
+        model = h.build({"b": h.body(h.ARC, h.element(name, 3))}, DYNAMIC,
+                        masses=[{"at": "b@0.4", "mass": 2.0, "inertia": 0.7}])
+        matrix = make_matrix(model)
+        assemble_mass(model, matrix)
+        x = np.random.default_rng(1).standard_normal(model.n_q)
+        out = np.zeros(model.n_q)
+        out[model.numbering.free] = product(matrix.target.values, matrix, x[model.numbering.free])
+        np.testing.assert_allclose(full_mass(model) @ x, out, atol=1e-12)
