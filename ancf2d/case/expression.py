@@ -50,6 +50,13 @@ def _unary(value: Callable[[float], float],
     return apply
 
 
+def _magnitude(a: Any) -> Any:
+    """Return |a|; where it passes zero, the derivative is the one to its right."""
+    if not isinstance(a, Dual):
+        return abs(a)
+    return Dual(abs(a.v), abs(a.d) if a.v == 0 else math.copysign(1.0, a.v) * a.d)
+
+
 _BINARY = {
     "+": _binary(lambda a, b: a + b, lambda a, ad, b, bd: ad + bd),
     "-": _binary(lambda a, b: a - b, lambda a, ad, b, bd: ad - bd),
@@ -66,7 +73,7 @@ FUNCTIONS = {
     "cos": _unary(math.cos, lambda a: -math.sin(a)),
     "exp": _unary(math.exp, math.exp),
     "sqrt": _unary(math.sqrt, lambda a: 0.5 / math.sqrt(a)),
-    "abs": _unary(abs, lambda a: math.copysign(1.0, a) if a else 0.0),
+    "abs": _magnitude,
 }
 _NEGATE = _unary(lambda a: -a, lambda a: -1.0)
 

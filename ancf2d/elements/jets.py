@@ -84,7 +84,7 @@ def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
     """Return sin, cos, exp, sqrt or abs of a jet, nan where it has no value."""
     if math.isnan(a) or math.isinf(a):
         return math.nan, math.nan, math.nan
-    if op == SIN or op == COS:
+    if op in (SIN, COS):
         s, c = math.sin(a), math.cos(a)
         if op == SIN:
             return s, c * ad, c * add - s * ad * ad
@@ -93,8 +93,9 @@ def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
         f = math.exp(a) if a <= 709.782712893384 else math.nan
         return f, f * ad, f * (add + ad * ad)
     if op == ABS:
-        sign = 1.0 if a > 0.0 else -1.0 if a < 0.0 else 0.0
-        return sign * a, sign * ad, sign * add
+        # where it passes zero, what follows
+        sign = -1.0 if a < 0.0 or (a == 0.0 and (ad < 0.0 or (ad == 0.0 and add < 0.0))) else 1.0
+        return abs(a), sign * ad, sign * add
     if a < 0.0:
         return math.nan, math.nan, math.nan
     f = math.sqrt(a)
@@ -175,7 +176,7 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
         at += 1
         if op == JUMP:
             at = p
-        elif op == BRANCH or op == UNLESS:
+        elif op in (BRANCH, UNLESS):
             # a condition without a value leaves none: the machine stops with it on the stack
             if math.isnan(stack[0, top]):
                 at = end

@@ -20,6 +20,7 @@ from .numbering import number
 from .order import coordinate_weights
 from .plan import plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
+from .prescribed import motions
 from .spin import centrifugal
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
@@ -127,21 +128,26 @@ class _Builder:
                 self.loads.dead.append(DeadLoad(coords, weights * a * mass.mass, context.amplitude, context.scaled,
                                                 gravity=True))
 
-    def check_starts(self) -> None:
-        """A prescribed position that does not begin where the body is would tear it at the first step."""
-        if not isinstance(self.case.solver, Static) or isinstance(self.timing, PathTiming):
-            # a path raises its constant motion from the reference before it begins
-            return
-        for row in self.equations.rows:
-            if row.signal is not None and abs(row.value(0.0)) > 1e-9 * self.extent and row.holds in ("x", "y"):
-                i = [n for n, _ in self.supports].index(row.owner)
-                self.report(("boundary_conditions", i, row.holds),
-                            f"{row.owner}: the prescribed {row.holds} begins {row.value(0.0):.6g} away from where the "
-                            "point is", f"a position that starts in the reference, or u{row.holds} for a displacement")
+    def check_motions(self) -> None:
+        """Look for prescribed motions that no body can follow."""
+        solver = self.case.solver
+        moving = isinstance(solver, Dynamic)
+        # a path raises its constant motion from the reference before it begins; a static solution ends where it is told
+        from_reference = ((self.case.initial is None or self.case.initial.from_ == "rest") if moving
+                          else isinstance(solver, Static) and not isinstance(self.timing, PathTiming))
+        names = [n for n, _ in self.supports]
+        for motion in motions(self.equations):
+            # a static displacement or angle may well begin at a step
+            starts = from_reference and (moving or motion.key in ("x", "y"))
+            found = [motion.start_problem(self.extent)] if starts else []
+            found += [motion.jump_problem(solver.t_end)] if moving else []
+            for message, expected in filter(None, found):
+                self.report(("boundary_conditions", names.index(motion.owner), motion.key), message, expected)
 
     def check_equations(self, elimination: Elimination) -> None:
         names = [n for n, _ in self.supports]
-        for number_ in inconsistent(elimination, self.equations.rows, np.linspace(0.0, 1.0, 11)):
+        end = self.case.solver.t_end if isinstance(self.case.solver, Dynamic) else 1.0
+        for number_ in inconsistent(elimination, self.equations.rows, np.linspace(0.0, end, 11)):
             row = self.equations.rows[number_]
             path = ("boundary_conditions", names.index(row.owner)) if row.owner in names else ("joints",)
             self.report(path, f"{row.owner}: {row.holds} contradicts what other supports and joints hold",
@@ -178,7 +184,7 @@ def build_model(loaded: LoadedCase) -> Model:
         raise CaseError(b.problems)
     weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
     elimination = eliminate(b.equations.rows, lambda c: 1.0 / weights[c])
-    b.check_starts()
+    b.check_motions()
     b.check_equations(elimination)
     b.check_mechanism()
     if b.problems:

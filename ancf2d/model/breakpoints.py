@@ -1,0 +1,217 @@
+"""Where signals are not smooth: steps in time must end there, or they lose their order."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..case import Expression, Ramp, Table, syntax
+from ..elements import jets
+from ..elements.shape import Array
+from .signals import Signal, programs
+
+SAMPLES = 20001
+SMOOTH = 3
+CLOSE = 1e-12
+_COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+            "!=": operator.ne}
+_BINARY = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
+_FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp, "sqrt": np.sqrt, "abs": np.abs}
+
+
+class Break(NamedTuple):
+    """A jump of the value (order 0), of the first or of the second derivative by t.
+
+    At ``t`` a signal is what it is after the break, at ``before``, the float below, what it was until then.
+    """
+
+    t: float
+    order: int
+    before: float
+
+
+def breakpoints(signal: Signal, t0: float, t1: float) -> list[Break]:
+    """Return the breaks of a signal in (t0, t1], in order, without those that t0 cannot be told from.
+
+    Those of ramps and tables are exact. The switches of an expression (comparisons, conditions, abs) are looked for
+    between ``SAMPLES`` times and at every number that it names, and found to the last digit.
+    """
+    return [b for b in _breaks(signal, t0, t1) if b.t - t0 > CLOSE * abs(t1)]
+
+
+def all_breakpoints(signals: Iterable[Signal], t0: float, t1: float) -> list[Break]:
+    """Return the breaks of several signals, in order; what coincides is one break, of the lowest order."""
+    return _merged((b for s in dict.fromkeys(signals) for b in breakpoints(s, t0, t1)), t1)
+
+
+def jumps(signal: Signal, t0: float, t1: float) -> list[float]:
+    """Return the times in (t0, t1] where the value itself jumps, also where it does so just after t0."""
+    return [b.t for b in _breaks(signal, t0, t1) if b.order == 0]
+
+
+def _breaks(signal: Signal, t0: float, t1: float) -> list[Break]:
+    amplitude = signal.amplitude
+    if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
+        return []
+    if isinstance(amplitude, Expression):
+        places = _switches(amplitude.tree, t0, t1)
+    elif isinstance(amplitude, Ramp | Table):
+        times = (amplitude.t0, amplitude.t1) if isinstance(amplitude, Ramp) else amplitude.t
+        places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in times if t0 < t <= t1]
+    else:
+        return []
+    unit = Signal(amplitude)
+    size = _size(unit, t0, t1)
+    found = [b._replace(order=_order(unit, b.before, b.t, size, t1 - t0)) for b in _merged(places, t1)]
+    return [b for b in found if b.order < SMOOTH]
+
+
+def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
+    """Return breaks in order, with those that touch, up to round-off, as one of the lowest order."""
+    out: list[Break] = []
+    for b in sorted(breaks, key=lambda b: (b.before, b.t)):
+        if out and b.before - out[-1].t <= CLOSE * abs(t1):
+            last = out.pop()
+            b = Break(max(last.t, b.t), min(last.order, b.order), last.before)
+        out.append(b)
+    return out
+
+
+def _size(signal: Signal, t0: float, t1: float) -> float:
+    """Return how large the value becomes."""
+    if isinstance(signal.amplitude, Expression):
+        with np.errstate(all="ignore"):
+            v = np.abs(signal.amplitude.scale * _Trace(np.linspace(t0, t1, 101)).value(signal.amplitude.tree))
+        return float(np.max(v, where=np.isfinite(v), initial=0.0))
+    return max(abs(signal(t)) for t in (t0, t1, *getattr(signal.amplitude, "t", ())))
+
+
+def _order(signal: Signal, before: float, after: float, size: float, span: float) -> int:
+    """Return the lowest derivative that differs between two times next to each other, SMOOTH where none does."""
+    program, sides = programs([signal]), np.empty((2, 3))
+    with np.errstate(all="ignore"):
+        for row, t in enumerate((before, after)):
+            jets.run(program, 0, t, sides, row)
+    change, largest = np.abs(sides[1] - sides[0]), np.max(np.abs(sides), axis=0)
+    moved = 2.0 * (after - before) * largest[1] if math.isfinite(largest[1]) else 0.0
+    for order in range(SMOOTH):
+        scale = max(largest[order], size / span**order)
+        # written so that a derivative without a value counts as a break
+        if not change[order] <= 1e-10 * scale + (moved if order == 0 else 0.0):
+            return order
+    return SMOOTH
+
+
+def _switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
+    """Return neighbouring floats between which a switch of the expression changes, in (t0, t1]."""
+    named = [x for x in _traced(tree, np.array([t0])).named if t0 < x < t1]
+    near = [math.nextafter(x, way) for x in named for way in (-math.inf, math.inf)]
+    t = np.unique(np.concatenate([np.linspace(t0, t1, SAMPLES), named, near]))
+    pattern = _patterns(tree, t)
+    if not len(pattern):
+        return []
+    changed = np.flatnonzero(np.any(pattern[:, 1:] != pattern[:, :-1], axis=0))
+    low, high = t[changed], t[changed + 1]
+    found: list[Break] = []
+    while len(low):
+        a, b = _first_change(tree, low, high)
+        found += [Break(after, 0, before) for before, after in zip(a.tolist(), b.tolist(), strict=True)]
+        # between there and the next sample there may be more
+        more = np.any(_patterns(tree, b) != _patterns(tree, high), axis=0)
+        low, high = b[more], high[more]
+    return found
+
+
+def _first_change(tree: syntax.Tree, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return neighbouring floats in each interval, the first with the pattern of its beginning, the second without."""
+    a, b, start = low.copy(), high.copy(), _patterns(tree, low)
+    while True:
+        middle = a + 0.5 * (b - a)
+        if not np.any(open_ := (middle > a) & (middle < b)):
+            return a, b
+        same = np.all(_patterns(tree, middle) == start, axis=0)
+        a, b = np.where(open_ & same, middle, a), np.where(open_ & ~same, middle, b)
+
+
+def _patterns(tree: syntax.Tree, t: Array) -> Array:
+    """Return the state (k, n) of every switch at the times t (n,)."""
+    return np.array(_traced(tree, t).pattern)
+
+
+class _Trace:
+    """Evaluates an expression at many times at once and notes how its switches stand."""
+
+    def __init__(self, t: Array) -> None:
+        self.t = t
+        self.pattern: list[Array] = []
+        self.named: set[float] = set()
+        self.active = np.ones(len(t), dtype=bool)
+
+    def note(self, state: Any, *operands: Array) -> None:
+        """Note a switch: on, off, without a value, or not asked."""
+        lost = np.any(np.isnan(operands), axis=0)
+        self.pattern.append(np.where(self.active, np.where(lost, 2, state), 3))
+
+    def value(self, tree: syntax.Tree) -> Array:
+        """Return the values (n,), nan where there is none."""
+        match tree:
+            case syntax.Constant(value):
+                self.named.add(value)
+                return np.full(len(self.t), value)
+            case syntax.Time():
+                return self.t
+            case syntax.Negative(operand):
+                return -self.value(operand)
+            case syntax.Power(base, exponent):
+                return np.power(self.value(base), self.value(exponent))
+            case syntax.Chain(first, rest):
+                total = self.value(first)
+                for op, operand in rest:
+                    total = _BINARY[op](total, self.value(operand))
+                return total
+            case syntax.Call(name, argument):
+                x = self.value(argument)
+                if name == "abs":
+                    self.note(x >= 0.0, x)
+                return _FUNCTIONS[name](x)
+            case syntax.Comparison(first, rest):
+                return self.comparison(first, rest)
+            case syntax.Choice(condition, chosen, other):
+                return self.choice(condition, chosen, other)
+
+    def comparison(self, first: syntax.Tree, rest: tuple[tuple[str, syntax.Tree], ...]) -> Array:
+        """Return where each operand compares with the one before it."""
+        outside, left = self.active, self.value(first)
+        result = np.ones(len(self.t))
+        for op, operand in rest:
+            right = self.value(operand)
+            holds = _COMPARE[op](left, right)
+            self.note(holds, left, right)
+            lost = np.isnan(left) | np.isnan(right)
+            result = np.where(self.active, np.where(lost, np.nan, holds), result)
+            self.active = self.active & holds
+            left = right
+        self.active = outside
+        return result
+
+    def choice(self, condition: syntax.Tree, chosen: syntax.Tree, other: syntax.Tree) -> Array:
+        """Return one of two, and note the switches of that one alone."""
+        outside, asked = self.active, self.value(condition)
+        yes = asked != 0.0
+        self.active = outside & yes
+        a = self.value(chosen)
+        self.active = outside & ~yes
+        b = self.value(other)
+        self.active = outside
+        return np.where(np.isnan(asked), np.nan, np.where(yes, a, b))
+
+
+def _traced(tree: syntax.Tree, t: Array) -> _Trace:
+    trace = _Trace(t)
+    with np.errstate(all="ignore"):
+        trace.value(tree)
+    return trace

@@ -1,0 +1,59 @@
+"""What a prescribed motion must be so that bodies can follow it: it starts where they are, and does not jump."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..errors import ComputationError
+from .breakpoints import jumps
+from .constraints import Equations
+from .signals import Signal
+from .timing import Course
+
+_KEYS = {"x": "x", "y": "y", "ux": "ux", "uy": "uy", "rotation": "angle"}
+_WORDS = {"x": "prescribed x", "y": "prescribed y", "ux": "prescribed displacement ux",
+          "uy": "prescribed displacement uy", "angle": "prescribed angle"}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One prescribed motion: how far a position or angle is from the reference; ``key`` is its entry in the case."""
+
+    owner: str
+    key: str
+    course: Course
+
+    @property
+    def name(self) -> str:
+        """Support and motion, in words."""
+        return f"{self.owner}: the {_WORDS[self.key]}"
+
+    def start_problem(self, extent: float) -> tuple[str, str] | None:
+        """Return message and what is expected of a motion that would tear its body at the first step."""
+        try:
+            away = self.course(0.0)
+        except ComputationError as error:
+            return f"{self.name} has no start: {error}", "a value at t = 0"
+        if abs(away) <= 1e-9 * (1.0 if self.key == "angle" else extent):
+            return None
+        if self.key in "xy":
+            return (f"{self.name} begins {away:.6g} away from where the point is",
+                    f"a position that starts in the reference, or u{self.key} for a displacement")
+        return f"{self.name} begins at {away:.6g}", "0 at t = 0"
+
+    def jump_problem(self, t_end: float) -> tuple[str, str] | None:
+        """Return message and what is expected of a motion that would ask for an infinite velocity."""
+        found = jumps(self.course, 0.0, t_end) if isinstance(self.course, Signal) else []
+        if not found:
+            return None
+        more = f" and {len(found) - 1} times more" if len(found) > 1 else ""
+        return f"{self.name} jumps at t = {found[0]:.6g}{more}", "a continuous motion, for instance a smooth table"
+
+
+def motions(equations: Equations) -> Iterator[Motion]:
+    """Yield the prescribed motions among the equations of supports."""
+    for item in (*equations.rows, *equations.constraints):
+        course = getattr(item, "signal", None)
+        if course is not None and item.holds in _KEYS:
+            yield Motion(item.owner, _KEYS[item.holds], course)

@@ -1,0 +1,139 @@
+"""Signals in compiled code are the amplitudes of the case, with exact derivatives by time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
+from ancf2d.elements import jets
+from ancf2d.errors import ComputationError
+from ancf2d.kernels.amplitudes import evaluate
+from ancf2d.model.signals import Signal, programs
+
+TIMES, VALUES = (-0.5, 0.25, 1.0, 1.5, 4.0), (1.0, 2.0, 2.5, -1.0, 0.5)
+AMPLITUDES: list[Amplitude | None] = [
+    None,
+    Constant(scale=-3.0),
+    Ramp(t0=0.25, t1=1.5, scale=2.0),
+    Table(t=TIMES, value_=VALUES, scale=-1.5),
+    Table(t=TIMES, value_=VALUES, smooth=True, scale=3.0),
+    Table(t=(1.0,), value_=(2.0,)),
+    Sine(frequency=1.7, phase=0.4, scale=2.0),
+    *(Expression(value_=text, scale=1.25) for text in (
+        "t", "pi", "-t + 2 - 3*t/(1 + t^2)", "sin(2*pi*t)^3", "exp(-t)*cos(3*t)", "sqrt(2 + sin(t))", "abs(t - 0.7)^3",
+        "t^1.5", "(1 + t)^t", "(t - 5)^3", "2^(-t)", "2 if t < 1 else t^2 + 1", "0.2 < t <= 1.4 < 3", "t >= 1",
+        "t != 1", "(3*t if t < 1 else 3) if t > 0.5 else 1.5 if t == 0.25 else -t",
+        "t*(0.3 < t < 0.9) - (t > 1 > 0)*t^2", "1 - (0 < t < 2 < t + 1.9) - 2*(t <= 0.6)",
+    )),
+]
+INSIDE = (0.1, 0.35, 0.55, 0.8, 1.2, 1.45, 2.2, 3.7)
+CORNERS = (-0.5, 0.0, 0.25, 1.0, 1.5, 4.0, 5.0)
+
+
+def compiled(signals: list[Signal], t: float) -> np.ndarray:
+    """Return value, rate and second derivative (n, 3) of the signals."""
+    out = np.zeros((len(signals), 3))
+    evaluate(programs(signals), t, out)
+    return out
+
+
+def expected(signal: Signal, t: float) -> tuple[float, float]:
+    """Return value and rate of the case's own amplitude, nan where it has none."""
+    try:
+        value = signal(t)
+    except ComputationError:
+        return math.nan, math.nan
+    try:
+        return value, signal.rate(t)
+    except ComputationError:
+        return value, math.nan
+
+
+@pytest.mark.parametrize("t", INSIDE + CORNERS)
+def test_compiled_signals_are_the_amplitudes_of_the_case(t: float) -> None:
+    signals = [Signal(a, 1.5, -0.25) for a in AMPLITUDES]
+    reference = np.array([expected(s, t) for s in signals])
+    np.testing.assert_allclose(compiled(signals, t)[:, :2], reference, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("t", INSIDE)
+def test_second_derivatives_are_those_of_the_rates(t: float) -> None:
+    signals = [Signal(a, 1.5, -0.25) for a in AMPLITUDES]
+    h = 1e-5
+    difference = (compiled(signals, t + h)[:, 1] - compiled(signals, t - h)[:, 1]) / (2 * h)
+    np.testing.assert_allclose(compiled(signals, t)[:, 2], difference, rtol=1e-7, atol=1e-7)
+
+
+def test_smooth_motion_has_second_derivatives_up_to_its_ends() -> None:
+    table = Signal(Table(t=(0.0, 2.0), value_=(0.0, 1.0), smooth=True))
+    for t, second in ((0.0, 1.5), (1.0, 0.0), (math.nextafter(2.0, 0), -1.5), (2.0, 0.0)):
+        assert compiled([table], t)[0, 2] == pytest.approx(second, abs=1e-12)
+
+
+@pytest.mark.parametrize(("text", "t", "jet"), [
+    ("t^2", 0, (0, 0, 2)), ("t^1", 0, (0, 1, 0)), ("t^1.5", 0, (0, 0, None)), ("t^0.5", 0, (0, None, None)),
+    ("sqrt(t)", 0, (0, None, None)), ("sqrt(0*t)", 1, (0, 0, 0)), ("sqrt(t)", -1, (None, None, None)),
+    ("t^2.5", -1, (None, None, None)), ("0^t", 0, (1, None, None)), ("(t - 1)^-1", 1, (None, None, None)),
+    ("1/(t - 1)", 1, (None, None, None)), ("exp(1000*t)", 1, (None, None, None)), ("1/exp(1000*t)", 1, (None,) * 3),
+    ("1 if 1/t > 2 else 3", 0, (None, None, None)), ("2 < 1 < 1/t", 0, (0, 0, 0)), ("1 < 2 < 1/t", 0, (None,) * 3),
+    ("(1/t)^0", 0, (None, None, None)), ("5 if t >= 0 else 1/t", 0, (5, 0, 0)), ("5 if t > 0 else 1/t", 0, (None,) * 3),
+    ("abs(t)", 0, (0, 1, 0)), ("abs(-3*t)", 0, (0, 3, 0)), ("abs(-t^2)", 0, (0, 0, 2)), ("t^(t^2)", 1, (1, 1, 4)),
+])
+def test_where_there_is_no_value_or_derivative_there_is_none(
+        text: str, t: float, jet: tuple[float | None, ...]) -> None:
+    signal = Signal(Expression(value_=text))
+    want = [math.nan if v is None else v for v in jet]
+    np.testing.assert_allclose(compiled([signal], t)[0], want, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(expected(signal, t), want[:2], rtol=1e-12, atol=1e-15)
+
+
+def test_a_value_that_does_not_exist_leaves_the_other_signals_alone() -> None:
+    signals = [Signal(Expression(value_="1 + (2 if 1/t > 2 else 3)")), Signal(Sine(frequency=1.0)), Signal()]
+    table = programs(signals)
+    out = np.zeros((3, 3))
+    for t in (0.0, 0.25):
+        evaluate(table, t, out)
+        assert np.isnan(out[0]).all() == (t == 0)
+        np.testing.assert_allclose(out[1:, 0], [math.sin(2 * math.pi * t), 1.0], atol=1e-15)
+        np.testing.assert_array_equal(out[2], (1, 0, 0))
+
+
+def test_without_signals_there_is_nothing_to_evaluate() -> None:
+    assert compiled([], 0.5).shape == (0, 3)
+
+
+OPERANDS = st.sampled_from(["t", "pi", "0.5", "2", "3", "t^2"])
+FORMULAS = st.recursive(OPERANDS, lambda inner: st.one_of(
+    st.tuples(inner, st.sampled_from("+-*/^<>"), inner).map(lambda p: f"(({p[0]}) {p[1]} ({p[2]}))"),
+    st.tuples(st.sampled_from(["sin", "cos", "exp", "sqrt", "abs", "-"]), inner).map(lambda p: f"{p[0]}({p[1]})"),
+    st.tuples(inner, inner, inner, inner).map(lambda p: f"({p[0]} if {p[1]} < {p[2]} else {p[3]})"),
+    st.tuples(inner, inner, inner).map(lambda p: f"({p[0]} <= {p[1]} != {p[2]})")), max_leaves=12)
+
+
+@settings(max_examples=150, deadline=None)
+@given(FORMULAS, st.floats(-2, 3))
+def test_any_formula_is_the_same_in_compiled_code(text: str, t: float) -> None:
+    """As long as its value is far from the largest numbers, where the two give up at different intermediate results."""
+    signal = Signal(Expression(value_=text))
+    value, rate = expected(signal, t)
+    found = compiled([signal], t)[0]
+    if abs(value) < 1e100:
+        assert found[0] == pytest.approx(value, rel=1e-11, abs=1e-12)
+    if abs(rate) < 1e100 and abs(value) < 1e100:
+        assert found[1] == pytest.approx(rate, rel=1e-9, abs=1e-12)
+    if math.isnan(value):
+        assert np.isnan(found).all()
+
+
+@pytest.mark.parametrize("t", INSIDE + CORNERS)
+def test_the_machine_gives_the_same_when_it_is_not_compiled(t: float) -> None:
+    signals = [Signal(a) for a in AMPLITUDES]
+    table, out = programs(signals), np.zeros((len(signals), 3))
+    for k in range(len(signals)):
+        jets.run(table, k, t, out, k)
+    np.testing.assert_allclose(out, compiled(signals, t), rtol=1e-13, atol=1e-13)
