@@ -9,8 +9,11 @@ from typing import Any
 
 import click
 
+from .text import duration
+
 PATIENCE = 0.7  # seconds before a bar is worth drawing
 STEPS = 1000
+REDRAW = 1.0  # seconds after which the text is drawn anew where the bar itself has not moved
 
 
 class Bar:
@@ -18,24 +21,40 @@ class Bar:
 
     def __init__(self, label: str, shown: bool) -> None:
         self.label, self.shown = label, shown
-        self.started = time.monotonic()
+        self.started = self.drawn = time.monotonic()
         self.bar: Any = None
         self.done = 0
+        self.first: tuple[float, float] | None = None  # where the first step began: moment, share
 
     def __enter__(self) -> Bar:
         return self
 
-    def update(self, share: float) -> None:
-        """Move to a share of the whole."""
-        if not self.shown or (self.bar is None and time.monotonic() - self.started < PATIENCE):
+    def update(self, share: float, text: str = "") -> None:
+        """Move to a share of the whole; ``text`` and an estimate of the time left stand beside the bar."""
+        if not self.shown:
             return
+        moment = time.monotonic()
+        if self.first is None:
+            self.first = (moment, share)
         if self.bar is None:
-            self.bar = click.progressbar(length=STEPS, label=self.label, file=sys.stderr)
+            if moment - self.started < PATIENCE:
+                return
+            self.bar = click.progressbar(length=STEPS, label=self.label, file=sys.stderr, show_eta=False,
+                                         item_show_func=lambda shown: shown)
             self.bar.__enter__()
         now = min(int(STEPS * share), STEPS)
-        if now > self.done:
-            self.bar.update(now - self.done)
-            self.done = now
+        if now > self.done or moment - self.drawn > REDRAW:
+            self.bar.current_item = ", ".join(part for part in (text, self._left(moment, share)) if part)
+            self.bar.update(max(now - self.done, 0))
+            self.bar.render_progress()
+            self.done, self.drawn = max(now, self.done), moment
+
+    def _left(self, moment: float, share: float) -> str:
+        """Return the time left as far as it can be told: what is left takes as long, share by share, as what was."""
+        began, first = self.first or (moment, share)
+        if not first < share < 1.0 or moment - began < PATIENCE:
+            return ""
+        return f"{duration((moment - began) * (1.0 - share) / (share - first))} left"
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
                  trace: TracebackType | None) -> None:

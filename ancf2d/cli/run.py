@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
               help="Result file; default: the case's name with .h5, in the working directory.")
 @set_option
 @click.option("--check", is_flag=True, help="Exit with 1 where a value under 'expected' is not met.")
+@click.option("--resume", is_flag=True, help="Go on with an interrupted dynamic run from its last checkpoint in "
+              "OUT.h5.part; the result is that of an uninterrupted run, bit for bit.")
 @force_option
 @json_option
 @quiet_option
@@ -42,7 +46,7 @@ if TYPE_CHECKING:
 @debug_option
 @click.pass_obj
 def command(session: Session, case: str, output: str | None, overrides: tuple[str, ...], check: bool,
-            force: bool) -> int:
+            resume: bool, force: bool) -> int:
     """Solve a case and write one HDF5 result file.
 
     Prints probes, reactions and expected values beside the computed ones. A rerun replaces its own
@@ -50,32 +54,33 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     """
     session.subject = {"case": case}
     from ..study.balance import unbalanced_forces
-    from ..study.run import Progress, end_factor, load, run_case
+    from ..study.record import Progress, run_end
+    from ..study.run import load, run_case, solver_name
     from .report import built_report, run_report
 
     loaded = load(case, overrides)
     out = output if output is not None else f"{Path(case).stem}.h5"
     _keep_the_case(case, out)
     bar = Bar("solving", session.shows_progress)
-    end = end_factor(loaded.case)
+    end, moves = run_end(loaded.case), solver_name(loaded.case) == "dynamic"
     state: State | None = None
 
     def follow(new: State) -> None:
         nonlocal state
         state = new
-        bar.update(new.t / end)
+        bar.update(new.t / end, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}" if moves else "")
 
-    progress = Progress(state=follow, warn=session.warn, compiling=compiling(session),
+    progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=compiling(session),
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)
-    session.parting = lambda: _tell_part(session, out)
+    session.parting = lambda: _tell_part(session, out, interrupted=True)
     with bar:
-        outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress)
+        outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress, resume=resume)
     session.print_json(outcome.summary)
     if outcome.failure is not None:
         click.echo(outcome.failure.text(), err=True)
         _tell_part(session, out)
         return FAILED
-    unbalanced = 0.0 if state is None else unbalanced_forces(outcome.model, state)
+    unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
     session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
     missed = [c for c in outcome.summary["checks"] if not c["met"]]
@@ -102,8 +107,15 @@ def _keep_the_case(case: str, out: str) -> None:
         raise ResultsError(f"'{out}' is the case itself; choose another output file with -o")
 
 
-def _tell_part(session: Session, out: str) -> None:
-    from ..results import part_path
+def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
+    """Say where the states are that were reached, and how to go on from them."""
+    from ..results import part_path, read_checkpoint
 
-    if part_path(out).exists():
-        session.note(f"what was reached is in {part_path(out)}; next: ancf2d info {part_path(out)}")
+    part, more = part_path(out), ""
+    if not part.exists():
+        return
+    with suppress(ResultsError):
+        if interrupted and read_checkpoint(part) is not None:
+            arguments = [a for a in session.arguments if a != "--resume"]
+            more = f"; to go on: {shlex.join(['ancf2d', *arguments, '--resume'])}"
+    session.note(f"what was reached is in {part}; next: ancf2d info {part}{more}")

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, LoadedCase, Static, Vocabulary, load_case
+from ..case import Case, Dynamic, LoadedCase, Vocabulary, load_case
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
 from ..errors import CaseError, ComputationError
 from ..model.build import build_model
 from ..model.model import Model
+from .record import Progress, Recorder
 
 if TYPE_CHECKING:
     from ..results import BodyRecord
@@ -30,20 +30,6 @@ def vocabulary() -> Vocabulary:
                    for c in coordinate_components(k, t.has_theta)}
     return Vocabulary(element_types=(*registry.names(), "rigid"), formulations=tuple(FORMULATIONS),
                       nodal_coordinates=tuple(coordinates), output_fields=("N", "Q", "M"))
-
-
-@dataclass
-class Progress:
-    """What a run tells while it goes on.
-
-    ``state`` is called with each state, ``warn`` with each new warning, ``built`` with the model before it is
-    solved, ``compiling`` when kernels have to be compiled first.
-    """
-
-    state: Callable[[State], None] = lambda state: None
-    warn: Callable[[str], None] = lambda text: None
-    built: Callable[[Model], None] = lambda model: None
-    compiling: Callable[[], None] = lambda: None
 
 
 @dataclass
@@ -86,16 +72,12 @@ def solver_name(case: Case) -> str:
     return "".join("_" + c.lower() if c.isupper() else c for c in words).lstrip("_")
 
 
-def end_factor(case: Case) -> float:
-    """Return the load factor that a static case ends at; infinite for a path, which may pass its last one before."""
-    if isinstance(case.solver, Static) and case.solver.method != "newton":
-        return float("inf")
-    return float(getattr(getattr(case.solver, "until", None), "value", 1.0))
-
-
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
-             progress: Progress | None = None) -> Outcome:
+             progress: Progress | None = None, resume: bool = False) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
+
+    With ``resume``, a dynamic run that was interrupted goes on from its last checkpoint, to the same result bit for
+    bit; where there is nothing to resume from, the run starts afresh.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
@@ -106,7 +88,8 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     warnings = list(model.warnings)
     for text in warnings:
         progress.warn(text)
-    writer = None if out is None else _writer(loaded, model, out, force, command)
+    goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
+    writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
     try:
         return _solve(loaded, model, writer, progress, warnings)
     except BaseException:
@@ -121,59 +104,22 @@ def _exception() -> tuple[Any, Any, Any]:
     return sys.exc_info()
 
 
-class _Clock:
-    """Hands on the states of a solver and counts the time that it takes, without what is done with them."""
-
-    def __init__(self, states: Iterator[State]) -> None:
-        self.states, self.seconds = states, 0.0
-
-    def __iter__(self) -> Iterator[State]:
-        return self
-
-    def __next__(self) -> State:
-        started = time.perf_counter()
-        try:
-            return next(self.states)
-        finally:
-            self.seconds += time.perf_counter() - started
-
-
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> Outcome:
-    from ..solve.post import Observer
-    from ..solve.registry import initial_state, solve
+    from ..solve.registry import solve
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
-    observer = Observer(model)
-    every, end = loaded.case.output.every or 1, end_factor(loaded.case)
-    clock = _Clock(_checked(loaded, model, solve(model)))
-    state, failure, probes, totals, report = None, None, {}, {"iterations": 0, "steps": 0}, {}
+    recorder, failure = Recorder(model, writer, progress, warnings), None
+    start = None if writer is None else writer.resumed
+    recorder.clock.states = _checked(loaded, model, solve(model) if start is None else solve(model, start.values))
+    if start is not None:
+        recorder.go_on(start)
     try:
-        for state in clock:
-            if writer is not None and totals["steps"] == 0 and isinstance(loaded.case.solver, Static):
-                start = initial_state(model)
-                writer.append(start.t, start.d[:model.n_q], None, Observer(model).observe(start))
-            probes = observer.observe(state)
-            totals["iterations"] += int(state.history["iterations"])
-            totals["steps"] += 1
-            for text in state.warnings:
-                warnings.append(text)
-                progress.warn(text)
-            report.update(state.report)
-            if writer is not None:
-                for path, (data, units, description) in state.arrays.items():
-                    writer.array(path, data, units, description, up_to_sign=path.startswith("modes/"))
-                for name, columns in state.tables.items():
-                    writer.table(name, columns)
-                if totals["steps"] % every == 0 or state.t >= end or state.last:
-                    writer.append(state.t, state.d[:model.n_q], state.history, probes)
-                else:
-                    writer.log(state.history, t=state.t, probes=probes)
-            progress.state(state)
+        for state in recorder.clock:
+            recorder.take(state)
     except ComputationError as error:
         failure = error
-    summary = summarise(loaded, model, state, probes, totals, clock.seconds, failure, report)
-    summary["warnings"] = warnings
+    summary = summarise(loaded, model, recorder, failure)
     if writer is not None:
         place = writer.finish(summary, "failed" if failure else "converged")
         summary["output"] = str(place) if place.exists() else None
@@ -189,27 +135,29 @@ def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
     return verified(loaded, model, states)
 
 
-def summarise(loaded: LoadedCase, model: Model, state: State | None, probes: dict[str, dict[str, float]],
-              totals: dict[str, int], wall: float, failure: ComputationError | None,
-              report: dict[str, Any]) -> dict[str, Any]:
-    """Return the object that ``--json`` prints; ``report`` is what the solver adds to it."""
+def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
+              ) -> dict[str, Any]:
+    """Return the object that ``--json`` prints, from what was recorded of a run."""
     from ..solve.post import energies, reactions
 
+    state = recorder.state
     out: dict[str, Any] = {
         "case": loaded.source.file, "title": loaded.case.title, "status": "failed" if failure else "converged",
         "solver": solver_name(loaded.case), "elements": model.n_elements, "dofs": model.n_q}
     if failure is not None:
         out.update(reason=failure.failure.reason, at=failure.failure.at, advice=failure.failure.advice,
                    residuals=failure.failure.history)
-    out["probes"] = probes
+    out["probes"] = recorder.probes
     if state is not None:
         out["reactions"] = reactions(model, state)
-        out["energy"] = energies(model, state)
-        out["load_factor"] = state.t
-    out.update(totals, **report)
-    out["wall_s"] = wall
+        out["energy"] = dict(state.history) if recorder.moves else energies(model, state)
+        out["t" if recorder.moves else "load_factor"] = state.t
+    out.update(recorder.report)
+    out.update(recorder.totals)
+    out["wall_s"] = recorder.clock.seconds
     out["checks"] = checks(loaded.case, out) if failure is None else []
     out["output"] = None
+    out["warnings"] = recorder.warnings
     return out
 
 
@@ -265,12 +213,31 @@ def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
             "command_line": command}
 
 
-def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: str) -> Any:
+def _resumes(case: Case, out: str, progress: Progress) -> bool:
+    """Whether there is something that a run can be resumed from; tells what there is."""
+    from ..results import part_path, read_checkpoint
+
+    part, name, found = part_path(out), solver_name(case), None
+    if not isinstance(case.solver, Dynamic):
+        why = f"a run of solver {name} is resumed from nothing"
+    elif not part.exists():
+        why = f"there is no unfinished '{part}'"
+    else:
+        found = read_checkpoint(part)
+        why = f"'{part}' ends before its first checkpoint"
+    progress.note(f"{why}: starting afresh" if found is None else
+                  f"resuming '{part}' at t = {found.t:.6g} {case.units.time}")
+    return found is not None
+
+
+def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: str, resume: bool) -> Any:
     from ..results import ResultWriter
 
+    header = result_header(loaded, command)
+    if resume:
+        return ResultWriter.resume(out, header, model.e0, force=force)
     names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
-    return ResultWriter(out, result_header(loaded, command), [body_record(m) for m in model.meshes.values()], model.e0,
-                        names, force=force)
+    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names, force=force)
 
 
 SAMPLES = np.linspace(0.0, 1.0, 21)

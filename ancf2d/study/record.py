@@ -1,0 +1,155 @@
+"""The states of a solver as they come: probes, totals and the result file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..case import Case, Dynamic, Static
+from ..model.model import Model
+
+if TYPE_CHECKING:
+    from ..results import Checkpoint
+    from ..solve.state import State
+
+
+@dataclass
+class Progress:
+    """What a run tells while it goes on.
+
+    ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the
+    model before it is solved, ``compiling`` when kernels have to be compiled first.
+    """
+
+    state: Callable[[State], None] = lambda state: None
+    warn: Callable[[str], None] = lambda text: None
+    note: Callable[[str], None] = lambda text: None
+    built: Callable[[Model], None] = lambda model: None
+    compiling: Callable[[], None] = lambda: None
+
+
+class Clock:
+    """Hands on the states of a solver and counts the time that it takes, without what is done with them."""
+
+    def __init__(self, states: Iterator[State]) -> None:
+        self.states, self.seconds = states, 0.0
+
+    def __iter__(self) -> Iterator[State]:
+        return self
+
+    def __next__(self) -> State:
+        started = time.perf_counter()
+        try:
+            return next(self.states)
+        finally:
+            self.seconds += time.perf_counter() - started
+
+
+def run_end(case: Case) -> float:
+    """Return the time or load factor that a run ends at; infinite for a path, which may pass its last one before."""
+    solver = case.solver
+    if isinstance(solver, Dynamic):
+        return solver.t_end
+    if isinstance(solver, Static) and solver.method != "newton":
+        return float("inf")
+    return float(getattr(getattr(solver, "until", None), "value", 1.0))
+
+
+class Recorder:
+    """What is known of a run so far, kept in its result file too where there is a ``writer``."""
+
+    def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
+        from ..solve.post import Observer
+
+        self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
+        self.observer = Observer(model)
+        self.every, self.end = self.case.output.every or 1, run_end(self.case)
+        self.moves = isinstance(self.case.solver, Dynamic)
+        self.state: State | None = None
+        self.probes: dict[str, dict[str, float]] = {}
+        self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}
+        self.report: dict[str, Any] = {}
+        self.clock = Clock(iter(()))
+
+    def take(self, state: State) -> None:
+        """Take the next state."""
+        if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
+            self._reference()
+        self.state, self.probes = state, self.observer.observe(state)
+        for text in state.warnings:
+            self.warnings.append(text)
+            self.progress.warn(text)
+        self.report.update(state.report)
+        if self.moves:
+            self._take_motion(state)
+        else:
+            self._take_equilibrium(state)
+        self.progress.state(state)
+
+    def _reference(self) -> None:
+        from ..solve.post import Observer
+        from ..solve.registry import initial_state
+
+        start = initial_state(self.model)
+        self.writer.append(start.t, start.d[:self.model.n_q], None, Observer(self.model).observe(start))
+
+    def _take_equilibrium(self, state: State) -> None:
+        self.totals["iterations"] += int(state.history["iterations"])
+        self.totals["steps"] += 1
+        if self.writer is None:
+            return
+        self._write_once(state)
+        if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
+            self.writer.append(state.t, state.d[:self.model.n_q], state.history, self.probes)
+        else:
+            self.writer.log(state.history, t=state.t, probes=self.probes)
+
+    def _write_once(self, state: State) -> None:
+        for path, (data, units, description) in state.arrays.items():
+            self.writer.array(path, data, units, description, up_to_sign=path.startswith("modes/"))
+        for name, columns in state.tables.items():
+            self.writer.table(name, columns)
+
+    def _take_motion(self, state: State) -> None:
+        """Count the steps since the last state, and store them with this one."""
+        self._count(state.blocks)
+        if self.writer is None:
+            return
+        self._write_once(state)
+        n = self.model.n_q
+        v = None if state.v is None else state.v[:n]
+        self.writer.append(state.t, state.d[:n], None, self.probes, v, steps=state.blocks, energies=state.history,
+                           checkpoint=self._checkpoint(state))
+
+    def _count(self, steps: dict[str, Any]) -> None:
+        if not len(steps.get("dt", ())):
+            return
+        totals, dt = self.totals, steps["dt"]
+        totals["steps"] += len(dt)
+        totals["iterations"] += int(steps["iterations"].sum())
+        totals["rejected"] = totals.get("rejected", 0) + int(steps["rejected"].sum())
+        smallest, largest = totals.get("dt", (float("inf"), 0.0))
+        totals["dt"] = [min(smallest, float(dt.min())), max(largest, float(dt.max()))]
+
+    # ------------------------------------------------------------------ interruptions
+
+    def _checkpoint(self, state: State) -> Checkpoint | None:
+        """Return what the run can be resumed from; none at the end, where nothing would be left to compute."""
+        if state.checkpoint is None or state.last or state.t >= self.end:
+            return None
+        from ..results import Checkpoint
+
+        notes = {"probes": self.probes, "totals": dict(self.totals), "report": dict(self.report),
+                 "warnings": list(self.warnings), "wall_s": self.clock.seconds}
+        return Checkpoint(state.t, state.checkpoint, notes)
+
+    def go_on(self, found: Checkpoint) -> None:
+        """Take up what was known at a checkpoint."""
+        notes = found.notes
+        self.observer.recall(found.t, notes["probes"])
+        self.totals.update(notes["totals"])
+        self.report.update(notes["report"])
+        self.warnings[:] = notes["warnings"]
+        self.clock.seconds = notes["wall_s"]
