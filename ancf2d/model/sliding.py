@@ -102,12 +102,22 @@ class OnAxis:
                 break
         return m, z, *sliding.measure(axis, x, y, m, z)
 
+    def _lost(self) -> ComputationError:
+        return ComputationError(f"{self.owner}: {self.label} has left {self.body} over its end",
+                                advice=f"a longer {self.body}, or something that stops {self.label}")
+
+    def check(self, d: Array) -> None:
+        """Raise ComputationError where the point is off the end of the body at d."""
+        m, z, g, *_ = self._foot(d)
+        last = int(self.table.elements[0]) - 1
+        if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
+            raise self._lost()
+
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``; raises ComputationError off the end."""
         m, z, g, nx, ny, tx, ty, c = self._foot(d)
         if math.isnan(g):
-            raise ComputationError(f"{self.owner}: {self.label} has left {self.body} over its end",
-                                   advice=f"a longer {self.body}, or something that stops {self.label}")
+            raise self._lost()
         self.table.memory[0] = m, z
         k = 2 * int(self.table.points[0] + self.table.shapes[0])
         touched, rows, H = np.zeros(k, dtype=np.int64), np.zeros((3, k)), np.zeros((k, k))
@@ -118,6 +128,13 @@ class OnAxis:
         G[at] = rows[0]
         full[np.ix_(at, at)] = H
         return g - float(self.table.gap[0]), G, full
+
+
+def check_ends(constraints: Iterable[object], d: Array) -> None:
+    """Raise ComputationError where a point has left the body along which it slides."""
+    for constraint in constraints:
+        if isinstance(constraint, OnAxis):
+            constraint.check(d)
 
 
 _EMPTY = Sliding(np.zeros(0), _index(), np.zeros(0), np.zeros(0), _index(), _index(), np.zeros((0, 2), np.int64),

@@ -19,6 +19,7 @@ from ..errors import ComputationError
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.rotation import Rotation
+from ..model.sliding import check_ends
 from .linear import GeneralSparse
 from .post import place
 from .static import BALANCE, at_floor, check_divergence, has_converged
@@ -248,6 +249,7 @@ class Curve:
 
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
+        check_ends(self.model.constraints, found.d)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))

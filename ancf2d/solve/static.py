@@ -10,6 +10,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..model.sliding import check_ends
 from .state import State
 from .system import Balance, System
 
@@ -198,6 +199,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         try:
             result = newton(system, path.extrapolate(target), target if len(path.t) > 1 else t, target, tolerance,
                             max_iterations)
+            check_ends(model.constraints, result.d)
             rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
             if rate > JUMP * moved:
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
