@@ -47,7 +47,7 @@ class Motion:
         found = jumps(self.course, 0.0, t_end) if isinstance(self.course, Signal) else []
         if not found:
             return None
-        more = f" and {len(found) - 1} times more" if len(found) > 1 else ""
+        more = ("", " and once more")[len(found) - 1] if len(found) < 3 else f" and {len(found) - 1} times more"
         return f"{self.name} jumps at t = {found[0]:.6g}{more}", "a continuous motion, for instance a smooth table"
 
 

@@ -1,0 +1,109 @@
+"""Breaks of signals: all of them, of the right order, at the float where the new piece begins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
+from ancf2d.model.breakpoints import all_breakpoints, breakpoints, jumps
+from ancf2d.model.signals import Signal
+
+THIRD = 1 / 3
+
+
+def formula(text: str, factor: float = 1.0) -> Signal:
+    """Return an expression as a signal."""
+    return Signal(Expression(value_=text), factor)
+
+
+def found(signal: Signal, t1: float = 3.0) -> list[tuple[float, int]]:
+    """Return time and order of each break in (0, t1]."""
+    return [(b.t, b.order) for b in breakpoints(signal, 0.0, t1)]
+
+
+@pytest.mark.parametrize(("amplitude", "breaks"), [
+    (None, []),
+    (Constant(scale=2.0), []),
+    (Sine(frequency=2.0), []),
+    (Ramp(t0=0.1, t1=0.5, scale=-2.0), [(0.1, 1), (0.5, 1)]),
+    (Ramp(t0=-1.0, t1=5.0), []),
+    (Ramp(t0=0.0, t1=3.0), [(3.0, 1)]),
+    (Table(t=(1.0, 2.0), value_=(0.0, 1.0)), [(1.0, 1), (2.0, 1)]),
+    (Table(t=(0.0, 1.0, 2.0, 2.5), value_=(0.0, 1.0, 2.0, 2.0)), [(2.0, 1)]),
+    (Table(t=(0.5, 1.0, 2.0), value_=(0.0, 1.0, 0.5), smooth=True), [(0.5, 2), (1.0, 2), (2.0, 2)]),
+    (Table(t=(0.5,), value_=(7.0,)), []),
+])
+def test_ramps_and_tables_break_at_their_points(amplitude: Amplitude, breaks: list[tuple[float, int]]) -> None:
+    assert found(Signal(amplitude, 0.5, 10.0)) == breaks
+
+
+@pytest.mark.parametrize(("text", "breaks"), [
+    ("sin(t)^2/(1 + t)", []),
+    ("1 if t < 0.5 else 0", [(0.5, 0)]),
+    ("1 if t <= 0.5 else 0", [(math.nextafter(0.5, 1), 0)]),
+    ("t >= 3", [(3.0, 0)]),
+    ("t < 4", []),
+    ("1 if 0.5 < t < 0.5000001 else 0", [(math.nextafter(0.5, 1), 0), (0.5000001, 0)]),
+    ("1 if t == 0.5 else 0", []),
+    ("(t >= 1) - (t > 1)", []),
+    ("1 if abs(t - 2) < 0.25 else 0", [(math.nextafter(1.75, 2), 0), (2.25, 0)]),
+    ("abs(t - 1/3)", [(THIRD, 1)]),
+    ("2*t if t < 1 else 2", [(1.0, 1)]),
+    ("10*t if t < 0.5 else t + 4.5", [(0.5, 1)]),
+    ("t^2*(3 - 2*t) if t < 1 else 1", [(1.0, 2)]),
+    ("t^3 if t < 1 else 1 + 3*(t - 1) + 3*(t - 1)^2", []),
+    ("sqrt(t - 1) if t >= 1 else 0", [(1.0, 1)]),
+    ("t if t < 1 else (2 if t < 2 else 3*t)", [(1.0, 0), (2.0, 0)]),
+    ("0*(t < 1) + (5 if t < 9 else abs(t - 2))", []),
+])
+def test_switches_of_expressions_are_found_to_the_last_digit(text: str, breaks: list[tuple[float, int]]) -> None:
+    assert found(formula(text)) == breaks
+
+
+def test_every_zero_of_a_rectified_sine_is_a_corner() -> None:
+    breaks = found(formula("abs(sin(2*pi*t))"), 2.75)
+    np.testing.assert_allclose([t for t, _ in breaks], [0.5, 1.0, 1.5, 2.0, 2.5], rtol=1e-15)
+    assert {order for _, order in breaks} == {1}
+
+
+def test_windows_shorter_than_the_samples_are_found() -> None:
+    signal = formula("1 if 0.123456 < t < 0.123457 else 2 if 7.7 < t < 7.7000001 else (t - 3)^2 < 1e-18")
+    # the last one is found through its number
+    assert [round(t, 7) for t, _ in found(signal, 1000.0)] == [0.123456, 0.123457, 3.0, 3.0, 7.7, 7.7000001]
+
+
+@pytest.mark.parametrize("text", ["1 if t < 0.7 else -1", "abs(t - 0.7)", "t^2 if t <= 0.7 else 1.4*t - 0.49"])
+def test_both_sides_of_a_break_are_pieces_of_their_own(text: str) -> None:
+    signal = formula(text)
+    (b,) = breakpoints(signal, 0.0, 1.0)
+    h = 1e-6
+    assert b.before == math.nextafter(b.t, 0)
+    assert signal.rate(b.before) == pytest.approx(signal.rate(b.before - h), abs=1e-5)
+    assert signal.rate(b.t) == pytest.approx(signal.rate(b.t + h), abs=1e-5)
+    assert signal(b.before) == pytest.approx(signal(b.before - h), abs=1e-5)
+    assert signal(b.t) == pytest.approx(signal(b.t + h), abs=1e-5)
+
+
+def test_a_switch_at_the_start_is_a_jump_but_no_place_to_stop() -> None:
+    signal = formula("1 if t > 0 else 0")
+    assert breakpoints(signal, 0.0, 1.0) == []
+    assert jumps(signal, 0.0, 1.0) == [math.nextafter(0.0, 1.0)]
+
+
+def test_breaks_are_those_of_the_window() -> None:
+    signal = formula("(t > 1) + (t > 2) + (t > 3)")
+    assert [round(b.t, 9) for b in breakpoints(signal, 1.5, 2.5)] == [2.0]
+
+
+def test_what_is_scaled_to_nothing_does_not_break() -> None:
+    assert found(formula("t > 1", factor=0.0)) == found(Signal(Ramp(scale=0.0))) == []
+
+
+def test_breaks_of_several_signals_that_coincide_are_one_of_the_lowest_order() -> None:
+    signals = [Signal(Ramp(t0=0.5, t1=0.7)), formula("t <= 0.5"), formula("t < 0.5"), formula("abs(t - 0.9)")]
+    low, high = math.nextafter(0.5, 0), math.nextafter(0.5, 1)
+    assert all_breakpoints([*signals, *signals], 0.0, 1.0) == [
+        (high, 0, low), (0.7, 1, math.nextafter(0.7, 0)), (0.9, 1, math.nextafter(0.9, 0))]
