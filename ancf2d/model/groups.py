@@ -23,13 +23,13 @@ def make_group(mesh: BodyMesh) -> Group:
 
 
 def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:
-    """Return the groups of all bodies."""
-    return [make_group(m) for m in meshes.values()]
+    """Return the groups of all bodies that deform."""
+    return [make_group(m) for m in meshes.values() if not m.plan.rigid]
 
 
 def damping_times(model: Model) -> Array:
     """Return tau [s] of each group in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
     damping = model.case.damping
     beta = damping.rayleigh.beta if damping else 0.0
-    materials = [model.case.bodies[name].material for name in model.meshes]
+    materials = [model.case.bodies[name].material for name, mesh in model.meshes.items() if not mesh.plan.rigid]
     return np.array([beta + (m.damping.kelvin_voigt if m and m.damping else 0.0) for m in materials])

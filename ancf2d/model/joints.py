@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..case import PinJoint, Point, SliderJoint, WeldJoint
+from ..case import PinJoint, Point, PrismaticJoint, SliderJoint, WeldJoint
 from ..elements.shape import Array
 from .constraints import Equations, Row, align, along, combine
 from .mesh import BodyMesh
 from .points import PointRef
+from .sliding import OnAxis, foot_point
 
 # a gap in the reference beside the extent of the scene that is taken for round-off of the case's numbers
 GAP = 1e-6
@@ -77,7 +78,7 @@ def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
 
 
 def _same_nodes(a: PointRef, b: PointRef) -> bool:
-    if a.node is None or b.node is None or not same_kind(a.mesh, b.mesh):
+    if a.node is None or b.node is None or not same_kind(a.mesh, b.mesh) or a.mesh.plan.rigid:
         return False
     nodes = a.mesh.plan.element.nodes
     return nodes[a.node].coordinates == nodes[b.node].coordinates
@@ -127,6 +128,16 @@ def _slider(joint: SliderJoint, context: JointContext, owner: str, out: Equation
     out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))
 
 
+def _prismatic(joint: PrismaticJoint, context: JointContext, owner: str, out: Equations) -> None:
+    point, mesh = context.point(joint.point), context.meshes[joint.on]
+    x, y = context.place(point)
+    s, gap = foot_point(mesh.plan, np.array([x, y]))
+    if gap > GAP * context.extent:
+        raise JointError([(("point",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), {gap:.3g} away from "
+                           f"the axis of {joint.on}", "a point on the axis in the reference")])
+    out.constraints.append(OnAxis(point, mesh, s, owner))
+
+
 def weld_corners(mesh: BodyMesh, out: Equations) -> None:
     """Weld the pieces of a polyline at its corners."""
     last = len(mesh.plan.element.nodes) - 1
@@ -139,5 +150,5 @@ def weld_corners(mesh: BodyMesh, out: Equations) -> None:
 
 
 JOINTS: dict[type, Callable[[Any, JointContext, str, Equations], None]] = {
-    PinJoint: _pin, WeldJoint: _weld, SliderJoint: _slider,
+    PinJoint: _pin, WeldJoint: _weld, SliderJoint: _slider, PrismaticJoint: _prismatic,
 }

@@ -43,15 +43,19 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
         values, vectors = np.linalg.eigh(K[0])
         keep = values > 1e-9 * max(abs(values).max(), 1e-300)
         found += [(spring.dofs[0], v) for v in vectors.T[keep]]
-    out = np.zeros((len(found), 3 * len(meshes)))
+    out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
     for i, (coords, coefs) in enumerate(found):
         owner = np.searchsorted(first, coords, side="right") - 1
         for b in sorted(set(owner.tolist())):
             part = owner == b
-            seen = coefs[part] @ rigid_motion(meshes[b], coords[part], e0, centres[b])
-            out[i, 3 * b:3 * b + 3] = seen * [1.0, 1.0, 1.0 / sizes[b]]
-    norm = np.abs(out).max(axis=1, keepdims=True)
-    return out[norm[:, 0] > 0] / norm[norm[:, 0] > 0]
+            each = coefs[part][:, None] * rigid_motion(meshes[b], coords[part], e0, centres[b])
+            each[:, 2] /= sizes[b]
+            out[i, 3 * b:3 * b + 3] = each.sum(axis=0)
+            terms[i] = max(terms[i], np.abs(each).max())
+    norm = np.abs(out).max(axis=1)
+    # what is left of terms that cancel (a rigid length, a spring within a body) holds nothing
+    some = norm > 1e-12 * terms
+    return out[some] / norm[some, None]
 
 
 def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes: list[float]) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross, rule_points
+from ..elements.rigid import RIGID_TYPE
 from ..elements.shape import Array, ShapeFunctions
 from .curve import Piece
 from .plan import BodyPlan
@@ -183,7 +184,8 @@ def volume_weights(sampler: Sampler) -> Array:
 def mass_matrix(sampler: Sampler) -> Array:
     """Return the consistent mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
 
-    Beams with theta carry rhoA at r and rhoI at theta; the cable has no rotary inertia.
+    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length; the cable has
+    no rotary inertia.
     """
     element, section, nc = sampler.shape.element, sampler.section, sampler.e0.shape[1]
     S, dv = over_body(sampler)
@@ -191,4 +193,6 @@ def mass_matrix(sampler: Sampler) -> Array:
     M = np.zeros((element.n_dof, element.n_dof))
     for k in range(nc):
         M[k::nc, k::nc] = m * (section.rhoI if k == 2 else section.rhoA)
+        if element is RIGID_TYPE:
+            M[k::nc, k::nc] += section.rhoI / sampler.shape.l * np.array([[1.0, -1.0], [-1.0, 1.0]])
     return M

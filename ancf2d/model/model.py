@@ -15,6 +15,7 @@ from .elimination import Elimination
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
+from .sliding import OnAxis
 from .timing import Timing
 
 
@@ -117,6 +118,19 @@ class Model:
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric (follower forces have no potential)."""
         return all(p.symmetric for p in self.loads.patches)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether some body is rigid: its coordinates have no stiffness of their own, only constraints."""
+        return any(m.plan.rigid for m in self.meshes.values())
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether a tangent without inertia needs its rows exchanged.
+
+        Coordinates of rigid bodies have no stiffness of their own; a point that slides acts on ever other coordinates.
+        """
+        return self.rigid or any(isinstance(c, OnAxis) for c in self.constraints)
 
     def prescribed(self, t: float, out: Array) -> None:
         """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``."""

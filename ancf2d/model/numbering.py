@@ -33,8 +33,8 @@ def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[
     return sorted(out)
 
 
-def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) -> Index:
-    """Return the positions of unknowns and multipliers, each multiplier right behind two of its coordinates.
+def _after_coordinates(position: Index, multipliers: list[list[int]], n: int, behind: int) -> Index:
+    """Return the positions of unknowns and multipliers, each multiplier right behind ``behind`` of its coordinates.
 
     LDL^T without pivoting then meets a multiplier only after something it acts on.
     """
@@ -42,7 +42,7 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) ->
     extra = []
     for reached in multipliers:
         places = sorted(int(position[i]) for i in reached)
-        extra.append(places[min(1, len(places) - 1)] + 0.5 if places else float(n))
+        extra.append(places[min(behind, len(places)) - 1] + 0.5 if places else float(n))
     order = np.argsort(np.concatenate([keys, extra]), kind="stable")
     final = np.empty(len(order), dtype=np.int64)
     final[order] = np.arange(len(order))
@@ -50,8 +50,12 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) ->
 
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
-           n_q: int) -> Numbering:
-    """Return the numbering of a model; reorders only where the natural order is not already the narrowest."""
+           n_q: int, inertia: bool = False) -> Numbering:
+    """Return the numbering of a model; reorders only where the natural order is not already the narrowest.
+
+    Two coordinates of a constraint before its multiplier are enough where they have stiffness. With ``inertia`` they
+    all stand before it: then every leading block without multipliers is positive definite, whatever the stiffness.
+    """
     dependents = sorted(elimination.dependents)
     natural = np.zeros(n_q, dtype=np.int64)
     held = [c for c in dependents if not elimination.dependents[c].terms]
@@ -66,7 +70,8 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]
     largest = max(m.plan.element.n_dof for m in meshes)
     position, _ = order_unknowns(len(free), sets, largest - 1)
-    final = _after_coordinates(position, multipliers, len(free)) if constraints else position
+    behind = n_q if inertia else 2
+    final = _after_coordinates(position, multipliers, len(free), behind) if constraints else position
     for k, reached in enumerate(multipliers):
         sets.append(np.array([[*reached, len(free) + k]], dtype=np.int64))
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..case import Body, Element, ElementDefinition, LoadedCase, Selective
+from ..case import Arc, Body, Element, ElementDefinition, LoadedCase, Polyline, Selective
 from ..elements import registry
 from ..elements.definition import ElementType, NodeSpec, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
+from ..elements.rigid import RIGID, RIGID_TYPE
 from ..elements.section import Section
 from ..elements.shape import ShapeFunctions, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .curve import Array, Piece, pieces_of
-from .section import SectionError, is_axis_type, resolve_section
+from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,11 @@ class BodyPlan:
     def length(self) -> float:
         """Total arclength."""
         return self.pieces[-1].s0 + self.pieces[-1].length
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the body has no strain, and so no law."""
+        return self.formulation is RIGID
 
     @property
     def count(self) -> int:
@@ -87,7 +93,7 @@ def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
 def _element_type(spec: Element, definition: ElementDefinition | None) -> ElementType:
     if definition is not None:
         return _user_element(spec, definition)
-    if spec.type in ("auto", "rigid"):
+    if spec.type == "auto":
         raise RefusedError(("element", "type"), f"element type {spec.type} is not available yet",
                        "one of " + ", ".join(registry.names()))
     return registry.element_type(spec.type, spec.order)
@@ -123,6 +129,8 @@ def _rule(chosen: object, element: ElementType, formulation: Formulation, curved
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None) -> BodyPlan:
     """Resolve one body. Raises RefusedError, SectionError or CaseError with the reason."""
     spec = body.element
+    if spec.type == RIGID_TYPE.name:
+        return _plan_rigid(name, body)
     element = _element_type(spec, definition)
     preset = element.preset if spec.preset == "paper" else {}
     if spec.preset == "paper" and not preset:
@@ -137,6 +145,20 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
     return BodyPlan(name, element, formulation, rule, section, pieces_of(body.geometry, spec.count))
+
+
+def _plan_rigid(name: str, body: Body) -> BodyPlan:
+    """Resolve a rigid body: one element per straight piece, whatever its count."""
+    if isinstance(body.geometry, Arc):
+        raise RefusedError(("geometry", "type"), f"bodies.{name}: a rigid body is straight, or of straight pieces",
+                           "line or polyline")
+    for key in ("formulation", "quadrature", "shear_factor", "preset"):
+        if getattr(body.element, key) is not None:
+            raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain: {key} means nothing",
+                               f"no {key}")
+    count = len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
+    pieces = pieces_of(body.geometry, count)
+    return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), rigid_section(body, pieces), pieces)
 
 
 def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..case import Body, Rectangle, Stiffness
 from ..elements.definition import ElementType
 from ..elements.formulations import Formulation
 from ..elements.section import Section, timoshenko
+from .curve import Piece
+
+# height over length that a rigid body without a section is drawn with
+DRAWN = 0.05
 
 
 class SectionError(ValueError):
@@ -75,3 +81,41 @@ def _from_stiffness(s: Stiffness, element: ElementType, formulation: Formulation
     return Section(h, h, E, 0.0, k_s, EA=s.EA, kGA=kGA, EI=s.EI, rhoA=rhoA, rhoI=rhoI)
 
 
+def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> Section:
+    """Return the section of a rigid body, its mass and inertia spread so that they are what the case says.
+
+    Raises SectionError where an inertia leaves none for one of several pieces.
+    """
+    length = pieces[-1].s0 + pieces[-1].length
+    h = b = DRAWN * length
+    rhoA = rhoI = 0.0
+    rho = (body.material.rho if body.material else None) or 0.0
+    if isinstance(body.section, Stiffness):
+        s = body.section
+        h = b = math.sqrt(12.0 * s.EI / s.EA)
+        rhoA = s.rhoA or 0.0
+        rhoI = s.rhoI if s.rhoI is not None else rhoA * s.EI / s.EA
+    elif isinstance(body.section, Rectangle):
+        h, b = body.section.height, body.section.width
+        rhoA, rhoI = rho * h * b, rho * b * h**3 / 12.0
+    elif body.section is not None:
+        h, b = body.section.height, body.section.A / body.section.height
+        rhoA, rhoI = rho * body.section.A, rho * body.section.I
+    if body.element.mass is not None:
+        rhoA = body.element.mass / length
+    if body.element.inertia is not None:
+        rhoI = (body.element.inertia - rhoA * _spread(pieces)) / length
+        # every piece needs some: rhoA l^3/12 + rhoI l > 0
+        least = rhoA * (_spread(pieces) - min(p.length for p in pieces) ** 2 * length / 12.0)
+        if not body.element.inertia > least:
+            raise SectionError(("element", "inertia"), f"the mass along {length:.6g} m of rigid pieces has more moment "
+                               f"of inertia than {body.element.inertia:g}", f"more than {least:g}")
+    return Section(h, b, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, rhoA, rhoI)
+
+
+def _spread(pieces: tuple[Piece, ...]) -> float:
+    """Return the moment of inertia of straight pieces about their common centre, per mass per length [m^3]."""
+    lengths = np.array([p.length for p in pieces])
+    centres = np.array([p.position(0.5 * p.length)[0] for p in pieces])
+    off = centres - lengths @ centres / lengths.sum()
+    return float((lengths**3 / 12.0 + lengths * (off**2).sum(axis=1)).sum())

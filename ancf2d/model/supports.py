@@ -50,7 +50,7 @@ def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equ
     element = point.mesh.plan.element
     if hold == "breathe":
         _breathe(support, point, owner, out)
-    elif hold == "section" or element.has_theta:
+    elif hold == "section" or element.has_theta or point.mesh.plan.rigid:
         out.rows += _position_rows(point, owner)
         hold_rotation(point, owner, out)
         if element.degree_y > 1 and not element.common_coefficients:

@@ -81,7 +81,7 @@ class SymmetricBand:
 
 
 class GeneralBand:
-    """Unsymmetric band (follower forces), LAPACK's pivoted LU."""
+    """Band that is not symmetric (follower forces) or needs row exchanges (rigid bodies, sliding), by LAPACK's LU."""
 
     def __init__(self, n: int, bw: int) -> None:
         self.bw = bw
@@ -113,9 +113,9 @@ class GeneralBand:
 
 
 class GeneralSparse:
-    """Compressed rows with SuperLU, for wide bands."""
+    """Compressed rows with SuperLU, for wide bands; ``exchange`` rows for large pivots, or only where it must be."""
 
-    def __init__(self, n: int, rows: Array, columns: Array) -> None:
+    def __init__(self, n: int, rows: Array, columns: Array, exchange: bool = False) -> None:
         from scipy.sparse import coo_matrix
 
         pattern = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n, n)).tocsr()
@@ -126,6 +126,7 @@ class GeneralSparse:
         self.indptr = pattern.indptr.astype(np.int64)
         self.indices = pattern.indices.astype(np.int64)
         self.target = Csr(self.values, self.indptr, self.indices)
+        self.exchange = exchange
 
     def _matrix(self) -> Any:
         from scipy.sparse import csr_matrix
@@ -143,7 +144,8 @@ class GeneralSparse:
         K = self._matrix().tocsc()
         scale = np.abs(K.diagonal())
         try:
-            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=float(self.exchange),
+                           options={"SymmetricMode": not self.exchange})
         except RuntimeError:
             return Pivots(int(np.argmin(scale)), 0, 0.0)
         u = self.lu.U.diagonal()
@@ -186,9 +188,12 @@ def _terms(num: Numbering, i: int) -> Array:
 
 
 def make_matrix(model: Model) -> TangentMatrix:
-    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry."""
+    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry.
+
+    Where rows must be exchanged it is a general one, symmetric or not.
+    """
     num = model.numbering
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
-        return SymmetricBand(n, bw) if model.symmetric else GeneralBand(n, bw)
-    return GeneralSparse(n, *_pattern(model))
+        return SymmetricBand(n, bw) if model.symmetric and not model.exchanges else GeneralBand(n, bw)
+    return GeneralSparse(n, *_pattern(model), exchange=model.exchanges)
