@@ -21,6 +21,7 @@ from .order import coordinate_weights
 from .plan import plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .prescribed import motions
+from .rigid import drop_held_lengths, keep_lengths
 from .spin import centrifugal
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
@@ -93,6 +94,7 @@ class _Builder:
 
     def add_joints(self) -> None:
         for mesh in self.meshes.values():
+            keep_lengths(mesh, self.equations)
             weld_corners(mesh, self.equations)
         for i, joint in enumerate(self.case.joints):
             path = ("joints", i)
@@ -184,6 +186,7 @@ def build_model(loaded: LoadedCase) -> Model:
         raise CaseError(b.problems)
     weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
     elimination = eliminate(b.equations.rows, lambda c: 1.0 / weights[c])
+    drop_held_lengths(elimination, b.equations)
     b.check_motions()
     b.check_equations(elimination)
     b.check_mechanism()
@@ -193,7 +196,7 @@ def build_model(loaded: LoadedCase) -> Model:
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
-                       [*b.springs, *b.loads.patches], len(b.e0))
+                       [*b.springs, *b.loads.patches], len(b.e0), isinstance(b.case.solver, Dynamic))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
 
