@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Buckling, Case, Distributed, Eigen, FollowerForce, LinearStatic, LoadedCase, LoadFactor, Static
+from ..elements.rigid import RIGID_TYPE
 from ..errors import Problem
 from ..model.model import Model
 from .state import State
@@ -66,13 +67,24 @@ def _without_potential(loaded: LoadedCase) -> list[Problem]:
             if isinstance(load, FollowerForce) or (isinstance(load, Distributed) and load.follower)]
 
 
+def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
+    """Return the rigid bodies whose coordinates have no stiffness, where modes and factors would need some."""
+    case = loaded.case
+    if not isinstance(case.solver, Eigen | Buckling):
+        return []
+    return [loaded.source.problem(("bodies", name, "element"), f"bodies.{name} is rigid: modes and buckling of models "
+                                  "with rigid bodies are not solved",
+                                  expected="a body that deforms, however stiff, or solver: dynamic")
+            for name, body in case.bodies.items() if body.element.type == RIGID_TYPE.name]
+
+
 def unavailable(loaded: LoadedCase) -> list[Problem]:
     """Return what a case asks of solvers that is not available."""
     case: Case = loaded.case
     if type(case.solver) not in SOLVERS:
         return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
                                       expected="linear_static, static, eigen or buckling")]
-    problems = _without_potential(loaded)
+    problems = [*_without_potential(loaded), *_without_stiffness(loaded)]
     if case.accuracy is not None:
         problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
                                               expected="no accuracy ('ancf2d convergence' estimates the error)"))
