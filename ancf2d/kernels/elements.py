@@ -56,7 +56,7 @@ def gather(group, ie, d, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _turn_rows(A, nc, c, s):  # type: ignore[no-untyped-def]
+def turn_rows(A, nc, c, s):  # type: ignore[no-untyped-def]
     for k in range(0, len(A), nc):
         for b in range(A.shape[1]):
             x, y = A[k, b], A[k + 1, b]
@@ -73,7 +73,7 @@ def turn_vector(v, nc, c, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
+def turn_columns(A, nc, c, s):  # type: ignore[no-untyped-def]
     for a in range(len(A)):
         for k in range(0, A.shape[1], nc):
             x, y = A[a, k], A[a, k + 1]
@@ -201,8 +201,8 @@ def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
         tc, ts = group.turn[it, 0], group.turn[it, 1]
         if ts != 0.0 or tc != 1.0:
             turn_vector(Qe, nc, tc, ts)
-            _turn_rows(K[m], nc, tc, ts)
-            _turn_columns(K[m], nc, tc, ts)
+            turn_rows(K[m], nc, tc, ts)
+            turn_columns(K[m], nc, tc, ts)
         for a in range(n):
             Q[m, a] = Qe[a]
     return energy
