@@ -149,12 +149,10 @@ class _Trace:
         self.t = t
         self.pattern: list[Array] = []
         self.named: set[float] = set()
-        self.active = np.ones(len(t), dtype=bool)
 
     def note(self, state: Any, *operands: Array) -> None:
-        """Note a switch: on, off, without a value, or not asked."""
-        lost = np.any(np.isnan(operands), axis=0)
-        self.pattern.append(np.where(self.active, np.where(lost, 2, state), 3))
+        """Note a switch: on, off, or without a value. It may stand in a branch that is not taken."""
+        self.pattern.append(np.where(np.any(np.isnan(operands), axis=0), 2, state))
 
     def value(self, tree: syntax.Tree) -> Array:
         """Return the values (n,), nan where there is none."""
@@ -181,33 +179,20 @@ class _Trace:
             case syntax.Comparison(first, rest):
                 return self.comparison(first, rest)
             case syntax.Choice(condition, chosen, other):
-                return self.choice(condition, chosen, other)
+                asked, a, b = self.value(condition), self.value(chosen), self.value(other)
+                return np.where(np.isnan(asked), np.nan, np.where(asked != 0.0, a, b))
 
     def comparison(self, first: syntax.Tree, rest: tuple[tuple[str, syntax.Tree], ...]) -> Array:
         """Return where each operand compares with the one before it."""
-        outside, left = self.active, self.value(first)
-        result = np.ones(len(self.t))
+        left, result = self.value(first), np.ones(len(self.t))
         for op, operand in rest:
             right = self.value(operand)
             holds = _COMPARE[op](left, right)
             self.note(holds, left, right)
             lost = np.isnan(left) | np.isnan(right)
-            result = np.where(self.active, np.where(lost, np.nan, holds), result)
-            self.active = self.active & holds
+            result = np.where(result == 1.0, np.where(lost, np.nan, holds), result)
             left = right
-        self.active = outside
         return result
-
-    def choice(self, condition: syntax.Tree, chosen: syntax.Tree, other: syntax.Tree) -> Array:
-        """Return one of two, and note the switches of that one alone."""
-        outside, asked = self.active, self.value(condition)
-        yes = asked != 0.0
-        self.active = outside & yes
-        a = self.value(chosen)
-        self.active = outside & ~yes
-        b = self.value(other)
-        self.active = outside
-        return np.where(np.isnan(asked), np.nan, np.where(yes, a, b))
 
 
 def _traced(tree: syntax.Tree, t: Array) -> _Trace:

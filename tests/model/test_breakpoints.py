@@ -70,9 +70,10 @@ def test_every_zero_of_a_rectified_sine_is_a_corner() -> None:
 
 
 def test_windows_shorter_than_the_samples_are_found() -> None:
-    signal = formula("1 if 0.123456 < t < 0.123457 else 2 if 7.7 < t < 7.7000001 else (t - 3)^2 < 1e-18")
-    # the last one is found through its number
-    assert [round(t, 7) for t, _ in found(signal, 1000.0)] == [0.123456, 0.123457, 3.0, 3.0, 7.7, 7.7000001]
+    for text, window in (("1 if 0.5 < 10*t < 0.5000001 else 0", (0.05, 0.05000001)),
+                         ("(t - 3.01234)^2 < 1e-12", (3.012339, 3.012341)),
+                         ("1 if 0.123456 < t else 0 if t < 0.123457 else 2", (0.123456,))):
+        np.testing.assert_allclose([t for t, _ in found(formula(text), 1000.0)], window, rtol=1e-12)
 
 
 @pytest.mark.parametrize("text", ["1 if t < 0.7 else -1", "abs(t - 0.7)", "t^2 if t <= 0.7 else 1.4*t - 0.49"])
