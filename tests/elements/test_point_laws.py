@@ -1,0 +1,297 @@
+"""Point laws: forces, stiffness and damping as derivatives; discrete gradients; what turning a scene changes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, count_turns
+
+LAWS = {law.name: law for law in POINT_LAWS}
+TURNS = [(a, b) for a in (GROUND, THETA, DIRECTION) for b in (GROUND, THETA, DIRECTION) if (a, b) != (GROUND, GROUND)]
+RAW = {THETA: [0.0], DIRECTION: [1.3, 0.0], GROUND: []}
+
+
+class Item(NamedTuple):
+    """A law with constants and reference.
+
+    ``vectors`` are the first fields of pairs that turn with the scene, ``angles`` the fields that then grow.
+    """
+
+    name: str
+    p0: np.ndarray
+    par: np.ndarray
+    vectors: tuple[int, ...] = ()
+    angles: tuple[int, ...] = ()
+
+
+def _item(name, p0, par, vectors=(), angles=()):
+    return Item(name, np.array(p0, dtype=float), np.array(par, dtype=float), vectors, angles)
+
+
+def _rotational(a, b):
+    at_b = len(RAW[a])
+    vectors = ([0] if a == DIRECTION else []) + ([at_b] if b == DIRECTION else [])
+    angles = ([0] if a == THETA else []) + ([at_b] if b == THETA else [])
+    return _item("rotational", [*RAW[a], *RAW[b]], [2.0, 0.7, 0.3, a, b], tuple(vectors), tuple(angles))
+
+
+ITEMS = {
+    "spring": _item("translational", [0.6, -0.8], [3.0, 0.4, 0.7, 1.0], (0,)),
+    "relaxed spring": _item("translational", [0.6, -0.8], [3.0, 0.4, 1.0, 1.0], (0,)),
+    "spring without length": _item("translational", [0.0, 0.0], [3.0, 0.4, 0.0, 0.0], (0,)),
+    **{f"torsion {a}{b}": _rotational(a, b) for a, b in TURNS},
+    "follower of theta": _item("follower", [0.0, 0.0, 0.0], [0.3, -0.7, THETA], (0,), (2,)),
+    "follower of a direction": _item("follower", [0.0, 0.0, 1.3, 0.0], [0.3, -0.7, DIRECTION], (0, 2)),
+    "moment on theta": _item("moment", [0.0], [0.6, THETA], (), (0,)),
+    "moment on a direction": _item("moment", [1.3, 0.0], [0.6, DIRECTION], (0,)),
+    "direction at an angle": _item("at_angle", [1.3, 0.0, 0.0, 0.0], [], (0,), (2,)),
+    "directions aligned": _item("aligned", [1.3, 0.0, 0.8, 0.0, 0.0], [], (0, 2)),
+    "fixed length": _item("fixed_length", [0.6, -0.8, 0.0], [1.0], (0,)),
+}
+ELASTIC = [n for n, i in ITEMS.items() if i.name in ("translational", "rotational")]
+CONSTRAINTS = [n for n, i in ITEMS.items() if LAWS[i.name].constraint]
+# a torsion spring between theta and a direction: no discrete gradient keeps both its energy and angular momentum
+BALANCED = [n for n, i in ITEMS.items() if n not in ("torsion 12", "torsion 21", "direction at an angle")]
+STEP = st.lists(st.floats(-0.8, 0.8, allow_nan=False), min_size=6, max_size=6)
+A = np.array([1.7, 0.4, -0.2])
+
+
+def evaluate(item, u, w=None, mem=None, a=A):
+    m = len(item.p0)
+    w, mem = np.zeros(m) if w is None else w, np.zeros(MAX_MEM) if mem is None else mem
+    f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+    return LAWS[item.name].forces(item.p0, u, w, item.par, a, mem, f, H, C), f, H, C
+
+
+def mean(item, u0, u1, w=None, a0=A, a1=A, mem=None):
+    f = np.zeros(len(item.p0))
+    w, mem = np.zeros(len(f)) if w is None else w, np.zeros(MAX_MEM) if mem is None else mem
+    energy, power = LAWS[item.name].mean(item.p0, u0, u1, w, item.par, a0, a1, mem, f)
+    return energy, power, f
+
+
+def motion(item, seed):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-0.4, 0.4, len(item.p0)), rng.uniform(-1, 1, len(item.p0))
+
+
+def differences(function, x, h=1e-5):
+    """Return d function/dx (..., n) by central differences of fourth order."""
+    columns = []
+    for k in range(len(x)):
+        e = np.zeros(len(x))
+        e[k] = h
+        near, far = function(x + e) - function(x - e), function(x + 2 * e) - function(x - 2 * e)
+        columns.append((8 * near - far) / (12 * h))
+    return np.stack(columns, axis=-1)
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_stiffness_and_damping_are_the_derivatives_of_the_forces(name):
+    item = ITEMS[name]
+    u, w = motion(item, 1)
+    _, _, H, C = evaluate(item, u, w)
+    np.testing.assert_allclose(H, differences(lambda x: evaluate(item, x, w)[1], u), atol=1e-9)
+    np.testing.assert_allclose(C, differences(lambda x: evaluate(item, u, x)[1], w), atol=1e-9)
+    assert np.abs(H).max() > 0.1 or name == "moment on theta"
+    if LAWS[item.name].symmetric:
+        H = evaluate(item, u)[2]
+        np.testing.assert_allclose(H, H.T, atol=1e-14)
+    else:
+        assert np.abs(H - H.T).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ELASTIC)
+def test_forces_of_springs_are_the_gradient_of_their_energy(name):
+    u, _ = motion(ITEMS[name], 2)
+    _, f, _, _ = evaluate(ITEMS[name], u)
+    slope = differences(lambda x: np.array(evaluate(ITEMS[name], x)[0]), u)
+    np.testing.assert_allclose(f, slope, atol=1e-9)
+    assert np.abs(f).max() > 0.01
+
+
+@pytest.mark.parametrize("name", ELASTIC)
+def test_dampers_resist_the_rate_of_length_or_angle(name):
+    """f . w = c (rate)^2 beyond the spring's own power, with the rate from the change of the spring's energy."""
+    item = ITEMS[name]
+    u, w = motion(item, 3)
+    _, still, _, _ = evaluate(item, u)
+    _, f, _, C = evaluate(item, u, w)
+    h, c, k, rest = 1e-5, item.par[1], item.par[0], item.par[2]
+    sign = np.sign(np.sqrt(2 * evaluate(item, u)[0] / k)) if item.name == "translational" else 1.0
+
+    def measure(x):
+        if item.name == "translational":
+            return np.hypot(*(item.p0 + x)) - rest
+        # the moment is k times the twist, along a gradient that is the same for every stiffness
+        return np.sqrt(2 * evaluate(item, x)[0] / k)
+
+    rate = sign * (measure(u + h * w) - measure(u - h * w)) / (2 * h)
+    assert (f - still) @ w == pytest.approx(c * rate**2, rel=1e-6)
+    assert w @ C @ w == pytest.approx(c * rate**2, rel=1e-6)
+
+
+def test_a_damper_without_length_resists_any_rate():
+    w = np.array([0.3, -0.2])
+    _, f, _, C = evaluate(ITEMS["spring without length"], np.zeros(2), w)
+    np.testing.assert_allclose(f, 0.4 * w)
+    np.testing.assert_allclose(C, 0.4 * np.eye(2))
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_constraint_forces_are_the_gradient_of_multiplier_times_violation(name):
+    item = ITEMS[name]
+    u, _ = motion(item, 4)
+
+    def product(x):
+        f = evaluate(item, x)[1]
+        return x[-1] * f[-1]
+
+    np.testing.assert_allclose(evaluate(item, u)[1], differences(lambda x: np.array(product(x)), u), atol=1e-9)
+    assert evaluate(item, np.zeros(len(u)))[1][-1] == 0.0
+
+
+@given(first=STEP, second=STEP)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.parametrize("name", ELASTIC)
+def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, second):
+    item = ITEMS[name]
+    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
+    before, after = evaluate(item, u0)[0], evaluate(item, u1)[0]
+    energy, power, f = mean(item, u0, u1)
+    assert f @ (u1 - u0) == pytest.approx(after - before, abs=1e-13 * (1 + np.abs(f * (u1 - u0)).sum()))
+    assert energy == pytest.approx(after, abs=1e-14)
+    assert power == 0.0
+
+
+@given(first=STEP, second=STEP)
+@settings(max_examples=40, deadline=None)
+@pytest.mark.parametrize("name", ELASTIC)
+def test_dampers_take_what_they_say_over_a_step(name, first, second):
+    """With the mean rate of a step of length h, f . (u1 - u0) = U1 - U0 + h * power, and the power is not negative."""
+    item, h = ITEMS[name], 0.3
+    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
+    _, power, f = mean(item, u0, u1, (u1 - u0) / h)
+    work = evaluate(item, u1)[0] - evaluate(item, u0)[0] + h * power
+    assert f @ (u1 - u0) == pytest.approx(work, abs=1e-12 * (1 + np.abs(f * (u1 - u0)).sum()))
+    assert power >= 0.0
+
+
+@given(first=STEP, second=STEP)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_constraints_are_met_at_the_end_and_do_the_work_of_their_change(name, first, second):
+    item = ITEMS[name]
+    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
+    lam = u1[-1]
+    g0, g1 = (evaluate(item, u)[1][-1] for u in (u0, u1))
+    _, _, f = mean(item, u0, u1)
+    assert f[-1] == pytest.approx(g1, abs=1e-15)
+    assert f[:-1] @ (u1 - u0)[:-1] == pytest.approx(lam * (g1 - g0), abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_the_forces_of_short_steps_are_those_of_the_state(name):
+    item = ITEMS[name]
+    u, w = motion(item, 5)
+    step = 1e-5 * w
+    inner = slice(None)
+    if LAWS[item.name].constraint:
+        # the constraint itself is that of the end of the step
+        step[-1], inner = 0.0, slice(-1)
+    _, f, _, _ = evaluate(item, u, w)
+    np.testing.assert_allclose(mean(item, u - step, u + step, w)[2][inner], f[inner], atol=1e-8)
+    np.testing.assert_allclose(mean(item, u, u, w)[2], f, atol=1e-12)
+
+
+def test_loads_take_the_mean_amplitude_of_a_step():
+    for name in ("follower of theta", "follower of a direction", "moment on theta", "moment on a direction"):
+        item = ITEMS[name]
+        u, _ = motion(item, 6)
+        f = mean(item, u, u, a0=np.array([1.0, 0, 0]), a1=np.array([2.0, 0, 0]))[2]
+        np.testing.assert_allclose(f, evaluate(item, u, a=np.array([1.5, 0, 0]))[1], atol=1e-14)
+
+
+def turned(item, u, angle):
+    """Return the displacements of the fields after the whole scene has turned."""
+    p = item.p0 + u
+    c, s = np.cos(angle), np.sin(angle)
+    for k in item.vectors:
+        p[k], p[k + 1] = c * p[k] - s * p[k + 1], s * p[k] + c * p[k + 1]
+    for k in item.angles:
+        p[k] += angle
+    return p - item.p0
+
+
+@given(angle=st.floats(-40.0, 40.0), size=STEP)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.parametrize("name", [n for n in ITEMS if n[-2:] not in ("01", "02", "10", "20")])
+def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, size):
+    """Directions are given in the frame of their own reference: they turn as vectors of the plane do."""
+    item = ITEMS[name]
+    u = 0.4 * np.array(size[:len(item.p0)])
+    mem, after = np.zeros(MAX_MEM), np.full(MAX_MEM, angle)
+    energy, f, _, _ = evaluate(item, u, mem=mem)
+    again, F, _, _ = evaluate(item, turned(item, u, angle), mem=after)
+    assert again == pytest.approx(energy, abs=1e-12 * (1 + energy))
+    expected = f.copy()
+    c, s = np.cos(angle), np.sin(angle)
+    for k in item.vectors:
+        expected[k], expected[k + 1] = c * f[k] - s * f[k + 1], s * f[k] + c * f[k + 1]
+    np.testing.assert_allclose(F, expected, atol=1e-12)
+
+
+@given(first=STEP, second=STEP)
+@settings(max_examples=60, deadline=None)
+@pytest.mark.parametrize("name", [n for n in BALANCED if n[-2:] not in ("01", "02", "10", "20")])
+def test_the_forces_of_a_step_turn_nothing_about_its_middle(name, first, second):
+    """Angular momentum: inner forces have no moment on the mean of both states; a moment has its own."""
+    item = ITEMS[name]
+    u0, u1 = 0.6 * np.array(first[:len(item.p0)]), 0.6 * np.array(second[:len(item.p0)])
+    p, f = item.p0 + 0.5 * (u0 + u1), mean(item, u0, u1, u1 - u0)[2]
+    # a force has its moment about the origin by what it acts on, not by the direction that it follows
+    outer = item.vectors if item.name != "follower" else ()
+    moment = sum(p[k] * f[k + 1] - p[k + 1] * f[k] for k in outer) + sum(f[k] for k in item.angles)
+    own = -0.6 * A[0] if item.name == "moment" else 0.0
+    assert moment == pytest.approx(own, abs=1e-12)
+
+
+def test_the_force_of_a_step_is_that_of_the_mean_direction():
+    item = ITEMS["follower of a direction"]
+    (u0, _), (u1, _) = motion(item, 7), motion(item, 8)
+    f = mean(item, u0, u1)[2]
+    np.testing.assert_allclose(f, evaluate(item, 0.5 * (u0 + u1))[1], atol=1e-14)
+    assert not f[2:].any()
+
+
+@pytest.mark.parametrize(("a", "b"), [t for t in TURNS if DIRECTION in t])
+def test_turns_are_counted_from_one_accepted_state_to_the_next(a, b):
+    item = _rotational(a, b)
+    moving, mem = item.vectors[-1], np.zeros(MAX_MEM)
+    for angle in np.linspace(0.0, 9 * np.pi, 20):
+        u = np.zeros(len(item.p0))
+        u[moving] = 1.3 * (np.cos(angle) - 1)
+        u[moving + 1] = 1.3 * np.sin(angle)
+        twist = (angle if b == DIRECTION else -angle) - 0.3
+        assert evaluate(item, u, mem=mem)[0] == pytest.approx(twist**2, abs=1e-10)
+        count_turns(item.p0, u, item.par, mem)
+
+
+def test_a_step_across_the_back_of_a_direction_keeps_its_energy():
+    """From just below pi to just above: the angle goes on, whatever the arc tangent says."""
+    item = ITEMS["torsion 02"]
+    states = [np.array([1.3 * (np.cos(x) - 1), 1.3 * np.sin(x)]) for x in (3.0, 3.4)]
+    energy, _, f = mean(item, *states, mem=np.array([0.0, 3.0]))
+    assert energy == pytest.approx((3.4 - 0.3) ** 2)
+    assert f @ (states[1] - states[0]) == pytest.approx(3.1**2 - 2.7**2)
+
+
+def test_stretch_of_springs_keeps_the_digits_of_small_displacements():
+    item = _item("translational", [1e3, 0.0], [1.0, 0.0, 1e3, 1e3])
+    _, f, _, _ = evaluate(item, np.array([1e-12, 0.0]))
+    assert f[0] == pytest.approx(1e-12, rel=1e-12)
