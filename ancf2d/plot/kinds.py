@@ -16,13 +16,15 @@ from ancf2d.plot.convergence import CONVERGENCE
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.modes import MODES
+from ancf2d.plot.motion import ENERGY, STEPS
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.style import style
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
-KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE, MODES)}
+KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE, MODES, ENERGY,
+                                                 STEPS)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -48,8 +50,9 @@ def default_kind(results: Results) -> str:
         return CONVERGENCE.name
     if not MODES.missing(results):
         return MODES.name
-    if results.solver == "dynamic" and not HISTORY.missing(results):
-        return HISTORY.name
+    for kind in (HISTORY, ENERGY) if results.solver == "dynamic" else ():
+        if not kind.missing(results):
+            return kind.name
     if "limit_points" in results.summary and not LOAD_DEFLECTION.missing(results):
         return LOAD_DEFLECTION.name
     return SHAPE.name

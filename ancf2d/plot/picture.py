@@ -75,28 +75,31 @@ class Kind:
 
 @dataclass
 class Curve:
-    """One line: its name, and x and y (n,)."""
+    """One line: its name, and x and y (n,); ``look`` is how it is drawn where that is not as usual."""
 
     name: str
     x: np.ndarray
     y: np.ndarray
     note: str = ""
+    look: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass
 class Panel:
-    """One axes with its curves."""
+    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something."""
 
     x: tuple[str, str]
     y: tuple[str, str]
     curves: list[Curve] = field(default_factory=list)
+    log: bool = False
+    whole: bool = False
 
 
 @dataclass
 class Curves:
     """A picture of lines, in panels one above the other or, sharing y, side by side.
 
-    ``log_base``: of the x axis where it is logarithmic, else 0; ``log_y``: whether the y axis is. Values below
+    ``log_base``: of the x axis where it is logarithmic, else 0; ``log_y``: whether all y axes are. Values below
     ``floor`` are not drawn on a logarithmic axis.
     """
 
@@ -129,14 +132,18 @@ class Curves:
                 looks = style.line_style(names.index(curve.name))
                 if len(curve.x) > MAX_MARKERS:
                     looks["marker"] = ""
+                looks.update(curve.look)
                 name = f"{curve.name}{curve.note}"
-                y = np.where(curve.y > self.floor, curve.y, np.nan) if self.log_y else curve.y
+                log = self.log_y or panel.log
+                y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
                 (handles[name],) = axes.plot(curve.x, y, label=name, **looks)
             if self.log_base:
                 axes.set_xscale("log", base=self.log_base)
                 axes.xaxis.set_major_formatter("{x:g}")
-            if self.log_y:
+            if self.log_y or panel.log:
                 axes.set_yscale("log")
+            if panel.whole:
+                axes.yaxis.get_major_locator().set_params(integer=True)
             style.verbatim(axes.set_xlabel(style.label(*panel.x)))
             style.verbatim(axes.set_ylabel(style.label(*panel.y)))
             axes.label_outer()

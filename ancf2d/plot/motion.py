@@ -1,0 +1,124 @@
+"""Dynamic runs: where the energy is, and how the steps went."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.results import Results
+
+# what is there, what is lost, and what was put in: the first two less the last stay as they were at the start
+HELD, LOST, GIVEN = ("kinetic", "strain", "potential"), ("dissipated",), ("work",)
+NEGLIGIBLE = 1e-9  # of the largest energy: a kind that never holds more is not drawn
+MANY, THIN = 500, 0.8  # more steps than that are drawn in thin lines
+BINS = 2000  # a curve of more points than twice this is drawn by the extremes in so many parts
+
+
+def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve of many points by the smallest and largest value in each of ``BINS`` parts, in their order."""
+    if len(y) <= 2 * BINS:
+        return t, y
+    edges = np.linspace(0, len(y), BINS + 1).astype(int)[:-1]
+    low, high = np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges)
+    last = np.append(edges[1:], len(y))
+    rows = []
+    for a, b, small, large in zip(edges, last, low, high, strict=True):
+        part = y[a:b]
+        found = {int(np.argmax(part == small)), int(np.argmax(part == large))} if small == small else {0}
+        rows += [a + k for k in sorted(found)]
+    chosen = np.unique([0, *rows, len(y) - 1])
+    return t[chosen], y[chosen]
+
+
+def _energies(results: Results) -> dict[str, np.ndarray]:
+    return {name: results.energies[name] for name in (*HELD, *LOST, *GIVEN) if name in results.energies}
+
+
+def balance(found: dict[str, np.ndarray]) -> np.ndarray:
+    """Return what is held and what was lost, less what was put in, less the same at the start."""
+    signs = {**dict.fromkeys((*HELD, *LOST), 1.0), **dict.fromkeys(GIVEN, -1.0)}
+    total = np.sum([signs[name] * values for name, values in found.items()], axis=0)
+    return total - total[0]
+
+
+def _scale(found: dict[str, np.ndarray]) -> float:
+    """Return the largest kinetic plus strain energy."""
+    held = [found[name] for name in ("kinetic", "strain") if name in found]
+    return float(np.max(np.sum(held, axis=0), initial=0.0)) if held else 0.0
+
+
+def energy(sources: Sequence[Source]) -> Curves:
+    """Build the energies over time, and below them the balance, as a share of the largest kinetic plus strain."""
+    first = sources[0].results
+    axis = ("time", first.units.time)
+    kinds = Panel(axis, ("energy", f"{first.units.force}*{first.units.length}"))
+    drift = Panel(axis, ("energy balance, relative", "1"))
+    for source in sources:
+        found = _energies(source.results)
+        largest = max(float(np.abs(v).max(initial=0.0)) for v in found.values())
+        t = source.results.t
+        for name, values in found.items():
+            if np.abs(values).max(initial=0.0) > NEGLIGIBLE * largest:
+                kinds.curves.append(Curve(source.name(name), *thinned(t, values)))
+        held = np.sum([v for name, v in found.items() if name in HELD], axis=0)
+        kinds.curves.append(Curve(source.name("total"), *thinned(t, held)))
+        share = balance(found) / (_scale(found) or 1.0)
+        terms = ["total", *(f"{'+' if name in LOST else '-'} {name}" for name in found if name not in HELD)]
+        drift.curves.append(Curve(source.name(" ".join(terms)), *thinned(t, share)))
+    return Curves(common_title(sources), "", [kinds, drift], share="x")
+
+
+def _step_panels(results: Results) -> Iterator[tuple[str, Panel, np.ndarray]]:
+    """Yield the panels of step sizes, iterations, error and violation, as far as there is something to show."""
+    axis, history = ("time", results.units.time), results.history
+    for name, label, units in (("dt", "step size", results.units.time), ("iterations", "iterations", "1"),
+                               ("error", "local error", "1"), ("violation", "constraint violation", "1")):
+        values = history.get(name)
+        if values is None or not (values > 0).any():
+            continue
+        positive = values[values > 0]
+        log = name in ("error", "violation") or (name == "dt" and positive.max() > 20 * positive.min())
+        yield name, Panel(axis, (label, units), log=log, whole=name == "iterations"), values
+
+
+def steps(sources: Sequence[Source]) -> Curves:
+    """Build step sizes, Newton iterations, estimates of the local error and constraint violations over time."""
+    panels: dict[str, Panel] = {}
+    for source in sources:
+        t = source.results.history["t"]
+        for name, own, values in _step_panels(source.results):
+            panel = panels.setdefault(name, own)
+            panel.log = panel.log or own.log
+            looks = {"linewidth": THIN} if len(values) > MANY else {}
+            panel.curves.append(Curve(source.name("") or "each step", *thinned(t, values.astype(float)), look=looks))
+        _given_up(source, panels)
+    return Curves(common_title(sources), "", list(panels.values()), share="x")
+
+
+def _given_up(source: Source, panels: dict[str, Panel]) -> None:
+    """Mark the steps before which longer ones were given up, on the step sizes."""
+    history = source.results.history
+    rejected = history.get("rejected")
+    if rejected is not None and (rejected > 0).any() and "dt" in panels:
+        at = rejected > 0
+        mark = Curve(source.name("after one given up"), history["t"][at], history["dt"][at],
+                     look={"marker": "x", "linestyle": "none"})
+        panels["dt"].curves.append(mark)
+
+
+def _no_energies(results: Results) -> str:
+    if not results.energies:
+        return "it holds no energies over time; dynamic runs do"
+    return "" if results.nt > 1 else "it holds one state only"
+
+
+def _no_steps(results: Results) -> str:
+    if "dt" not in results.history or "t" not in results.history:
+        return "it holds no steps in time; dynamic runs do"
+    return "" if results.history.rows > 1 else "it holds one step only"
+
+
+ENERGY = Kind("energy", "energies over time, and how well they balance (dynamic)", _no_energies, energy)
+STEPS = Kind("steps", "step sizes, iterations and local errors over time (dynamic)", _no_steps, steps)
