@@ -7,14 +7,15 @@ from typing import Any
 
 from ..case import Units
 from ..case.units import unit_label
+from .motion_report import motion_lines
 from .text import duration, many, number, rounded, table
 
 # quantities of one kind share a unit, and what they are known to
 _UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
-          "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m"}
+          "omega": "rad/s", "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m"}
 _KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
-          "vy": "velocity", "theta": "rotation", "N": "force", "Q": "force", "fx": "force", "fy": "force",
-          "M": "moment", "m": "moment"}
+          "vy": "velocity", "theta": "rotation", "omega": "angular velocity", "N": "force", "Q": "force",
+          "fx": "force", "fy": "force", "M": "moment", "m": "moment"}
 # no displacement or force is known better than this share of the largest
 ROUND_OFF = 1e-12
 # forces out of balance by more than this share of the largest are no round-off
@@ -32,6 +33,8 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
     if summary["solver"] != "linear_static":
         facts.append(f"{many(summary['iterations'], 'iteration')} in {many(summary['steps'], 'step')}")
     lines.append(f"{summary['status']}: {', '.join(facts)}, {duration(summary['wall_s'])}")
+    if summary["solver"] == "dynamic":
+        lines += motion_lines(summary, labels)
     if summary["solver"] == "static" and summary.get("load_factor", 1.0) != 1.0:
         lines.append(f"load factor {number(summary['load_factor'])}")
     floors = round_off_floors(summary, extent, unbalanced)
@@ -139,6 +142,9 @@ def built_report(model: Any) -> str:
     num, lines = model.numbering, []
     for name, mesh in model.meshes.items():
         plan = mesh.plan
+        if plan.rigid:
+            lines.append(f"body {name}: rigid, {many(plan.count, 'piece')}")
+            continue
         rule = " x ".join(map(str, plan.rule.normal))
         if not plan.rule.uniform:
             rule += f" (shear {' x '.join(map(str, plan.rule.shear))})"
@@ -149,8 +155,8 @@ def built_report(model: Any) -> str:
     lines.append(f"unknowns: {num.n_unknowns} of {many(model.n_q, 'nodal coordinate')}; {eliminated} eliminated by "
                  f"supports and joints; {many(num.n_multipliers, 'multiplier')}")
     lines.append(f"matrix: {matrix_text(model)}, half-bandwidth {num.half_bandwidth}")
-    formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values()))
-    lines.append(f"kernels: force, tangent and energy of {formulations}")
+    formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values() if not m.plan.rigid))
+    lines.append(f"kernels: force, tangent and energy of {formulations or 'no body'}")
     left_out = [] if "modes" in vars(model.case.solver) else ["mass matrix (static)"]
     left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
     left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
@@ -158,7 +164,8 @@ def built_report(model: Any) -> str:
     return "\n".join(lines)
 
 
-_MATRICES = {"SymmetricBand": "symmetric band, LDL^T", "GeneralBand": "band, LU with pivoting (LAPACK): follower loads",
+_MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
+             "GeneralBand": "band, LU with pivoting (LAPACK): follower loads or rigid bodies",
              "GeneralSparse": "sparse, LU (SuperLU): the mesh is no chain"}
 
 
