@@ -12,7 +12,7 @@ from .schema import schema_text, write_schema
 from .session import Session
 
 # as in case.TEMPLATES; repeated so that --help need not read the case format
-KINDS = ("cantilever", "simply_supported", "frame")
+KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 
 
 @click.command(epilog="Example: 'ancf2d new beam --kind simply_supported', then edit beam.yaml.")
