@@ -62,7 +62,7 @@ def rectangle(E: float, nu: float, rho: float, height: float, width: float, k: f
 
 
 class Bar:
-    """A bar from ``start`` to ``end``, ``count`` elements of degree ``p``; its coordinates are all x, all y, all theta."""
+    """A bar from ``start`` to ``end``: ``count`` elements of degree ``p``; coordinates are all x, all y, all theta."""
 
     def __init__(self, section: Section, start: Sequence[float], end: Sequence[float], count: int, p: int) -> None:
         a, b = np.array(start, float), np.array(end, float)
