@@ -15,7 +15,7 @@ def half_bandwidth(position: Index, sets: list[Index]) -> int:
     """Return the largest distance between unknowns that share a row of a set (m, n); -1 marks no unknown."""
     width = 0
     for rows in sets:
-        if rows.size == 0:
+        if rows.size == 0 or position.size == 0:
             continue
         places = np.where(rows >= 0, position[rows], -1)
         high = places.max(axis=1)

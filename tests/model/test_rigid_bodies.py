@@ -1,0 +1,211 @@
+"""Rigid bodies: mass in natural coordinates, what is kept, what is refused, and the order of multipliers."""
+
+from __future__ import annotations
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.errors import CaseError
+from ancf2d.model.mesh import mass_matrix
+from ancf2d.solve.mass import full_mass
+
+PIN = [{"type": "pin", "at": "b@0"}]
+HINGE = {"type": "rotational", "between": ["b@0", [0, 0]], "stiffness": 1.0}
+DYNAMIC = {"type": "dynamic", "t_end": 1.0, "dt": 0.1}
+BENT = {"type": "polyline", "points": [[0, 0], [2, 0], [2, 1]]}
+
+
+def rigid(geometry=None, **more):
+    spec = {k: more.pop(k) for k in ("mass", "inertia", "count", "quadrature", "formulation") if k in more}
+    return {"geometry": geometry or helpers.line(2.0, 0.3), "element": {"type": "rigid", **spec}, **more}
+
+
+def model_of(body, solver="static", springs=(HINGE,), bc=PIN, **scene):
+    return helpers.build({"b": body}, solver, bc=bc, springs=springs, **scene)
+
+
+def kinetic(model, v):
+    return 0.5 * v @ (full_mass(model) @ v)
+
+
+def rates(model, vx, vy, omega, about=(0.0, 0.0)):
+    """Return the rates of all coordinates for a rigid motion in the reference."""
+    x, y = model.e0[0::2] - about[0], model.e0[1::2] - about[1]
+    return np.stack([vx - omega * y, vy + omega * x], axis=1).ravel()
+
+
+def test_the_mass_matrix_is_that_of_natural_coordinates():
+    mesh = model_of(rigid(mass=3.0, inertia=0.7)).meshes["b"]
+    m, J, L = 3.0, 0.7, 2.0
+    own, other = m / 4 + J / L**2, m / 4 - J / L**2
+    expected = np.kron([[own, other], [other, own]], np.eye(2))
+    np.testing.assert_allclose(mass_matrix(mesh.classes[0].sampler), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize(("body", "mass", "inertia"), [
+    (rigid(mass=3.0, inertia=0.7), 3.0, 0.7),
+    (rigid(mass=3.0, inertia=5.0), 3.0, 5.0),
+    (rigid(section={"height": 0.3, "width": 0.2}, material={"rho": 10.0}), 1.2, 1.2 * (4 + 0.09) / 12),
+    (rigid(section={"A": 0.06, "I": 0.002, "height": 0.4}, material={"rho": 10.0}), 1.2, 1.2 * 4 / 12 + 0.04),
+    (rigid(section={"EA": 1.0, "EI": 2.0, "rhoA": 0.5, "rhoI": 0.25}), 1.0, 4 / 12 + 0.5),
+    (rigid(section={"EA": 1.0, "EI": 2.0, "rhoA": 0.5}), 1.0, 4 / 12 + 2.0),
+])
+def test_kinetic_energy_is_that_of_a_rigid_body_about_its_centre(body, mass, inertia):
+    model = model_of(body)
+    centre = np.array([np.cos(0.3), np.sin(0.3)])
+    assert kinetic(model, rates(model, 0.4, -0.3, 0.0)) == pytest.approx(0.5 * mass * 0.25)
+    assert kinetic(model, rates(model, 0.0, 0.0, 1.5, centre)) == pytest.approx(0.5 * inertia * 1.5**2)
+
+
+@pytest.mark.parametrize("inertia", [4.0, 2.0])
+def test_a_bent_body_has_its_mass_and_inertia_about_their_common_centre(inertia):
+    model = model_of(rigid(BENT, mass=3.0, inertia=inertia))
+    # 2 m along x with its middle at (1, 0), 1 m along y with its middle at (2, 0.5)
+    centre = np.array([4 / 3, 1 / 6])
+    assert kinetic(model, rates(model, 1.0, 0.0, 0.0)) == pytest.approx(1.5)
+    assert kinetic(model, rates(model, 0.0, 0.0, 1.0, centre)) == pytest.approx(0.5 * inertia)
+    assert (np.linalg.eigvalsh(full_mass(model).toarray()) > 0).all()
+
+
+def test_an_inertia_that_would_leave_a_piece_none_is_refused():
+    with pytest.raises(CaseError, match=r"moment of inertia than 0\.5"):
+        model_of(rigid(BENT, mass=3.0, inertia=0.5))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, -2.5, 8.0])
+@pytest.mark.parametrize("geometry", [None, BENT])
+def test_lengths_and_corners_are_kept_by_rigid_motion_and_nothing_else(geometry, angle):
+    model = model_of(rigid(geometry))
+    d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
+    assert len(model.constraints) == (1 if geometry is None else 3)
+    for c in model.constraints:
+        assert c.evaluate(model.e0 + d, d, 1.0)[0] == pytest.approx(0, abs=1e-14)
+    # coordinates less equations are the three rigid motions: no more is kept, no less
+    seen = np.zeros((0, model.n_q))
+    for c in model.constraints:
+        row = np.zeros((1, model.n_q))
+        row[0, c.dofs] = c.evaluate(model.e0 + d, d, 1.0)[1]
+        seen = np.vstack([seen, row])
+    for r in model.rows:
+        row = np.zeros((1, model.n_q))
+        row[0, r.coords] = r.coefs
+        seen = np.vstack([seen, row] if r.owner.startswith("corner") else [seen])
+    assert np.linalg.matrix_rank(seen, tol=1e-9) == model.n_q - 3
+
+
+def test_a_rigid_body_is_one_element_per_piece_whatever_its_count():
+    assert model_of(rigid(count=7)).meshes["b"].plan.count == 1
+    assert model_of(rigid(BENT, count=7)).meshes["b"].plan.count == 2
+
+
+def test_rigid_bodies_have_no_strain_and_no_group():
+    model = model_of(rigid(section={"height": 0.3, "width": 0.2}))
+    assert model.groups == []
+    assert model.meshes["b"].plan.section.height == 0.3
+    assert model_of(rigid()).meshes["b"].plan.section.height == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("body", "word"), [
+    (rigid(helpers.ARC), "straight"),
+    (rigid(quadrature=[2, 2]), "quadrature means nothing"),
+    (rigid(formulation="cable"), "formulation means nothing"),
+])
+def test_what_a_rigid_body_cannot_have_is_refused(body, word):
+    with pytest.raises(CaseError, match=word):
+        model_of(body)
+
+
+@pytest.mark.parametrize("hold", [None, "all", "section"])
+def test_a_clamp_holds_position_and_rotation(hold):
+    clamp = {"type": "clamp", "at": "b@0", **({"hold": hold} if hold else {})}
+    model = model_of(rigid(), bc=[clamp])
+    assert len(model.rows) == 3
+    d = np.zeros(model.n_q)
+    assert all(r.coefs @ d[r.coords] == 0 for r in model.rows)
+    turned = helpers.rotate(d, model, 0.2)
+    assert max(abs(r.coefs @ turned[r.coords]) for r in model.rows) > 0.1
+    assert not model.warnings
+
+
+def test_mechanisms_see_that_a_bar_does_not_stretch_but_turns():
+    with pytest.raises(CaseError, match=r"b can turn about \(0, 0\)"):
+        model_of(rigid(BENT), springs=[])
+    spring = {"type": "translational", "between": ["b@0.2", "b@0.9"], "stiffness": 3.0}
+    with pytest.raises(CaseError, match=r"b can turn about \(0, 0\)"):
+        model_of(rigid(helpers.line(2.0, 0.3)), springs=[spring])
+
+
+def test_a_bar_that_supports_hold_at_both_ends_does_not_carry_its_length_twice():
+    model = model_of(rigid(), bc=[*PIN, {"type": "pin", "at": "b@1"}])
+    assert not model.constraints
+    assert any("held twice: the length of b" in w for w in model.warnings)
+
+
+def test_a_bar_that_is_moved_at_both_ends_keeps_its_constraint():
+    moved = {"type": "prescribed", "at": "b@1", "ux": 0.1, "uy": 0.0}
+    assert len(model_of(rigid(), bc=[*PIN, moved]).constraints) == 1
+
+
+def chain(solver):
+    """Return two bars pinned to each other and to the ground, and a beam welded to them."""
+    first, second = rigid(helpers.line(1.0, 0.4), mass=1.0, inertia=0.1), None
+    end = (np.cos(0.4), np.sin(0.4))
+    second = rigid(helpers.line(1.5, -0.3, end), mass=1.0, inertia=0.1)
+    tip = (end[0] + 1.5 * np.cos(0.3), end[1] - 1.5 * np.sin(0.3))
+    beam = helpers.body(helpers.line(1.0, 0.2, tip), helpers.element("vallejo", 3), helpers.SECTION, helpers.MATERIAL)
+    return helpers.build(
+        {"b": first, "c": second, "beam": beam}, solver,
+        bc=[*PIN, {"type": "pin", "at": "beam@1"}],
+        joints=[{"type": "pin", "between": ["b@1", "c@0"]}, {"type": "weld", "between": ["c@1", "beam@0"]}],
+    )
+
+
+def test_in_motion_every_multiplier_stands_behind_all_its_coordinates():
+    """Then LDL^T without row exchanges has a pivot of the right sign everywhere, whatever stiffness there is."""
+    model = chain(DYNAMIC)
+    num = model.numbering
+    for k, c in enumerate(model.constraints):
+        reached = set()
+        for i in num.place[c.dofs].tolist():
+            reached |= set(num.index[num.indptr[-2 - i]:num.indptr[-1 - i]].tolist()) if i < -1 else {i}
+        assert num.place[model.n_q + k] > max(reached)
+    A = np.zeros((num.n_unknowns, num.n_unknowns))
+    full = np.zeros((len(num.place), len(num.place)))
+    full[:model.n_q, :model.n_q] = full_mass(model).toarray()
+    for k, c in enumerate(model.constraints):
+        _, G, _ = c.evaluate(model.e0, np.zeros(model.n_q), 0.0)
+        full[c.dofs, model.n_q + k] = full[model.n_q + k, c.dofs] = G
+    T = np.zeros((len(full), num.n_unknowns))
+    for k in range(num.n_unknowns):
+        num.expand(np.eye(num.n_unknowns)[k], T[:, k])
+    A = T.T @ full @ T
+    wide = np.abs(np.subtract(*np.nonzero(np.abs(A) > 1e-12))).max()
+    assert wide <= num.half_bandwidth
+    for k in range(len(A)):
+        pivot = np.linalg.det(A[:k + 1, :k + 1]) / (np.linalg.det(A[:k, :k]) if k else 1.0)
+        assert pivot * (1 if num.free[k] < model.n_q else -1) > 0
+
+
+def test_at_rest_multipliers_stand_where_they_make_the_band_narrow():
+    assert chain("static").numbering.half_bandwidth <= chain(DYNAMIC).numbering.half_bandwidth
+
+
+def test_sliders_hold_the_distance_from_their_line():
+    body = helpers.body(helpers.line(1.0, 0.3), helpers.element("vallejo", 2))
+    through = [np.cos(0.3) - 6, np.sin(0.3) - 8]
+    slider = {"type": "slider", "at": "b@1", "through": through, "along": [3, 4]}
+    model = helpers.build({"b": body}, bc=PIN, joints=[slider])
+    (row,) = (r for r in model.rows if r.owner == "joints.0")
+    d = np.zeros(model.n_q)
+    d[row.coords] = [3.0, 4.0]
+    assert row.coefs @ d[row.coords] == pytest.approx(0, abs=1e-14)
+    d[row.coords] = [-4.0, 3.0]
+    assert abs(row.coefs @ d[row.coords]) == pytest.approx(5.0)
+
+
+def test_a_slider_that_is_not_on_its_line_is_refused():
+    body = helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))
+    slider = {"type": "slider", "at": "b@1", "through": [0, 0.5], "along": [2, 0]}
+    with pytest.raises(CaseError, match=r"b@1 is at \(1, 0\), 0\.5 away from the line"):
+        helpers.build({"b": body}, bc=PIN, joints=[slider])

@@ -1,0 +1,129 @@
+"""Rigid levers and cranks and sliders in equilibrium, against calculation by hand."""
+
+from __future__ import annotations
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.solve.linear import GeneralSparse, make_matrix
+from ancf2d.solve.registry import unavailable
+
+SECTION = {"height": 0.05, "width": 0.05}
+EI = 2.07e11 * 0.05**4 / 12
+
+
+def rigid(geometry):
+    return {"geometry": geometry, "element": {"type": "rigid"}}
+
+
+def beam(geometry, name="reissner3", count=4):
+    return helpers.body(geometry, helpers.element(name, count), SECTION, helpers.STEEL)
+
+
+def test_a_lever_on_a_spring_balances_moments_in_large_rotation():
+    """Pinned at a quarter, a force at the short arm and a spring at the long one: moments about the pin by hand."""
+    load = {"type": "force", "at": "lever@0", "value": [3.0, 40.0]}
+    spring = {"type": "translational", "between": ["lever@1", [2.0, 1.0]], "stiffness": 30.0}
+    sol = helpers.solved({"lever": rigid(helpers.line(2.0))}, bc=[{"name": "p", "type": "pin", "at": "lever@0.25"}],
+                         springs=[spring], loads=[load])
+    phi = sol.theta("lever@0.7")
+    n = np.array([np.cos(phi), np.sin(phi)])
+    ends = np.array([[0.5, 0.0]]) + np.outer([-0.5, 1.5], n)
+    np.testing.assert_allclose([sol.r("lever@0"), sol.r("lever@1")], ends, atol=1e-9)
+    pull = np.array([2.0, 1.0]) - ends[1]
+    force = 30.0 * (np.hypot(*pull) - 1.0) * pull / np.hypot(*pull)
+    moment = (-0.5 * n[0]) * 40.0 - (-0.5 * n[1]) * 3.0 + 1.5 * (n[0] * force[1] - n[1] * force[0])
+    assert moment == pytest.approx(0, abs=1e-6)
+    assert abs(phi) > 0.2
+    reaction = sol.reactions()["p"]
+    np.testing.assert_allclose([reaction["fx"], reaction["fy"]], -force - [3.0, 40.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "omar", "2d3n-nu"])
+def test_a_rigid_arm_on_a_beam_bends_it_by_its_moment(name):
+    """Linear theory: slope M L/EI and deflection M L^2/(2 EI) at the tip, and the arm turns with the beam's section."""
+    arm = rigid(helpers.line(0.5, np.pi / 2, (1.0, 0.0)))
+    sol = helpers.solved({"beam": beam(helpers.line(1.0), name), "arm": arm}, "linear_static",
+                         bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}],
+                         joints=[{"type": "weld", "between": ["beam@1", "arm@0"]}],
+                         loads=[{"type": "force", "at": "arm@1", "value": [100.0, 0.0]}])
+    slope = -50.0 / EI
+    assert sol.theta("beam@1") == pytest.approx(slope, rel=2e-3)
+    assert sol.theta("arm@0.5") == pytest.approx(sol.theta("beam@1"), rel=1e-9)
+    assert sol.u("beam@1")[1] == pytest.approx(0.5 * slope, rel=2e-3)
+    assert sol.u("arm@1")[0] == pytest.approx(-0.5 * slope + 100.0 / (2.07e11 * 0.0025), rel=2e-3)
+    assert sol.reactions()["wall"]["m"] == pytest.approx(50.0, rel=1e-9)
+
+
+def test_a_bent_rigid_body_keeps_its_angle():
+    """A beam whose tip carries a rigid elbow: what the elbow's end does is what its start does, carried along."""
+    elbow = rigid({"type": "polyline", "points": [[1, 0], [1.5, 0], [1.5, 0.7]]})
+    sol = helpers.solved({"beam": beam(helpers.line(1.0)), "elbow": elbow}, bc=[{"type": "clamp", "at": "beam@0"}],
+                         joints=[{"type": "weld", "between": ["beam@1", "elbow@0"]}],
+                         loads=[{"type": "force", "at": "elbow@1", "value": [2e4, 3e4]}])
+    phi = sol.theta("beam@1")
+    assert abs(phi) > 0.1
+    c, s = np.cos(phi), np.sin(phi)
+    np.testing.assert_allclose(sol.r("elbow@1") - sol.r("beam@1"), [0.5 * c - 0.7 * s, 0.5 * s + 0.7 * c], atol=1e-9)
+    assert sol.theta("elbow@0.9") == pytest.approx(phi, abs=1e-9)
+
+
+def test_a_rigid_crank_drives_a_slider_by_its_prescribed_angle():
+    """Crank of 0.3 m, rod of 0.5 m, both rigid: x = 0.3 cos a + sqrt(0.25 - 0.09 sin^2 a)."""
+    start = 0.4
+    knee = (0.3 * np.cos(start), 0.3 * np.sin(start))
+    end = knee[0] + np.sqrt(0.25 - knee[1] ** 2)
+    rod = {"type": "line", "start": list(knee), "end": [end, 0.0]}
+    sol = helpers.solved(
+        {"crank": rigid(helpers.line(0.3, start)), "rod": rigid(rod)},
+        bc=[{"name": "axle", "type": "pin", "at": "crank@0"}, {"type": "prescribed", "at": "crank@0", "angle": 2.0}],
+        joints=[{"type": "pin", "between": ["crank@1", "rod@0"]},
+                {"type": "slider", "at": "rod@1", "through": [0, 0], "along": [1, 0]}],
+        loads=[{"type": "force", "at": "rod@1", "value": [-10.0, 0.0]}],
+    )
+    a = start + 2.0
+    x = 0.3 * np.cos(a) + np.sqrt(0.25 - 0.09 * np.sin(a) ** 2)
+    np.testing.assert_allclose(sol.r("rod@1"), [x, 0.0], atol=1e-9)
+    assert sol.theta("crank@1") == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", helpers.KINDS.values())
+def test_a_beam_on_an_inclined_slider_is_pushed_along_the_line_only(name):
+    """The slider's force is normal to its line: a cantilever bent by F has slider force in the ratio of stiffnesses."""
+    load = {"type": "force", "at": "beam@1", "value": [0.0, -100.0]}
+    sol = helpers.solved({"beam": beam(helpers.line(1.0), name)}, "linear_static",
+                         bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}],
+                         joints=[{"type": "slider", "at": "beam@1", "through": [1, 0], "along": [1, 1]}], loads=[load])
+    u = sol.u("beam@1")
+    assert u[0] == pytest.approx(u[1], rel=1e-9)
+    # along the line: (EA/L + 3 EI/L^3) u = -F, with shear a correction of (h/L)^2
+    assert u[1] == pytest.approx(-100.0 / (2.07e11 * 0.0025 + 3 * EI), rel=1e-3)
+
+
+def test_a_wide_net_of_rigid_bars_is_solved_too():
+    """Bars that join far nodes make the band wide: sparse factors with row exchanges."""
+    bodies, n = {"beam": beam(helpers.line(1.0), count=60)}, 30
+    joints, springs = [], []
+    for k in range(n):
+        s = k / n
+        bodies[f"bar{k}"] = rigid(helpers.line(0.2, np.pi / 2, (s, 0.0)))
+        joints.append({"type": "pin", "between": [f"beam@{s}", f"bar{k}@0"]})
+        springs.append({"type": "translational", "between": [f"bar{k}@1", [s - 0.5, 0.2]], "stiffness": 1e3})
+        springs += [{"type": "translational", "between": [f"bar{k}@1", f"bar{m}@1"], "stiffness": 1e3}
+                    for m in ((7 * k + 5) % n, (k + n // 2) % n) if m != k]
+    sol = helpers.solved(bodies, bc=[{"type": "clamp", "at": "beam@0"}], joints=joints, springs=springs,
+                         loads=[{"type": "force", "at": "bar7@1", "value": [10.0, 0.0]}])
+    assert isinstance(make_matrix(sol.model), GeneralSparse)
+    for k in range(n):
+        assert np.hypot(*(sol.r(f"bar{k}@1") - sol.r(f"bar{k}@0"))) == pytest.approx(0.2, rel=1e-9)
+    assert abs(sol.theta("bar7@0")) > 1e-3
+
+
+@pytest.mark.parametrize("solver", ["eigen", "buckling"])
+def test_modes_of_rigid_bodies_are_refused_with_a_word(solver):
+    lever = {"geometry": helpers.line(2.0), "element": {"type": "rigid", "mass": 1, "inertia": 1}}
+    loaded = helpers.load({"lever": lever}, {"type": solver, "modes": 2}, bc=[{"type": "clamp", "at": "lever@0"}],
+                          loads=[{"type": "force", "at": "lever@1", "value": [1, 0]}] if solver == "buckling" else [])
+    (problem,) = unavailable(loaded)
+    assert "lever is rigid" in problem.message
