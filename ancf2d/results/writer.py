@@ -111,15 +111,12 @@ class ResultWriter:
             raise
         with self._disk_errors():
             self._begin(recovered(self._target.descriptor))
-            self._file.flush()  # what the earlier process wrote behind its last commit goes
-            self._stream.commit()
             self._committed, self._earlier = found.rows[0], found.wall_s
             self._growth.reopen(found.rows)
             if "summary" in self._file:
                 del self._file["summary"]
             set_text(self._file, "status", "running")
             self._file.attrs["resumed"] = int(self._file.attrs.get("resumed", 0)) + 1
-            self._checkpoint = found
             self.flush()
         return self
 

@@ -1,0 +1,176 @@
+"""A run through time that is interrupted and goes on: states, probes and summary are those of one that is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.errors import ComputationError, ResultsError
+from ancf2d.model.model import Model
+from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
+from ancf2d.results import writer as writer_module
+from ancf2d.solve import registry
+from ancf2d.solve.state import State
+from ancf2d.study.record import Progress
+from ancf2d.study.run import run_case, vocabulary
+
+CASE = """\
+format: 1
+title: Beam that is moved about
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 0.1}
+    element: {type: cable, count: 2}
+boundary_conditions:
+  - {name: root, type: clamp, at: beam@0}
+solver: {type: dynamic, t_end: 3, dt: 0.01}
+output:
+  probes:
+    tip: beam@1
+expected: [{probe: tip, quantity: theta, value: 15, atol: 1}]
+"""
+STATES = 30
+
+
+def turning(model: Model, resume: dict[str, np.ndarray] | None = None, stop: int = STATES,
+            how: type[BaseException] = KeyboardInterrupt) -> Iterator[State]:
+    """Turn all sections 0.5 rad a state, with numbers in between that depend on every bit of those before."""
+    first, x = (0, 0.3) if resume is None else (int(resume["k"]) + 1, float(resume["x"]))
+    worst = 0.0 if resume is None else float(resume["worst"])
+    for k in range(first, STATES + 1):
+        if k == stop:
+            raise how
+        n = k % 3 + 1 if k else 0
+        for _ in range(n):
+            x = 3.9 * x * (1 - x)
+        worst = max(worst, x)
+        d, zero = np.zeros(len(model.numbering.place)), np.zeros(len(model.numbering.place))
+        r_x = model.e0[2::4] == 1.0
+        d[2:model.n_q:4], d[3:model.n_q:4] = (np.cos(0.5 * k) - 1) * r_x, np.sin(0.5 * k) * r_x
+        d[8] = x
+        t = 3.0 * k / STATES
+        blocks = {"step": np.arange(n), "t": t - np.arange(n)[::-1] * 0.1 / max(n, 1),
+                  "dt": np.full(n, 0.1 / max(n, 1)), "iterations": np.full(n, 2), "rejected": np.arange(n) % 2,
+                  "error": np.full(n, x)}
+        yield State(t, d, zero, zero, x, v=zero, a=zero, blocks=blocks, history={"kinetic": x, "strain": 1 - x},
+                    report={**({"passed": [t]} if k == STATES // 2 else {}), "energy_drift": worst,
+                            "momentum": {"linear": [x, 0.0], "angular": x}},
+                    warnings=["half of it"] if k == STATES // 2 else [],
+                    checkpoint={"k": np.array(k), "x": np.array(x), "worst": np.array(worst)})
+
+
+@pytest.fixture
+def loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCase:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "unavailable", lambda loaded: [])
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
+    return load_case_text(CASE, vocabulary=vocabulary())
+
+
+def run(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase, out: str, stop: int = STATES + 1, *, resume: bool = False,
+        how: type[BaseException] = KeyboardInterrupt) -> tuple[dict[str, Any], list[str]]:
+    """Return the summary of a run (empty: it was interrupted) and its remarks."""
+    notes: list[str] = []
+    monkeypatch.setattr(registry, "solve", lambda model, start=None: turning(model, start, stop, how))
+    try:
+        return run_case(loaded, out, resume=resume, progress=Progress(note=notes.append)).summary, notes
+    except KeyboardInterrupt:
+        return {}, notes
+
+
+def test_interrupted_run_goes_on_to_the_same_file_and_summary(monkeypatch: pytest.MonkeyPatch,
+                                                              loaded: LoadedCase) -> None:
+    whole, _ = run(monkeypatch, loaded, "whole.h5")
+    assert whole["status"] == "converged"
+    for k, stop in enumerate((8, 9, 21)):
+        found, notes = run(monkeypatch, loaded, "a.h5", stop, resume=k > 0)
+        assert not found
+        assert k == 0 or "resuming 'a.h5.part' at t = " in notes[0]
+        left = read_checkpoint(part_path("a.h5"))
+        assert left is not None
+        assert left.t == pytest.approx(0.1 * (stop - 1))
+    found, _ = run(monkeypatch, loaded, "a.h5", resume=True)
+    for own in ("wall_s", "output"):
+        whole.pop(own), found.pop(own)
+    assert found == whole
+    assert not compare_results("a.h5", "whole.h5", rtol=0)
+    with open_results("a.h5") as a, open_results("whole.h5") as b:
+        assert a.attrs["resumed"] == 3
+        assert a.nt == b.nt == STATES + 1
+        for i in range(a.nt):
+            assert a.d(i).tobytes() == b.d(i).tobytes()
+        for name in b.history:
+            assert a.history[name].tobytes() == b.history[name].tobytes()
+
+
+def test_summary_of_a_motion(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+    found, _ = run(monkeypatch, loaded, "a.h5")
+    steps = sum(k % 3 + 1 for k in range(1, STATES + 1))
+    assert found["t"] == 3.0
+    assert "load_factor" not in found
+    assert (found["steps"], found["iterations"]) == (steps, 2 * steps)
+    assert found["rejected"] == STATES * 2 // 3  # one in blocks of two and in blocks of three
+    assert found["dt"] == pytest.approx([0.1 / 3, 0.1])
+    assert set(found["energy"]) == {"kinetic", "strain"}
+    assert found["energy_drift"] < 1
+    assert found["warnings"] == ["half of it"]
+    assert found["probes"]["tip"]["theta"] == pytest.approx(15)
+    assert found["checks"][0]["met"]
+    with open_results("a.h5") as r:
+        assert r.history.rows == steps
+        assert r.energies.rows == len(r.probe_t) == r.nt == STATES + 1
+        np.testing.assert_allclose(r.probes["tip"]["theta"], 0.5 * np.arange(STATES + 1), atol=1e-12)
+
+
+def test_a_run_killed_behind_its_last_state_computes_that_again(monkeypatch: pytest.MonkeyPatch,
+                                                                loaded: LoadedCase) -> None:
+    """The last state has no checkpoint: the run that goes on needs a state to end with."""
+    def dies(*args: Any) -> None:
+        raise KeyboardInterrupt
+    with monkeypatch.context() as patch:
+        patch.setattr("ancf2d.study.run.summarise", dies)
+        assert not run(monkeypatch, loaded, "a.h5")[0]
+    with open_results("a.h5.part") as r:
+        assert r.t[-1] == 3.0
+    found, _ = run(monkeypatch, loaded, "a.h5", resume=True)
+    assert found["t"] == 3.0
+    run(monkeypatch, loaded, "b.h5")
+    assert not compare_results("a.h5", "b.h5", rtol=0)
+
+
+def test_nothing_to_resume_from_starts_afresh_and_says_so(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+    found, notes = run(monkeypatch, loaded, "a.h5", resume=True)
+    assert found["t"] == 3.0
+    assert notes == ["there is no unfinished 'a.h5.part': starting afresh"]
+    static = load_case_text(CASE.replace("dynamic, t_end: 3, dt: 0.01", "linear_static"), vocabulary=vocabulary())
+    monkeypatch.undo()
+    notes = []
+    outcome = run_case(static, resume=True, progress=Progress(note=notes.append))
+    assert outcome.summary["status"] == "converged"
+
+
+def test_a_changed_case_is_refused_and_the_states_stay(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+    run(monkeypatch, loaded, "a.h5", 9)
+    other = load_case_text(CASE.replace("EI: 1.0e3", "EI: 1.1e3"), vocabulary=vocabulary())
+    with pytest.raises(ResultsError, match="the case has changed since"):
+        run(monkeypatch, other, "a.h5", resume=True)
+    with open_results("a.h5.part") as r:
+        assert r.nt == 9
+
+
+def test_a_failed_run_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+    class GaveUpError(ComputationError):
+        def __init__(self) -> None:
+            super().__init__("the motion cannot go on", at={"t": 1.0})
+    found, _ = run(monkeypatch, loaded, "a.h5", 11, how=GaveUpError)
+    assert (found["status"], found["reason"]) == ("failed", "the motion cannot go on")
+    assert found["t"] == pytest.approx(1.0)
+    again, _ = run(monkeypatch, loaded, "a.h5", 11, how=GaveUpError, resume=True)
+    assert again["status"] == "failed"
+    assert read_checkpoint("a.h5.part") is not None
