@@ -13,6 +13,7 @@ from .text import duration
 
 PATIENCE = 0.7  # seconds before a bar is worth drawing
 STEPS = 1000
+WIDTH = 20  # with the text beside it, a bar fits 80 columns
 REDRAW = 1.0  # seconds after which the text is drawn anew where the bar itself has not moved
 
 
@@ -40,7 +41,7 @@ class Bar:
             if moment - self.started < PATIENCE:
                 return
             self.bar = click.progressbar(length=STEPS, label=self.label, file=sys.stderr, show_eta=False,
-                                         item_show_func=lambda shown: shown)
+                                         width=WIDTH, item_show_func=lambda shown: shown)
             self.bar.__enter__()
         now = min(int(STEPS * share), STEPS)
         if now > self.done or moment - self.drawn > REDRAW:

@@ -36,6 +36,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             "bodies": {name: {"element": b.element_type, "formulation": b.formulation,
                               "elements": len(b.dofs), "nodes": len(np.unique(b.nodes))}
                        for name, b in r.bodies.items()},
+            "checkpoint": None if r.checkpoint is None else r.checkpoint.t,
             "dofs": r.nq, "states": r.nt, "steps": r.history.rows,
             "range": [float(r.t[0]), float(r.t[-1])] if r.nt else [],
             "probes": {name: {q: {"value": float(v[-1]), "units": columns.units[q]}
@@ -66,6 +67,8 @@ def describe_text(found: dict[str, Any]) -> str:
     if found["range"]:
         what = "time" if found["solver"] == "dynamic" else "factor"
         rows.append((what, f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"))
+    if found["checkpoint"] is not None:
+        rows.append(("resumable", f"from t = {found['checkpoint']:.6g}, by 'ancf2d run CASE --resume'"))
     rows += [(k, f"{found['summary'][k]}") for k in ("iterations", "wall_s")
              if k in found["summary"]]
     rows += _sections(found)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
+from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, Units, unescape
 
@@ -265,6 +266,12 @@ class Results:
         """Energies by name, one value per stored state (dynamic runs)."""
         with safe.damage(self.path):
             return self._columns(safe.child(self._file, "energies", h5py.Group), self.nt)
+
+    @cached_property
+    def checkpoint(self) -> Checkpoint | None:
+        """What the run can be resumed from, where it is unfinished and has got so far."""
+        with safe.damage(self.path):
+            return checkpoint_of(self._file)
 
     @cached_property
     def _all_probes(self) -> dict[str, Table]:

@@ -19,7 +19,16 @@ from synthetic import HEADER, coordinates, tangent_body
 from test_results_kills import KilledError, kill_at
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import Checkpoint, ResultWriter, compare_results, open_results, part_path, read_checkpoint
+from ancf2d.results import (
+    Checkpoint,
+    ResultWriter,
+    compare_results,
+    describe,
+    describe_text,
+    open_results,
+    part_path,
+    read_checkpoint,
+)
 from ancf2d.results import writer as writer_module
 
 HERE = Path(__file__).parent
@@ -249,6 +258,19 @@ def test_energies_are_compared(tmp_path: Path) -> None:
         w.finish({})
     (found,) = compare_results(tmp_path / "a.h5", tmp_path / "b.h5")
     assert found.dataset == "/energies/kinetic"
+
+
+def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
+    w = begin(tmp_path / "a.h5", False)
+    states(w, 10, every=4)
+    w.finish({}, "interrupted")
+    assert "resumable   from t = 8, by 'ancf2d run CASE --resume'" in describe_text(describe(part_path(w.path)))
+    w = begin(tmp_path / "a.h5", True)
+    states(w, 12)
+    w.finish({})
+    text = describe_text(describe(w.path))
+    assert "resumed once" in text
+    assert "resumable" not in text
 
 
 @pytest.mark.slow
