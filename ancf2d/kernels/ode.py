@@ -1,0 +1,86 @@
+"""The equations of motion solved for accelerations: y' = f(t, y) with y = (z, z') of the coordinates alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .amplitudes import evaluate
+from .band import ldl_factor, ldl_solve
+from .consistent import _by_motion, _rates_of_constraints, constraint_matrix
+from .dynamics import forces, forces_tangent, residual, to_full
+from .jit import kernel
+
+
+@kernel
+def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
+    """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
+
+    ``factors`` (n, bw + 1): LDL^T of the mass matrix, which serves where there are no multipliers.
+    """
+    n = len(s.z)
+    rhs = np.zeros(n)
+    constrained = False
+    evaluate(p.programs, t, w.amps)
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            s.z[i] = 0.0
+            constrained = True
+    s.a[:] = 0.0
+    forces(p, w, s.z, s.v)
+    residual(p, w, s.v, s.a)
+    if not constrained:
+        s.a[:] = -w.R
+        ldl_solve(factors, s.a)
+        return True
+    velocity, acceleration, by_motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    rhs[:] = -w.R
+    constraint_matrix(p, w)
+    _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
+    _by_motion(p, w, 2, by_motion)
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            rhs[i] = -acceleration[p.full[i]] - by_motion[i]
+    if ldl_factor(w.A, 1e-16)[0] >= 0:
+        return False
+    ldl_solve(w.A, rhs)
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            s.z[i] = rhs[i]
+        else:
+            s.a[i] = rhs[i]
+    return True
+
+
+@kernel
+def place(s, free, y):  # type: ignore[no-untyped-def]
+    """Put y = (z, z') of the coordinates ``free`` into the motion s."""
+    m = len(free)
+    for k in range(m):
+        s.z[free[k]] = y[k]
+        s.v[free[k]] = y[m + k]
+
+
+@kernel
+def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
+    """Fill y' (2 m,); not a number where it is not determined."""
+    m = len(free)
+    place(s, free, y)
+    found = accelerations(p, w, factors, s, t)
+    for k in range(m):
+        out[k] = y[m + k]
+        out[m + k] = s.a[free[k]] if found else np.nan
+
+
+@kernel
+def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
+    """Fill dQ/dz, dQ/dz' and the matrix of [M G^T; G 0], bands (n, bw + 1) each, at s with its multipliers."""
+    evaluate(p.programs, t, w.amps)
+    forces_tangent(p, w, s.z, s.v, 1.0)
+    C[:] = w.A
+    forces_tangent(p, w, s.z, s.v, 0.0)
+    K[:] = w.A
+    C -= K
+    to_full(p, s.z, w.amps, 0, w.d)
+    to_full(p, s.v, w.amps, 1, w.v)
+    constraint_matrix(p, w)
+    KKT[:] = w.A

@@ -1,0 +1,300 @@
+"""SciPy's integrators on the equations of motion: RK45, DOP853, Radau, BDF, LSODA."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..case import Dynamic
+from ..elements.shape import Array
+from ..errors import ComputationError, Problem
+from ..kernels import advance as kernels
+from ..kernels.amplitudes import evaluate
+from ..kernels.band import ldl_factor
+from ..kernels.consistent import onto_constraints
+from ..kernels.dynamics import to_full, violation
+from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
+from ..kernels.ode import accelerations, place, rates, tangents
+from ..kernels.points import point_accept
+from ..kernels.sliding import sliding_accept
+from ..model.model import Model
+from .stepping import CHUNK_SECONDS, LOG, Row, Stepper
+
+# relative local error where the case gives dt, the longest step, and no tolerance
+TOLERANCE = 1e-6
+# Lobatto points and weights on [0, 1], for work along a step
+LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What an integrator of SciPy allows.
+
+    ``one_step``: it looks at no earlier step, so that states can be put onto the constraints; ``stages`` that it
+    evaluates per try, where that tells how many tries a step took; ``keeps``: it goes on from (t, y, h) alone;
+    ``jacobian``: it takes one; ``fixed``: its error weights cannot change on the way.
+    """
+
+    one_step: bool
+    stages: int = 0
+    keeps: bool = False
+    jacobian: bool = False
+    fixed: bool = False
+
+
+SCHEMES = {
+    "RK45": Scheme(True, stages=6, keeps=True),
+    "DOP853": Scheme(True, stages=12, keeps=True),
+    "Radau": Scheme(True, jacobian=True),
+    "BDF": Scheme(False, jacobian=True),
+    "LSODA": Scheme(False, jacobian=True, fixed=True),
+}
+
+
+def ode_problems(model: Model) -> list[Problem]:
+    """Return why the method of a case cannot move its model: multistep methods and multipliers do not go together."""
+    method = getattr(model.case.solver, "method", None)
+    if method not in SCHEMES or SCHEMES[method].one_step or not model.constraints or model.loaded is None:
+        return []
+    owners = ", ".join(sorted({c.owner for c in model.constraints}))
+    message = (f"solver.method: {method} goes on from earlier steps, which cannot be kept on the constraints of "
+               f"{owners}")
+    return [model.loaded.source.problem(("solver", "method"), message, "Radau, RK45, DOP853, or a method of the tool's "
+                                        "own, such as radau5")]
+
+
+def dense(band: Array) -> Array:
+    """Return a symmetric band (n, w) as a full matrix."""
+    n, w = band.shape
+    out = np.zeros((n, n))
+    for k in range(w):
+        i = np.arange(k, n)
+        out[i, i - k] = out[i - k, i] = band[k:, w - 1 - k]
+    return out
+
+
+class OdeStepper(Stepper):
+    """A motion that an integrator of SciPy takes through time, as ``Stepper`` does with the tool's own.
+
+    Local errors are kept below ``tolerance`` relative to the largest displacement (and speed) so far, coordinates
+    weighted as displacements; ``dt`` is the longest step. Multipliers are solved for with the accelerations; after
+    each step positions and rates move onto the constraints by the least change in the metric of the mass.
+    """
+
+    def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
+                 every: int = 0) -> None:
+        super().__init__(model, problem, signals, spec, dt, wanted, every)
+        self.scheme = SCHEMES[self.method.name]
+        self.tolerance = spec.tolerance or TOLERANCE
+        n = len(self.p.coordinate)
+        self.free = np.flatnonzero(self.p.coordinate)
+        self.constrained = len(self.free) < n
+        self.factors = self.p.mass.copy()
+        if not self.constrained:
+            ldl_factor(self.factors, 1e-16)
+        self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
+        self.begun = self.scale
+        self.inner: Motion = motion(n, 0)
+        self.solver: Any = None
+        self.log: list[list[float]] = []
+
+    def start(self, d: Array, v: Array) -> None:
+        """Begin at full coordinates d with rates v, which the constraints may change."""
+        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        if self.p.points is not None:
+            point_accept(self.p.points, d)
+        self._consistent(0.0, np.zeros(len(self.signals)))
+
+    def _restart(self) -> None:
+        """Let SciPy begin anew, and choose its first step, from the motion."""
+        self.solver = None
+        self.s.numbers[STEP_SIZE] = 0.0
+
+    # ------------------------------------------------------------------ the equations as SciPy sees them
+
+    def rates(self, t: float, y: Array) -> Array:
+        """Return y'."""
+        out = np.empty_like(y)
+        rates(self.p, self.w, self.factors, self.inner, self.free, t, y, out)
+        return out
+
+    def jacobian(self, t: float, y: Array) -> Array:
+        """Return dy'/dy, without the curvature of constraints."""
+        place(self.inner, self.free, y)
+        accelerations(self.p, self.w, self.factors, self.inner, t)
+        K, C, KKT = (np.zeros_like(self.p.mass) for _ in range(3))
+        tangents(self.p, self.w, self.inner, t, K, C, KKT)
+        free, m = self.free, len(self.free)
+        forces = np.zeros((len(self.p.coordinate), 2 * m))
+        forces[free, :m], forces[free, m:] = dense(K)[np.ix_(free, free)], dense(C)[np.ix_(free, free)]
+        out = np.zeros((2 * m, 2 * m))
+        out[:m, m:] = np.eye(m)
+        out[m:] = -np.linalg.solve(dense(KKT), forces)[free]
+        out[m:, m:] -= self.p.alpha * np.eye(m)
+        return out
+
+    def _begin(self, stop: float) -> Any:
+        """Return SciPy's solver from the motion to ``stop``."""
+        from scipy import integrate
+
+        self.begun = self.scale.copy()
+        y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
+        longest = min(self.dt or np.inf, self._largest())
+        more = {"jac": self.jacobian} if self.scheme.jacobian else {}
+        solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
+                                                      rtol=self.tolerance, atol=self._weights(), **more)
+        if self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
+            solver.h_abs = float(self.s.numbers[STEP_SIZE])
+        return solver
+
+    def _weights(self) -> Array:
+        """Return the absolute tolerances (2 m,)."""
+        weights = self.p.weights[self.free]
+        return self.tolerance * np.concatenate([self.scale[0] / weights, self.scale[1] / weights])
+
+    # ------------------------------------------------------------------ stepping
+
+    def run(self) -> list[Row]:
+        """Step for about a fifth of a second; return the states stored meanwhile. Raises ComputationError."""
+        found: list[Row] = []
+        started = time.perf_counter()
+        while not self.done:
+            stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
+            if self.solver is None:
+                self.solver = self._begin(stop)
+            self._step(found)
+            if self.t >= stop and not self.done:
+                self._pass_break()
+            if found and time.perf_counter() - started > CHUNK_SECONDS:
+                break
+        self.pending = np.array(self.log).reshape(-1, len(LOG))
+        if self.p.sliding is not None:
+            self._check_sliding()
+        return found
+
+    def _step(self, found: list[Row]) -> None:
+        solver, t, evaluations = self.solver, self.t, self.solver.nfev
+        if not self.scheme.fixed:
+            solver.atol = self._weights()
+        message = solver.step()
+        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            raise self._stuck(message)
+        h, evaluations = solver.t - t, solver.nfev - evaluations
+        inside = self._inside(t, solver.t)
+        path = solver.dense_output() if self.tracks or len(inside) else None
+        error = self._local_error(h)
+        if self.tracks:
+            self._sum_work(path, t, h)
+        states = [(x, path(x)) for x in inside]
+        self._keep(h)
+        tries = evaluations // self.scheme.stages if self.scheme.stages else 1
+        self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, self._violation()])
+        for x, y in states:
+            self._store(found, x, y)
+        self.next_wanted += len(inside) if not self.every else 0
+        if self.every and self.s.numbers[COUNT] % self.every == 0:
+            self._store(found, solver.t, solver.y)
+
+    def _inside(self, t: float, end: float) -> Array:
+        """Return the wanted times up to the end of a step."""
+        if self.every:
+            return self.wanted[:0]
+        last = int(np.searchsorted(self.wanted, end, side="right"))
+        return self.wanted[self.next_wanted:last]
+
+    def _keep(self, h: float) -> None:
+        """Make the end of the step the motion, on the constraints."""
+        solver, s = self.solver, self.s
+        place(s, self.free, solver.y)
+        if self.constrained:
+            onto_constraints(self.p, self.w, s.z, s.v, solver.t)
+            solver.y = np.concatenate([s.z[self.free], s.v[self.free]])
+            solver.f = self.rates(solver.t, solver.y)
+        s.numbers[TIME], s.numbers[OLD_STEP] = solver.t, h
+        s.numbers[COUNT] += 1.0
+        s.numbers[STEP_SIZE] = getattr(solver, "h_abs", 0.0)
+        weights = self.p.weights
+        self.scale = np.maximum(self.scale, [np.max(weights * np.abs(s.z)), np.max(weights * np.abs(s.v))])
+        s.numbers[SIZE] = self.scale[0]
+        evaluate(self.p.programs, solver.t, self.w.amps)
+        to_full(self.p, s.z, self.w.amps, 0, self.w.d)
+        if self.p.points is not None:
+            point_accept(self.p.points, self.w.d)
+        if self.p.sliding is not None:
+            sliding_accept(self.p.sliding, self.w.d)
+        if self.scheme.fixed and np.any(self.scale > 2.0 * self.begun):
+            self.solver = None
+
+    def _violation(self) -> float:
+        """Return the violation of constraints at w.d, which ``_keep`` has filled."""
+        return float(violation(self.p.points, self.p.sliding, self.w.d, self.w.amps)) if self.constrained else 0.0
+
+    def _local_error(self, h: float) -> float:
+        """Return the local error of the step relative to the size of the motion, or the bound that SciPy keeps."""
+        solver, m = self.solver, len(self.free)
+        if self.scheme.stages == 0:
+            return self.tolerance
+        if hasattr(solver, "E5"):
+            # Hairer, Norsett & Wanner 1993, Sec. II.10: two estimates that make one
+            fifth, third = (solver.K.T @ e for e in (solver.E5, solver.E3))
+            sizes = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
+            error = fifth * np.divide(np.abs(fifth), sizes, out=np.ones_like(sizes), where=sizes > 0)
+        else:
+            error = solver.K.T @ solver.E
+        return float(np.max(self.p.weights[self.free] * np.abs(h * error[:m]), initial=0.0) / self.scale[0])
+
+    def _sum_work(self, path: Any, t: float, h: float) -> None:
+        """Add work and loss over a step, at the Lobatto points of its interpolation."""
+        at = self.inner
+        for x, weight in LOBATTO:
+            place(at, self.free, path(t + x * h))
+            accelerations(self.p, self.w, self.factors, at, t + x * h)
+            done, lost = kernels.power(self.p, self.w, at.z, at.v, at.a, t + x * h)
+            self.s.numbers[WORK] += h * weight * done
+            self.s.numbers[LOST] += h * weight * lost
+
+    def _store(self, found: list[Row], t: float, y: Array) -> None:
+        at = self.inner
+        place(at, self.free, y)
+        accelerations(self.p, self.w, self.factors, at, t)
+        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), float(self.s.numbers[WORK]),
+                         float(self.s.numbers[LOST]), np.array(self.log).reshape(-1, len(LOG))))
+        self.log = []
+
+    def last(self) -> Row:
+        """Return the state at the time reached, with what is left of the log."""
+        accelerations(self.p, self.w, self.factors, self.s, self.t)
+        self.log = []
+        return super().last()
+
+    def _first_step(self) -> float:
+        """Return 0: SciPy chooses."""
+        return 0.0
+
+    def _stuck(self, message: str | None) -> ComputationError:
+        """Return what to say of a step that SciPy could not make."""
+        self._check_signals(self.t)
+        if self.p.sliding is not None:
+            self._check_sliding()
+        reason = message or "the motion is no longer made of finite numbers"
+        return ComputationError(
+            f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),
+                                                                    "step": int(self.s.numbers[COUNT]) + 1},
+            advice="method radau5, which takes stiff motion in longer steps; an element may also have turned inside "
+                   "out: look at the last states")
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array] | None:
+        """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
+        if not self.scheme.keeps:
+            return None
+        return {**super().checkpoint(), "scale": self.scale.copy()}
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        super().resume(kept)
+        self.scale, self.log = kept["scale"].copy(), self.pending.tolist()
