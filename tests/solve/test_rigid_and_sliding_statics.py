@@ -114,10 +114,19 @@ def test_a_wide_net_of_rigid_bars_is_solved_too():
                     for m in ((7 * k + 5) % n, (k + n // 2) % n) if m != k]
     sol = helpers.solved(bodies, bc=[{"type": "clamp", "at": "beam@0"}], joints=joints, springs=springs,
                          loads=[{"type": "force", "at": "bar7@1", "value": [10.0, 0.0]}])
-    assert isinstance(make_matrix(sol.model), GeneralSparse)
+    matrix = make_matrix(sol.model)
+    assert isinstance(matrix, GeneralSparse)
+    assert matrix.exchange
     for k in range(n):
         assert np.hypot(*(sol.r(f"bar{k}@1") - sol.r(f"bar{k}@0"))) == pytest.approx(0.2, rel=1e-9)
     assert abs(sol.theta("bar7@0")) > 1e-3
+
+
+def test_sparse_factors_exchange_rows_for_large_pivots_where_they_are_told_to():
+    matrix = GeneralSparse(2, np.array([0, 0, 1]), np.array([0, 1, 0]), exchange=True)
+    matrix.values[:] = [1e-17, 1.0, 1.0]
+    assert matrix.factor().bad == -1
+    np.testing.assert_allclose(matrix.solve(np.ones(2)), [1.0, 1.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize("solver", ["eigen", "buckling"])
