@@ -123,8 +123,8 @@ def test_a_wide_net_of_rigid_bars_is_solved_too():
 
 
 def test_sparse_factors_exchange_rows_for_large_pivots_where_they_are_told_to():
-    matrix = GeneralSparse(2, np.array([0, 0, 1]), np.array([0, 1, 0]), exchange=True)
-    matrix.values[:] = [1e-17, 1.0, 1.0]
+    matrix = GeneralSparse(2, np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), exchange=True)
+    matrix.values[:] = [1e-17, 1.0, 1.0, 1e-17]
     assert matrix.factor().bad == -1
     np.testing.assert_allclose(matrix.solve(np.ones(2)), [1.0, 1.0], rtol=1e-14)
 
