@@ -296,12 +296,17 @@ def _number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
+def _family(path: tuple[Any, ...]) -> str:
+    """Return the kind of a number in the summary, empty where it is judged against itself."""
+    return "momentum" if path[:2] == ("momentum", "linear") else _FAMILIES.get(path[-1], "")
+
+
 def _summary_scales(summaries: Sequence[dict[tuple[Any, ...], Any]]) -> dict[Any, float]:
     scales: dict[Any, float] = {}
     for found in summaries:
         for path, value in found.items():
-            if _number(value) and path[-1] in _FAMILIES:
-                family = (path[0], _FAMILIES[path[-1]])
+            if _number(value) and _family(path):
+                family = (path[0], _family(path))
                 scales[family] = max(scales.get(family, 0.0), _largest(np.array([float(value)])))
     return scales
 
@@ -320,6 +325,6 @@ def _summary(a: Results, b: Results, tol: _Tolerance) -> Found:
                 yield Difference(place, f"{x!r} and {y!r} differ", x, y)
             continue
         u, v = np.array([float(x)]), np.array([float(y)])
-        own = scales.get((path[0], _FAMILIES.get(path[-1], "")), _largest(u, v))
+        own = scales.get((path[0], _family(path)), _largest(u, v))
         found = tol.judge(place, u, v, 1.0 if path[-1] in _MEASURES else own)
         yield replace(found, index=()) if found else None

@@ -8,10 +8,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from synthetic import bent_beam, table_file
+from synthetic import HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import compare_results, comparison_text, differences_json
+from ancf2d.results import ResultWriter, compare_results, comparison_text, differences_json
 
 
 def pair(tmp_path: Path) -> tuple[Path, Path]:
@@ -154,3 +154,13 @@ def test_differences_are_json(tmp_path: Path) -> None:
 def test_negative_tolerances_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="negative"):
         compare_results(*pair(tmp_path), rtol=-1.0)
+
+
+def test_round_off_in_one_component_of_the_momentum_is_no_difference(tmp_path: Path) -> None:
+    for name, small, large in (("a", 1e-17, 2.0), ("b", 3e-17, 2.0), ("c", 1e-17, 2.0 + 1e-6)):
+        w = ResultWriter(tmp_path / name, HEADER, [tangent_body("beam", 1, 1.0, 0.1)],
+                         coordinates("tangent", np.array([0.0, 1.0]), 0.0))
+        w.finish({"momentum": {"linear": [small, large], "angular": 1.0}})
+    assert not compare_results(tmp_path / "a", tmp_path / "b")
+    (found,) = compare_results(tmp_path / "a", tmp_path / "c")
+    assert found.dataset == "summary.momentum.linear.1"
