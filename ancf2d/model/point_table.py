@@ -44,7 +44,7 @@ def point_table(patches: Sequence[PointPatch], signals: list[Any] | None = None)
     field, p0 = _joined([p.p0 for p in patches], np.float64)
     par, mem, rows = np.zeros((n, MAX_PAR)), np.zeros((n, MAX_MEM)), np.full(n, -1, dtype=np.int64)
     for k, patch in enumerate(patches):
-        par[k, :len(patch.par)] = patch.par
+        par[k, :len(patch.par)], mem[k] = patch.par, patch.mem
         if patch.signal is not None:
             if id(patch.signal) not in known:
                 known[id(patch.signal)] = len(signals)
