@@ -224,7 +224,7 @@ def _resumes(case: Case, out: str, progress: Progress) -> bool:
         why = f"there is no unfinished '{part}'"
     else:
         found = read_checkpoint(part)
-        why = f"'{part}' ends before its first checkpoint"
+        why = f"'{part}' holds no checkpoint"
     progress.note(f"{why}: starting afresh" if found is None else
                   f"resuming '{part}' at t = {found.t:.6g} {case.units.time}")
     return found is not None
