@@ -37,7 +37,7 @@ class Vocabulary:
     formulations: tuple[str, ...] = ()
     nodal_coordinates: tuple[str, ...] = ()
     integrators: tuple[str, ...] = (
-        "newmark", "hht", "generalized_alpha", "energy_momentum",
+        "radau5", "radau9", "newmark", "hht", "generalized_alpha", "energy_momentum",
         "RK45", "DOP853", "Radau", "BDF", "LSODA")
     output_fields: tuple[str, ...] = ()
 

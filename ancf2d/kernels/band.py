@@ -1,4 +1,4 @@
-"""Symmetric band LDL^T without pivoting: factor, solve, inertia.
+"""Symmetric band LDL^T without pivoting: factor, solve, inertia; complex symmetric ones too.
 
 Storage is row by row: ``A[i, bw + j - i] = K[i, j]`` for i - bw <= j <= i, shape (n, bw + 1).
 """
@@ -47,7 +47,7 @@ def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
             smallest = ratio
         if not ratio > tiny:
             return i, negative, smallest
-        if d < 0.0:
+        if d.real < 0.0:
             negative += 1
     return -1, negative, smallest
 

@@ -209,23 +209,31 @@ def element_matrices(group, d, first, Q, K):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy.
+def scaled_force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add Q_e to Q and ``scale`` K to the matrix of the unknowns; return the strain energy.
 
     Element matrices are made a cache-sized batch at a time: the law's code is compiled once for every use.
     """
     n = group.law.B.shape[3]
-    batch = max(1, BATCH // (n * n))
+    batch = max(1, min(BATCH // (n * n), len(group.dofs)))
     Qe, Ke = np.zeros((batch, n)), np.zeros((batch, n, n))
     energy = 0.0
     for first in range(0, len(group.dofs), batch):
         count = min(batch, len(group.dofs) - first)
         energy += element_matrices(group, d, first, Qe[:count], Ke[:count])
+        if scale != 1.0:
+            Ke[:count] *= scale
         scatter_patches(matrix, Ke, group.dofs, first, count, place, indptr, index, value)
         for m in range(count):
             for a in range(n):
                 Q[group.dofs[first + m, a]] += Qe[m, a]
     return energy
+
+
+@kernel
+def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy."""
+    return scaled_force_tangent(group, d, 1.0, Q, matrix, place, indptr, index, value)
 
 
 @kernel

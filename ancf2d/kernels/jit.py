@@ -60,9 +60,17 @@ def _drop(folder: Path) -> None:
 CACHE = _prepare_cache()
 
 
+_PRESET: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "reassoc"}}
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
-    return numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)
+    return numba.njit(**_PRESET)(function)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what only kernels call: the way in from Python takes longer to compile than most of them."""
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_PRESET)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

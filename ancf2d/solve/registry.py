@@ -7,11 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Distributed, Eigen, FollowerForce, LinearStatic, LoadedCase, LoadFactor, Static
+from ..case import (
+    Buckling,
+    Case,
+    Distributed,
+    Dynamic,
+    Eigen,
+    FollowerForce,
+    LinearStatic,
+    LoadedCase,
+    LoadFactor,
+    Static,
+)
 from ..elements.rigid import RIGID_TYPE
+from ..elements.shape import Array
 from ..errors import Problem
 from ..model.model import Model
 from .state import State
+
+Checkpoint = dict[str, Array]
 
 
 def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
@@ -48,8 +62,15 @@ def _buckling(model: Model, spec: Buckling) -> Iterator[State]:
     return solve_buckling(model, spec)
 
 
-SOLVERS: dict[type, Callable[[Model, Any], Iterator[State]]] = {
-    LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling,
+def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Iterator[State]:
+    from .dynamic import solve_dynamic
+
+    return solve_dynamic(model, spec, kept)
+
+
+# the solvers that go on from a checkpoint take it as a third argument
+SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
+    LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling, Dynamic: _dynamic,
 }
 
 
@@ -99,8 +120,12 @@ def initial_state(model: Model) -> State:
     return State(0.0, d, zero, zero, 0.0)
 
 
-def solve(model: Model) -> Iterator[State]:
-    """Yield the states of a model's solver. Raises ComputationError where the computation fails."""
-    return SOLVERS[type(model.case.solver)](model, model.case.solver)
+def solve(model: Model, kept: Checkpoint | None = None) -> Iterator[State]:
+    """Yield the states of a model's solver, from a checkpoint where one is given (dynamic).
+
+    Raises ComputationError where the computation fails.
+    """
+    start = () if kept is None else (kept,)
+    return SOLVERS[type(model.case.solver)](model, model.case.solver, *start)
 
 

@@ -107,6 +107,13 @@ class Dynamic:
                              "one)", default=None)
     max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
                                      default=None)
+    spectral_radius: float | None = key(
+        Number("", ge=0, le=1), "What is left per step of motions far too fast for the steps: 1 nothing is damped, "
+        "0 all of it (generalized_alpha; hht from 0.5; default 0.8)", default=None)
+    newton: str = key(Choice("reuse", "full"), "A tangent for every Newton iteration (full), or the last one while it "
+                      "serves (reuse)", default="reuse")
+    estimate: bool = key(Flag(), "With fixed steps: an error estimate, by runs with steps of 2 dt and 4 dt beside",
+                         default=True)
 
     def check(self) -> Iterator[Issue]:
         """Yield a step that is given twice, or is longer than the motion."""

@@ -1,0 +1,260 @@
+"""Many steps in one call: step control, what is stored of them, work and loss along the way."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from .amplitudes import evaluate
+from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step
+from .dynamics import forces, lost_to_mass_damping, norm, power_of_loads, to_full, violation
+from .jit import inner, kernel
+from .motion import (
+    CONTRACTION,
+    COUNT,
+    DONE,
+    GRID,
+    LOST,
+    OLD_ERROR,
+    OLD_STEP,
+    REJECTED,
+    SIZE,
+    STEP_SIZE,
+    TIME,
+    TRIES,
+    WORK,
+)
+from .newmark import Newmark, newmark_accept, newmark_restart, newmark_step
+from .points import point_accept
+from .radau import Radau, radau_accept, radau_restart, radau_step
+from .sliding import sliding_accept
+
+# why ``advance`` comes back
+REACHED, FULL, FAILED = range(3)
+_STEP = {Newmark: newmark_step, Conserving: conserving_step, Radau: radau_step}
+_ACCEPT = {Newmark: newmark_accept, Conserving: conserving_accept, Radau: radau_accept}
+_RESTART = {Newmark: newmark_restart, Conserving: conserving_restart, Radau: radau_restart}
+
+
+def step(m: Any, p: Any, w: Any, s: Any, t: float, h: float) -> Any:
+    """Step with the method of the type of m."""
+    return _STEP[type(m)](m, p, w, s, t, h)
+
+
+def accept(m: Any, s: Any) -> None:
+    """Keep what the method needs of an accepted step."""
+    _ACCEPT[type(m)](m, s)
+
+
+def restart(m: Any, s: Any) -> None:
+    """Begin anew from the motion s."""
+    _RESTART[type(m)](m, s)
+
+
+@overload(step)
+def _step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    return _STEP[m.instance_class].py_func
+
+
+@overload(accept)
+def _accept(m, s):  # type: ignore[no-untyped-def]
+    return _ACCEPT[m.instance_class].py_func
+
+
+class Plan(NamedTuple):
+    """How far, and how: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) under ``tolerance``.
+
+    smallest, largest : steps; tracks : whether loads, motion or dampers do work that has to be summed.
+    """
+
+    t0: float
+    t_stop: float
+    dt: float
+    tolerance: float
+    smallest: float
+    largest: float
+    tracks: bool
+
+
+class Rows(NamedTuple):
+    """What is stored. wanted : times of states, in order; every : steps between states (0: the wanted times).
+
+    t, number (m,), z, v, a (m, n), work (m, 2) : states; log (k, 7) : step, t, dt, iterations, rejected, error,
+    violation of every step.
+    """
+
+    wanted: Any
+    every: int
+    t: Any
+    number: Any
+    z: Any
+    v: Any
+    a: Any
+    work: Any
+    log: Any
+
+
+@inner
+def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
+    """Fill z, v, a at the fraction x of the step from s to m.end."""
+    basis, dense = m.basis, m.end.dense
+    z[:] = s.z
+    v[:] = 0.0
+    a[:] = 0.0
+    for k in range(len(basis)):
+        f0, f1, f2 = 0.0, 0.0, 0.0
+        for j in range(basis.shape[1] - 1, -1, -1):
+            f2 = f2 * x + 2.0 * f1
+            f1 = f1 * x + f0
+            f0 = f0 * x + basis[k, j]
+        for i in range(len(z)):
+            z[i] += f0 * dense[k, i]
+            v[i] += f1 / h * dense[k, i] * p.coordinate[i]
+            a[i] += f2 / (h * h) * dense[k, i] * p.coordinate[i]
+
+
+@inner
+def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
+    """Return (power of varying loads, motion and point laws, power lost) of a state."""
+    evaluate(p.programs, t, w.amps)
+    _, lost = forces(p, w, z, v)
+    return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
+
+
+@inner
+def _sum_work(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
+    """Add work and loss over the step, at the four Lobatto points of its interpolation."""
+    done, lost = 0.0, 0.0
+    for k in range(4):
+        x = (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)[k]
+        f = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
+        interpolate(m, p, s, h, x, at.z, at.v, at.a)
+        one, two = power(p, w, at.z, at.v, at.a, t + x * h)
+        done += f * one
+        lost += f * two
+    s.numbers[WORK] += h * done
+    s.numbers[LOST] += h * lost
+
+
+@inner
+def _store(rows, r, t, number, at, s):  # type: ignore[no-untyped-def]
+    rows.t[r], rows.number[r] = t, number
+    rows.z[r], rows.v[r], rows.a[r] = at.z, at.v, at.a
+    rows.work[r, 0], rows.work[r, 1] = s.numbers[WORK], s.numbers[LOST]
+
+
+@inner
+def _accept_patches(points, sliding, d):  # type: ignore[no-untyped-def]
+    if points is not None:
+        point_accept(points, d)
+    if sliding is not None:
+        sliding_accept(sliding, d)
+
+
+@inner
+def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
+    """Make the end of the step the motion; return the violation of constraints there."""
+    accept(m, s)
+    s.z[:], s.v[:], s.a[:] = m.end.z, m.end.v, m.end.a
+    s.numbers[TIME], s.numbers[OLD_STEP] = t, h
+    s.numbers[COUNT] += 1.0
+    s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
+    if p.points is None and p.sliding is None:
+        return 0.0
+    evaluate(p.programs, t, w.amps)
+    to_full(p, s.z, w.amps, 0, w.d)
+    _accept_patches(p.points, p.sliding, w.d)
+    return violation(p.points, p.sliding, w.d, w.amps)
+
+
+@inner
+def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
+    """Return the factor on the step that the error suggests (Gustafsson 1994), little where Newton was slow."""
+    low = max(ratio, 1e-10)
+    factor = 0.9 * low ** (-1.0 / order)
+    old = s.numbers[OLD_ERROR]
+    if old > 0.0 and s.numbers[OLD_STEP] > 0.0:
+        trend = s.numbers[STEP_SIZE] / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
+        factor = min(factor, trend)
+    largest = 4.0 if contraction < 0.3 else 1.2
+    return min(max(factor, 0.2), largest)
+
+
+@inner
+def _target(s, plan):  # type: ignore[no-untyped-def]
+    """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
+    grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
+    return plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
+
+
+@inner
+def _passed(rows, first, end):  # type: ignore[no-untyped-def]
+    """Return how many wanted times from the given one on lie up to the end of a step."""
+    last = first
+    while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end:
+        last += 1
+    return last - first
+
+
+@kernel
+def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
+    """Step until t_stop, until rows are full or so many steps are done.
+
+    Returns (REACHED, FULL or FAILED; states stored, steps logged, outcome and iterations of the last try).
+    """
+    stored, logged, next_wanted = 0, 0, wanted_from
+    outcome, iterations = DONE, 0
+    while True:
+        t = s.numbers[TIME]
+        if t >= plan.t_stop:
+            return REACHED, stored, logged, outcome, iterations
+        if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
+            return FULL, stored, logged, outcome, iterations
+        target = _target(s, plan) if plan.dt > 0.0 else plan.t_stop
+        h = min(s.numbers[STEP_SIZE], target - t)
+        if target - t < 1.1 * h:
+            h = target - t
+        outcome, iterations, error, contraction = step(m, p, w, s, t, h)
+        size = max(s.numbers[SIZE], norm(p, m.end.z))
+        relative = error / size if size > 0.0 else 0.0
+        fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
+        if not fine:
+            s.numbers[REJECTED] += 1.0
+            s.numbers[TRIES] += 1.0
+            shrink = 0.4 if outcome != DONE else max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
+            s.numbers[STEP_SIZE] = shrink * h
+            if not s.numbers[STEP_SIZE] >= plan.smallest:
+                return FAILED, stored, logged, outcome, iterations
+            continue
+        end = target if h >= target - t else t + h
+        passed = _passed(rows, next_wanted, end)
+        if stored + passed > len(rows.t):
+            # done again by the next call, which has room for its states
+            return FULL, stored, logged, outcome, iterations
+        if plan.tracks:
+            _sum_work(m, p, w, s, at, t, h)
+        if rows.every == 0:
+            for _ in range(passed):
+                interpolate(m, p, s, h, (rows.wanted[next_wanted] - t) / h, at.z, at.v, at.a)
+                _store(rows, stored, rows.wanted[next_wanted], logged, at, s)
+                stored, next_wanted = stored + 1, next_wanted + 1
+        factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
+        if end >= target and plan.dt > 0.0 and target < plan.t_stop:
+            s.numbers[GRID] += 1.0
+        worst = _keep(p, w, m, s, end, h)
+        s.numbers[CONTRACTION] = contraction
+        if plan.dt > 0.0:
+            s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
+        else:
+            s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
+            s.numbers[STEP_SIZE] = min(plan.largest, factor * h)
+        log = rows.log[logged]
+        log[0], log[1], log[2], log[3] = s.numbers[COUNT], end, h, iterations
+        log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
+        s.numbers[TRIES] = 0.0
+        logged += 1
+        if rows.every > 0 and s.numbers[COUNT] % rows.every == 0:
+            _store(rows, stored, end, logged - 1, s, s)
+            stored += 1

@@ -1,0 +1,174 @@
+"""One step of the energy-momentum method: mean stress, discrete gradients, constraints at the end of the step."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import literal_unroll
+
+from .amplitudes import evaluate
+from .band import ldl_factor, ldl_solve
+from .dynamics import add_loads, add_mass, at_floor, forces_tangent, norm, remember, settled, to_full, to_unknowns
+from .jit import inner, kernel
+from .mass import band_product
+from .mean import mean_force
+from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
+from .newmark import SLOW
+from .points import point_mean_forces
+from .sliding import sliding_mean_forces
+
+
+class Conserving(NamedTuple):
+    """M (v_1 - v_0)/h + Q(z_0, z_1) = F, (z_1 - z_0)/h = (v_0 + v_1)/2 (Simo & Tarnow 1992, Gonzalez 2000).
+
+    tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
+    order : of the local error in h; basis : of the cubic over a step; end : a Step; d0 (n_full,), dz, mid, rate (n,);
+    amps (2, signals, 3): start and end of the step.
+    """
+
+    tolerance: float
+    max_iterations: int
+    full: bool
+    order: int
+    basis: Any
+    end: Any
+    d0: Any
+    dz: Any
+    mid: Any
+    rate: Any
+    amps: Any
+
+
+@inner
+def _mean_elastic(groups, tau, h, d0, d1, Q):  # type: ignore[no-untyped-def]
+    k = 0
+    for group in literal_unroll(groups):
+        damping = 0.0
+        if tau is not None:
+            damping = tau[k] / h
+        mean_force(group, damping, d0, d1, Q)
+        k += 1
+
+
+@inner
+def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
+    if points is not None:
+        point_mean_forces(points, d0, d1, v, amps0, amps1, True, Q)
+    if sliding is not None:
+        sliding_mean_forces(sliding, d0, d1, v, amps0, amps1, Q)
+
+
+@inner
+def _balance(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Fill w.R with M (v_1 - v_0)/h + T^T (Q - F), in w.Q without inertia; the signals of the middle are in w.amps."""
+    n = len(m.dz)
+    to_full(p, m.end.z, m.amps[1], 0, w.d)
+    to_full(p, m.rate, w.amps, 1, w.v)
+    w.Q[:] = 0.0
+    _mean_elastic(p.groups, p.tau, h, m.d0, w.d, w.Q)
+    _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.Q)
+    add_loads(p, w.amps, -1.0, w.Q)
+    to_unknowns(p, w.Q, w.R)
+    for i in range(n):
+        m.mid[i] = p.coordinate[i] * 2.0 * (m.rate[i] - s.v[i]) / h
+        w.x[i] = m.mid[i] + p.alpha * m.rate[i] * p.coordinate[i]
+    band_product(p.mass, w.x, w.y)
+    for i in range(n):
+        w.R[i] += w.y[i]
+    for k in range(len(p.motion_mass_signal)):
+        q = p.motion_mass_signal[k]
+        f = (m.amps[1, q, 1] - m.amps[0, q, 1]) / h + p.alpha * w.amps[q, 1]
+        for i in range(n):
+            w.R[i] += f * p.motion_mass[k, i]
+
+
+@inner
+def _tangent(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Fill w.A with (2/h + alpha) M/h + K/2 at the middle, and factor it; return whether that went well.
+
+    The rows of constraints come out halved with it.
+    """
+    n = len(m.dz)
+    for i in range(n):
+        m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
+    forces_tangent(p, w, m.mid, m.rate, 2.0 / h)
+    w.A *= 0.5
+    add_mass(p, (2.0 / h + p.alpha) / h, w.A)
+    return ldl_factor(w.A, 1e-16)[0] < 0
+
+
+@inner
+def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Return the local error [m] by the change of the acceleration since the last step, stiff parts filtered."""
+    for k in range(len(m.dz)):
+        w.x[k] = (m.end.v[k] - s.v[k]) / h - s.a[k]
+    band_product(p.mass, w.x, w.y)
+    for k in range(len(m.dz)):
+        w.y[k] *= 1.0 / 6.0
+    ldl_solve(w.A, w.y)
+    return norm(p, w.y)
+
+
+@inner
+def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+    n, end = len(m.dz), m.end
+    evaluate(p.programs, t, m.amps[0])
+    evaluate(p.programs, t + h, m.amps[1])
+    evaluate(p.programs, t + 0.5 * h, w.amps)
+    to_full(p, s.z, m.amps[0], 0, m.d0)
+    last, rate = 0.0, s.numbers[CONTRACTION]
+    size = max(s.numbers[SIZE], 1e-3 * p.extent)
+    for i in range(n):
+        m.dz[i] = p.coordinate[i] * h * (s.v[i] + 0.5 * h * s.a[i])
+        m.rate[i] = m.dz[i] / h
+        end.z[i] = s.z[i] + m.dz[i]
+    iteration = 0
+    while True:
+        if iteration == 0 or m.full or rate > SLOW:
+            if not _tangent(m, p, w, s, h):
+                return SINGULAR, iteration + 1, 0.0, rate
+        _balance(m, p, w, s, h)
+        for i in range(n):
+            w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]
+        ldl_solve(w.A, w.x)
+        step = norm(p, w.x)
+        remember(w, iteration, step)
+        if not np.isfinite(step):
+            return NOT_FINITE, iteration + 1, 0.0, rate
+        if iteration > 0:
+            rate = step / last
+            if rate > 0.5 and at_floor(p, w, m.rate, m.mid):
+                break
+        for i in range(n):
+            if p.coordinate[i] != 0.0:
+                m.dz[i] += w.x[i]
+                m.rate[i] = m.dz[i] / h
+                end.z[i] = s.z[i] + m.dz[i]
+            else:
+                end.z[i] += 0.5 * w.x[i]
+        last, iteration = step, iteration + 1
+        w.other[:] = 0.0
+        if settled(step, rate if iteration > 1 else min(rate, 0.5), m.tolerance * size, p, w, end.z):
+            break
+        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
+            return NOT_CONVERGED, iteration, 0.0, rate
+    dense = end.dense
+    for i in range(n):
+        end.v[i] = (2.0 * m.rate[i] - s.v[i]) * p.coordinate[i]
+        dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
+    error = _error(m, p, w, s, h)
+    for i in range(n):
+        end.a[i] = (end.v[i] - s.v[i]) / h
+    return DONE, iteration, error, max(rate, 1e-3)
+
+
+@inner
+def conserving_accept(m, s):  # type: ignore[no-untyped-def]
+    """Nothing is kept beside the end of the step."""
+
+
+@kernel
+def conserving_restart(m, s):  # type: ignore[no-untyped-def]
+    """Nothing is kept of earlier steps."""

@@ -1,0 +1,147 @@
+"""Rates that constraints allow, and the accelerations and multipliers that belong to a state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .amplitudes import evaluate
+from .band import ldl_factor, ldl_solve
+from .dynamics import _points, _points_tangent, _sliding, _sliding_tangent, add_mass, forces, residual, to_full
+from .jit import inner, kernel
+from .mass import band_product
+from .points import point_constraint_rates
+from .sliding import sliding_constraint_rates
+
+
+@inner
+def _rates_of_constraints(points, sliding, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
+    if points is not None:
+        point_constraint_rates(points, d, v, amps, velocity, acceleration)
+    if sliding is not None:
+        sliding_constraint_rates(sliding, d, v, amps, velocity, acceleration)
+
+
+@inner
+def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
+    """Fill w.A with M and the gradients of the constraints at w.d, as the matrix of [M G^T; G 0]."""
+    w.A[:] = 0.0
+    w.other[:] = 0.0
+    if p.points is not None or p.sliding is not None:
+        _points_tangent(p.points, w.d, w.v, w.amps, 0.0, w.other, w.A, p.place, p.indptr, p.index, p.value)
+        _sliding_tangent(p.sliding, w.d, w.v, w.amps, 0.0, w.other, w.A, p.place, p.indptr, p.index, p.value)
+        bw = w.A.shape[1] - 1
+        for i in range(w.A.shape[0]):
+            for j in range(max(0, i - bw), i + 1):
+                if p.coordinate[i] == p.coordinate[j]:
+                    w.A[i, bw + j - i] = 0.0
+    add_mass(p, 1.0, w.A)
+
+
+@inner
+def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
+    """Fill what prescribed motion alone makes of the constraints (order 1: rates, 2: accelerations) at multipliers."""
+    out[:] = 0.0
+    if len(p.motion_coord) == 0:
+        return
+    moved, one, none = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(w.d))
+    to_full(p, np.zeros(len(p.coordinate)), w.amps, order, moved)
+    rest = w.d.copy()
+    for i in range(len(p.coordinate)):
+        if p.coordinate[i] == 0.0:
+            rest[p.full[i]] = 0.0
+    _points(p.points, rest, w.v, w.amps, none)
+    _sliding(p.sliding, rest, w.v, w.amps, none)
+    for i in range(len(p.coordinate)):
+        if p.coordinate[i] == 0.0:
+            rest[p.full[i]] = 1.0
+            one[:] = 0.0
+            _points(p.points, rest, w.v, w.amps, one)
+            _sliding(p.sliding, rest, w.v, w.amps, one)
+            for k in range(len(one)):
+                out[i] += (one[k] - none[k]) * moved[k]
+            rest[p.full[i]] = 0.0
+
+
+@kernel
+def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
+    """Make rates, accelerations and multipliers of the motion s consistent at t; return whether that went well.
+
+    Rates change by the least kinetic energy that meets the constraints. ``jump`` (signals,): by how much the rates of
+    signals have jumped just now; the impulse of that acts on what is free.
+    """
+    n = len(s.z)
+    evaluate(p.programs, t, w.amps)
+    constrained = p.points is not None or p.sliding is not None
+    velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
+    by_motion = np.zeros(n)
+    to_full(p, s.z, w.amps, 0, w.d)
+    to_full(p, s.v, w.amps, 1, w.v)
+    constraint_matrix(p, w)
+    rhs = np.zeros(n)
+    if constrained:
+        _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
+        band_product(w.A, s.v, w.y)
+        _by_motion(p, w, 1, by_motion)
+        for i in range(n):
+            if p.coordinate[i] == 0.0:
+                rhs[i] = -velocity[p.full[i]] - w.y[i] - by_motion[i]
+    for k in range(len(p.motion_mass_signal)):
+        for i in range(n):
+            rhs[i] -= jump[p.motion_mass_signal[k]] * p.motion_mass[k, i]
+    factors = w.A.copy()
+    if ldl_factor(factors, 1e-16)[0] >= 0:
+        return False
+    ldl_solve(factors, rhs)
+    for i in range(n):
+        s.v[i] = (s.v[i] + rhs[i]) * p.coordinate[i]
+        s.z[i] *= p.coordinate[i]
+    s.a[:] = 0.0
+    forces(p, w, s.z, s.v)
+    residual(p, w, s.v, s.a)
+    rhs[:] = -w.R
+    if constrained:
+        _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
+        _by_motion(p, w, 2, by_motion)
+        for i in range(n):
+            if p.coordinate[i] == 0.0:
+                rhs[i] = -acceleration[p.full[i]] - by_motion[i]
+    ldl_solve(factors, rhs)
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            s.z[i] = rhs[i]
+        else:
+            s.a[i] = rhs[i]
+    return True
+
+
+@kernel
+def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
+    """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
+    n = len(z)
+    evaluate(p.programs, t, w.amps)
+    rhs, velocity, acceleration, by_motion = np.zeros(n), np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    for _ in range(5):
+        to_full(p, z, w.amps, 0, w.d)
+        constraint_matrix(p, w)
+        rhs[:] = 0.0
+        largest = 0.0
+        for i in range(n):
+            if p.coordinate[i] == 0.0:
+                rhs[i] = -w.other[p.full[i]]
+                largest = max(largest, abs(rhs[i]))
+        if largest == 0.0 or ldl_factor(w.A, 1e-16)[0] >= 0:
+            break
+        ldl_solve(w.A, rhs)
+        for i in range(n):
+            z[i] += rhs[i] * p.coordinate[i]
+    to_full(p, v, w.amps, 1, w.v)
+    constraint_matrix(p, w)
+    _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
+    band_product(w.A, v, w.y)
+    _by_motion(p, w, 1, by_motion)
+    for i in range(n):
+        rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - by_motion[i]
+    if ldl_factor(w.A, 1e-16)[0] < 0:
+        ldl_solve(w.A, rhs)
+        for i in range(n):
+            v[i] += rhs[i] * p.coordinate[i]

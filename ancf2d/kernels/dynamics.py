@@ -1,0 +1,378 @@
+"""The equations of motion: M z'' + T^T (Q(d, d') - F(t)) = 0, with the multipliers of constraints among z."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import literal_unroll
+
+from .elements import force, force_noise, scaled_force_tangent
+from .jit import inner, kernel
+from .mass import band_product
+from .matrix import SymBand
+from .points import point_forces, point_noise, point_tangent, point_violation
+from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
+from .viscous import viscous_force
+
+
+HISTORY = 64
+# constraints hold where they are off by no more than this share of their scale
+MET = 1e-13
+
+
+class Problem(NamedTuple):
+    """A model in motion. n unknowns (multipliers included), n_full full coordinates.
+
+    groups : tuple of element groups; tau : (groups,) Kelvin-Voigt times [s] or None; points, sliding : tables of point
+    laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
+    mass : (n, bw + 1) T^T M T; load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
+    alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
+    turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], 0 for multipliers; coordinate : (n,) 1, 0 for multipliers;
+    extent : size of the scene [m].
+    """
+
+    groups: Any
+    tau: Any
+    points: Any
+    sliding: Any
+    programs: Any
+    place: Any
+    indptr: Any
+    index: Any
+    value: Any
+    full: Any
+    dependents: Any
+    mass: Any
+    load_coord: Any
+    load_value: Any
+    load_signal: Any
+    load_varies: Any
+    motion_coord: Any
+    motion_factor: Any
+    motion_signal: Any
+    motion_mass: Any
+    motion_mass_signal: Any
+    motion_mutual: Any
+    alpha: float
+    pairs: Any
+    turns: Any
+    e0: Any
+    weights: Any
+    coordinate: Any
+    extent: float
+
+
+class Scratch(NamedTuple):
+    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A (n, bw + 1), amps (signals, 3).
+
+    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end.
+    """
+
+    d: Any
+    v: Any
+    Q: Any
+    other: Any
+    R: Any
+    x: Any
+    y: Any
+    A: Any
+    amps: Any
+    history: Any
+
+
+@kernel
+def to_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
+    """Fill full coordinates (order 0), their rates (1) or second rates (2) from those of the unknowns."""
+    out[:] = 0.0
+    for i in range(len(z)):
+        out[p.full[i]] = z[i]
+    for k in range(len(p.dependents)):
+        s = 0.0
+        for m in range(p.indptr[k], p.indptr[k + 1]):
+            s += p.value[m] * z[p.index[m]]
+        out[p.dependents[k]] = s
+    for m in range(len(p.motion_coord)):
+        out[p.motion_coord[m]] += p.motion_factor[m] * amps[p.motion_signal[m], order]
+
+
+@inner
+def to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
+    """Fill T^T of full forces: (n,)."""
+    for i in range(len(out)):
+        out[i] = full[p.full[i]]
+    for k in range(len(p.dependents)):
+        f = full[p.dependents[k]]
+        for m in range(p.indptr[k], p.indptr[k + 1]):
+            out[p.index[m]] += p.value[m] * f
+
+
+@inner
+def _elastic(groups, d, Q):  # type: ignore[no-untyped-def]
+    energy = 0.0
+    for group in literal_unroll(groups):
+        energy += force(group, d, Q)
+    return energy
+
+
+@inner
+def _elastic_tangent(groups, tau, d, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    energy, k = 0.0, 0
+    for group in literal_unroll(groups):
+        scale = 1.0
+        if tau is not None:
+            scale += c * tau[k]
+        energy += scaled_force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
+        k += 1
+    return energy
+
+
+@inner
+def _noise(groups, d, out):  # type: ignore[no-untyped-def]
+    for group in literal_unroll(groups):
+        force_noise(group, d, out)
+
+
+@inner
+def _viscous(groups, tau, d, v, Q):  # type: ignore[no-untyped-def]
+    power = 0.0
+    if tau is not None:
+        k = 0
+        for group in literal_unroll(groups):
+            if tau[k] > 0.0:
+                power += viscous_force(group, tau[k], d, v, Q)
+            k += 1
+    return power
+
+
+@inner
+def _points(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    if points is None:
+        return 0.0, 0.0
+    return point_forces(points, d, v, amps, Q)
+
+
+@inner
+def _points_tangent(points, d, v, amps, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    if points is None:
+        return 0.0
+    return point_tangent(points, d, v, amps, c, Q, SymBand(A), place, indptr, index, value)
+
+
+@inner
+def _sliding(sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    if sliding is not None:
+        sliding_forces(sliding, d, v, amps, Q)
+
+
+@inner
+def _sliding_tangent(sliding, d, v, amps, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    if sliding is not None:
+        sliding_tangent(sliding, d, v, amps, c, Q, SymBand(A), place, indptr, index, value)
+
+
+@inner
+def _patch_noise(points, sliding, d, out):  # type: ignore[no-untyped-def]
+    if points is not None:
+        point_noise(points, d, out)
+    if sliding is not None:
+        sliding_noise(sliding, d, out)
+
+
+@inner
+def violation(points, sliding, d, amps):  # type: ignore[no-untyped-def]
+    """Return the largest |g| of all constraints, each relative to its own scale."""
+    worst = 0.0
+    if points is not None:
+        worst = max(worst, point_violation(points, d, amps))
+    if sliding is not None:
+        worst = max(worst, sliding_violation(sliding, d, amps))
+    return worst
+
+
+@inner
+def remember(w, iteration, size):  # type: ignore[no-untyped-def]
+    """Note the size of an increment."""
+    if iteration == 0:
+        w.history[:] = 0.0
+    if iteration < len(w.history):
+        w.history[iteration] = size
+
+
+@inner
+def settled(step, rate, wanted, p, w, z):  # type: ignore[no-untyped-def]
+    """Return whether what follows a last increment ``step`` is below ``wanted``, by the contraction ``rate``.
+
+    Constraints have to hold to round-off beside that, at z.
+    """
+    if not (step == 0.0 or (rate < 1.0 and step * rate <= wanted * (1.0 - rate))):
+        return False
+    if p.points is None and p.sliding is None:
+        return True
+    to_full(p, z, w.amps, 0, w.d)
+    return violation(p.points, p.sliding, w.d, w.amps) <= MET
+
+
+@inner
+def turned(p, d, out):  # type: ignore[no-untyped-def]
+    """Fill the angle by which each pair's vector stands at d (n_full,): (m,), within one turn unless it is a theta."""
+    for k in range(len(p.turns)):
+        i, j, a, b = p.turns[k, 0], p.turns[k, 1], p.turns[k, 2], p.turns[k, 3]
+        if j < 0:
+            out[k] = d[i]
+            continue
+        x, y = p.e0[i] + d[i], p.e0[j] + d[j]
+        if a >= 0:
+            x, y = p.e0[a] + d[a] - x, p.e0[b] + d[b] - y
+        out[k] = np.arctan2(y, x)
+
+
+@inner
+def add_loads(p, amps, sign, Q):  # type: ignore[no-untyped-def]
+    """Add the dead loads times ``sign`` to Q (n_full,)."""
+    for m in range(len(p.load_coord)):
+        Q[p.load_coord[m]] += sign * p.load_value[m] * amps[p.load_signal[m], 0]
+
+
+@inner
+def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
+    """Add M (a + alpha v) of unknowns and of prescribed motion to R (n,); w.amps hold the signals."""
+    for i in range(len(R)):
+        w.x[i] = p.coordinate[i] * (a[i] + p.alpha * v[i])
+    band_product(p.mass, w.x, w.y)
+    for i in range(len(R)):
+        R[i] += w.y[i]
+    for k in range(len(p.motion_mass_signal)):
+        s = p.motion_mass_signal[k]
+        f = w.amps[s, 2] + p.alpha * w.amps[s, 1]
+        if f != 0.0:
+            for i in range(len(R)):
+                R[i] += f * p.motion_mass[k, i]
+
+
+@kernel
+def forces(p, w, z, v):  # type: ignore[no-untyped-def]
+    """Fill w.d, w.v and w.Q = Q - F (n_full,) at unknowns z with rates v; return (energy, dissipated power)."""
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.Q[:] = 0.0
+    energy = _elastic(p.groups, w.d, w.Q)
+    power = _viscous(p.groups, p.tau, w.d, w.v, w.Q)
+    more, lost = _points(p.points, w.d, w.v, w.amps, w.Q)
+    _sliding(p.sliding, w.d, w.v, w.amps, w.Q)
+    add_loads(p, w.amps, -1.0, w.Q)
+    return energy + more, power + lost
+
+
+@inner
+def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
+    """As ``forces``, and fill w.A = dQ/dz + c dQ/dz' without inertia; return the energy.
+
+    The damping of the elements is taken in proportion to their tangent, which their forces are not quite.
+    """
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.Q[:] = 0.0
+    w.A[:] = 0.0
+    energy = _elastic_tangent(p.groups, p.tau, w.d, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+    _viscous(p.groups, p.tau, w.d, w.v, w.Q)
+    energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+    add_loads(p, w.amps, -1.0, w.Q)
+    return energy
+
+
+@inner
+def residual(p, w, v, a):  # type: ignore[no-untyped-def]
+    """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q."""
+    to_unknowns(p, w.Q, w.R)
+    add_inertia(p, w, v, a, w.R)
+
+
+@inner
+def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
+    """Add factor M to A."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            A[i, j] += factor * p.mass[i, j]
+
+
+@inner
+def norm(p, x):  # type: ignore[no-untyped-def]
+    """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
+    largest = 0.0
+    for i in range(len(x)):
+        s = p.weights[i] * abs(x[i])
+        if not s <= largest:
+            largest = s
+    return largest
+
+
+@inner
+def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
+    """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
+    w.other[:] = 0.0
+    _noise(p.groups, w.d, w.other)
+    _patch_noise(p.points, p.sliding, w.d, w.other)
+    for m in range(len(p.load_coord)):
+        w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])
+    to_unknowns(p, w.other, w.y)
+    n, bw = len(w.y), p.mass.shape[1] - 1
+    for i in range(n):
+        bound = abs(w.y[i])
+        for j in range(max(0, i - bw), min(n, i + bw + 1)):
+            m = p.mass[i, bw + j - i] if j <= i else p.mass[j, bw + i - j]
+            bound += abs(m * (abs(a[j]) + p.alpha * abs(v[j])) * p.coordinate[j])
+        if not abs(w.R[i]) <= 8.0 * 1.2e-16 * bound:
+            return False
+    return True
+
+
+@inner
+def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
+    """Return the power alpha v^T M v."""
+    total = 0.0
+    if p.alpha != 0.0:
+        for i in range(len(v)):
+            w.x[i] = p.coordinate[i] * v[i]
+        band_product(p.mass, w.x, w.y)
+        for i in range(len(v)):
+            total += p.alpha * w.x[i] * w.y[i]
+    return total
+
+
+@inner
+def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
+    """Return the power of loads that vary or turn and of prescribed motion, less what springs take up.
+
+    After ``forces`` at the same state. What dampers take is not taken off.
+    """
+    total = 0.0
+    for m in range(len(p.load_coord)):
+        if p.load_varies[m]:
+            c = p.load_coord[m]
+            total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
+    w.other[:] = 0.0
+    _, lost = _points(p.points, w.d, w.v, w.amps, w.other)
+    total += lost
+    _sliding(p.sliding, w.d, w.v, w.amps, w.other)
+    for i in range(len(w.other)):
+        total -= w.other[i] * w.v[i]
+    # the forces that prescribed motion takes, on what moves: M a + Q - F there
+    for m in range(len(p.motion_coord)):
+        total += w.Q[p.motion_coord[m]] * p.motion_factor[m] * w.amps[p.motion_signal[m], 1]
+    for k in range(len(p.motion_mass_signal)):
+        rate = w.amps[p.motion_mass_signal[k], 1]
+        for i in range(len(a)):
+            total += rate * p.motion_mass[k, i] * (a[i] + p.alpha * v[i]) * p.coordinate[i]
+        for m in range(len(p.motion_mass_signal)):
+            s = p.motion_mass_signal[m]
+            total += rate * p.motion_mutual[k, m] * (w.amps[s, 2] + p.alpha * w.amps[s, 1])
+    return total
+
+
+def scratch(n: int, n_full: int, width: int, signals: int) -> Scratch:
+    """Return arrays for n unknowns, n_full full coordinates, a band of ``width`` columns and so many signals."""
+    full = [np.zeros(n_full) for _ in range(4)]
+    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros((n, width)), np.zeros((signals, 3)),
+                   np.zeros(HISTORY))

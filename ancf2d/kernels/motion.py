@@ -1,0 +1,41 @@
+"""The state that time stepping carries from step to step, and what a step answers."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# numbers that go from step to step
+TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES = range(12)
+NUMBERS = 12
+
+# what a step answers
+DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)
+
+
+class Motion(NamedTuple):
+    """z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME].
+
+    extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above).
+    """
+
+    z: Any
+    v: Any
+    a: Any
+    extra: Any
+    numbers: Any
+
+
+class Step(NamedTuple):
+    """Where a step ends: z, v, a (n,), dense (k, n): what the interpolation over the step is made of."""
+
+    z: Any
+    v: Any
+    a: Any
+    dense: Any
+
+
+def motion(n: int, kept: int) -> Motion:
+    """Return a motion of n unknowns at rest, with ``kept`` rows for the method."""
+    return Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS))

@@ -1,0 +1,126 @@
+"""One step of the Newmark family: Newmark, HHT and generalized-alpha, with constraints at position level."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .amplitudes import evaluate
+from .band import ldl_factor, ldl_solve
+from .dynamics import add_mass, at_floor, forces, forces_tangent, norm, remember, residual, settled
+from .jit import inner, kernel
+from .mass import band_product
+from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
+
+# an iteration that shrinks the increment by less than this gets a tangent of its own
+SLOW = 0.2
+
+
+class Newmark(NamedTuple):
+    """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
+
+    tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
+    order : of the local error estimate in h; basis : (4, 4) of the cubic over a step; end : a Step; alg : (n,).
+    """
+
+    am: float
+    af: float
+    beta: float
+    gamma: float
+    tolerance: float
+    max_iterations: int
+    full: bool
+    order: int
+    basis: Any
+    end: Any
+    alg: Any
+
+
+@inner
+def _move(m, p, s, h):  # type: ignore[no-untyped-def]
+    """Fill the end of the step from the algorithmic acceleration there."""
+    end = m.end
+    for i in range(len(m.alg)):
+        if p.coordinate[i] != 0.0:
+            alg0, alg1 = s.extra[0, i], m.alg[i]
+            end.z[i] = s.z[i] + h * (s.v[i] + h * ((0.5 - m.beta) * alg0 + m.beta * alg1))
+            end.v[i] = s.v[i] + h * ((1.0 - m.gamma) * alg0 + m.gamma * alg1)
+            end.a[i] = ((1.0 - m.am) * alg1 + m.am * alg0 - m.af * s.a[i]) / (1.0 - m.af)
+
+
+@inner
+def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
+    """Return the local error [m]: the next term of the series in h, less what stiff motions make of it."""
+    for k in range(len(m.alg)):
+        w.x[k] = m.alg[k] - s.extra[0, k]
+    band_product(p.mass, w.x, w.y)
+    factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
+    for k in range(len(m.alg)):
+        w.y[k] *= factor
+    ldl_solve(w.A, w.y)
+    return norm(p, w.y)
+
+
+@inner
+def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+    n, end = len(m.alg), m.end
+    evaluate(p.programs, t + h, w.amps)
+    m.alg[:] = s.extra[0]
+    end.z[:] = s.z
+    _move(m, p, s, h)
+    ca = (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
+    cv = m.gamma / (m.beta * h)
+    last, rate = 0.0, s.numbers[CONTRACTION]
+    size = max(s.numbers[SIZE], 1e-3 * p.extent)
+    iteration = 0
+    while True:
+        if iteration == 0 or m.full or rate > SLOW:
+            forces_tangent(p, w, end.z, end.v, cv)
+            add_mass(p, ca + p.alpha * cv, w.A)
+            bad, _, _ = ldl_factor(w.A, 1e-16)
+            if bad >= 0:
+                return SINGULAR, iteration + 1, 0.0, rate
+        else:
+            forces(p, w, end.z, end.v)
+        residual(p, w, end.v, end.a)
+        for i in range(n):
+            w.x[i] = -w.R[i]
+        ldl_solve(w.A, w.x)
+        step = norm(p, w.x)
+        remember(w, iteration, step)
+        if not np.isfinite(step):
+            return NOT_FINITE, iteration + 1, 0.0, rate
+        if iteration > 0:
+            rate = step / last
+            if rate > 0.5 and at_floor(p, w, end.v, end.a):
+                break
+        for i in range(n):
+            if p.coordinate[i] != 0.0:
+                m.alg[i] += w.x[i] / (m.beta * h * h)
+            else:
+                end.z[i] += w.x[i]
+        _move(m, p, s, h)
+        last, iteration = step, iteration + 1
+        if settled(step, rate if iteration > 1 else min(rate, 0.5), m.tolerance * size, p, w, end.z):
+            break
+        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
+            return NOT_CONVERGED, iteration, 0.0, rate
+    error = _error(m, p, w, s, h, ca)
+    dense = end.dense
+    for i in range(n):
+        dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
+    return DONE, iteration, error, max(rate, 1e-3)
+
+
+@inner
+def newmark_accept(m, s):  # type: ignore[no-untyped-def]
+    """Keep what the next step needs beside the end of this one."""
+    s.extra[0] = m.alg
+
+
+@kernel
+def newmark_restart(m, s):  # type: ignore[no-untyped-def]
+    """Begin anew from consistent accelerations."""
+    s.extra[0] = s.a

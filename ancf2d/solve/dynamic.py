@@ -1,0 +1,152 @@
+"""Motion over time: states as they are asked for, energies, momentum, and an error estimate for fixed steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..case import Dynamic
+from ..elements.shape import Array
+from ..kernels.dynamics import forces
+from ..kernels.motion import COUNT, REJECTED
+from ..model.model import Model
+from .energy import Energies, is_constant
+from .estimate import Estimate
+from .initial import initial_motion
+from .problem import make_problem
+from .state import State
+from .stepping import LOG, Row, Stepper
+
+# of adaptive steps where none is asked for
+TOLERANCE = 1e-6
+# states that are stored where nothing is said
+STATES = 200
+
+
+def stored_times(model: Model, spec: Dynamic) -> Array:
+    """Return the times of the states to be stored: the start, every ``interval`` (1/200 of the whole), the end."""
+    interval = model.case.output.interval or spec.t_end / STATES
+    count = int(np.floor(spec.t_end / interval * (1.0 + 1e-12)))
+    times = interval * np.arange(1, count + 1)
+    return times[times < spec.t_end * (1.0 - 1e-12)]
+
+
+class Balance:
+    """Energies of a motion and what they should be: the balance of work, stored and lost energy."""
+
+    def __init__(self, model: Model, stepper: Stepper) -> None:
+        self.model, self.stepper, self.energies = model, stepper, Energies(model)
+        self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan])  # total at the start, largest change, size, springs' energy
+
+    def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
+        """Return the energies of a state, and note how far the balance is off."""
+        model, d_q = self.model, d[:self.model.n_q]
+        e = model.e0 + d_q
+        kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.t)
+        springs = sum(float(s.evaluate(e, d, row.t)[0]) for s in model.springs)
+        dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
+        potential = self.energies.potential(d)
+        own = strain - springs if self.stepper.tracks else strain
+        total = kinetic + own - dead - row.work + row.lost
+        if np.isnan(self.numbers[0]):
+            self.numbers[0], self.numbers[3] = total, springs
+        self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
+        self.numbers[2] = max(self.numbers[2], kinetic + strain)
+        work = row.work + (springs - self.numbers[3] if self.stepper.tracks else 0.0) + dead + potential
+        return {"kinetic": kinetic, "strain": strain, "potential": potential, "dissipated": row.lost, "work": work}
+
+    @property
+    def drift(self) -> float:
+        """The largest change of total energy less work, over the largest kinetic plus strain energy."""
+        return float(self.numbers[1] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
+
+
+class Run:
+    """A dynamic solve: the motion itself and, with fixed steps, coarser ones beside it for the error estimate."""
+
+    def __init__(self, model: Model, spec: Dynamic) -> None:
+        if spec.dt is None and spec.tolerance is None:
+            spec = replace(spec, tolerance=TOLERANCE)
+        self.model, self.spec = model, spec
+        self.problem, self.signals = make_problem(model)
+        every = model.case.output.every or 0
+        self.times = np.zeros(0) if every else stored_times(model, spec)
+        self.stepper = Stepper(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
+        self.balance = Balance(model, self.stepper)
+        self.estimate = Estimate(self) if spec.dt is not None and spec.estimate else None
+
+    def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
+        """Yield the states, from the start or from a checkpoint."""
+        if kept is None:
+            d, v = initial_motion(self.model)
+            self.stepper.start(d, v)
+            if self.estimate is not None:
+                self.estimate.start(d, v)
+            yield self._state(self.stepper.last(), inside=False)
+        else:
+            self._resume(kept)
+        while not self.stepper.done:
+            rows = self.stepper.run()
+            inside = not self.stepper.every
+            ends = self.stepper.done
+            for k, row in enumerate(rows):
+                last = k == len(rows) - 1 and not ends
+                if not ends or row.t < self.stepper.t:
+                    yield self._state(row, inside, keep=last)
+        yield self._end()
+
+    def _state(self, row: Row, inside: bool, keep: bool = False) -> State:
+        stepper, model = self.stepper, self.model
+        d, v, a = stepper.full(row, inside)
+        Q, F = self._forces(row)
+        energies = self.balance.take(row, d, v)
+        blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
+        state = State(row.t, d, Q, F, energies["strain"], history=energies, v=v, a=a, blocks=blocks)
+        if self.estimate is not None:
+            self.estimate.take(row.t, d)
+        if keep:
+            state.checkpoint = self._checkpoint()
+        return state
+
+    def _forces(self, row: Row) -> tuple[Array, Array]:
+        """Return the forces Q, damping and multipliers included, and the dead loads F (n_full,) at a stored state."""
+        w = self.stepper.w
+        forces(self.stepper.p, w, row.z, row.v)
+        F = self.model.external(row.t)
+        return w.Q + F, F
+
+    def _end(self) -> State:
+        """Return the last state, with what there is to say of the whole."""
+        state = self._state(self.stepper.last(), inside=False)
+        state.last = True
+        numbers = self.stepper.s.numbers
+        px, py, h = self.balance.energies.momentum(state.d, state.v)
+        state.report = {
+            "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
+            "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
+        if self.estimate is not None:
+            state.report["accuracy"] = self.estimate.report()
+            state.warnings += self.estimate.warnings()
+        return state
+
+    def _checkpoint(self) -> dict[str, Array]:
+        out = self.stepper.checkpoint()
+        out["balance"] = self.balance.numbers.copy()
+        if self.estimate is not None:
+            out.update(self.estimate.checkpoint())
+        return out
+
+    def _resume(self, kept: dict[str, Array]) -> None:
+        self.stepper.resume(kept)
+        self.balance.numbers[:] = kept["balance"]
+        if self.estimate is not None:
+            self.estimate.resume(kept)
+
+
+def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:
+    """Yield the states of a motion, from the start or from a checkpoint. Raises ComputationError where it fails."""
+    return Run(model, spec).states(kept)
+

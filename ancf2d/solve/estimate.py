@@ -1,0 +1,151 @@
+"""The error of fixed steps: motions with steps of 2 dt and 4 dt run beside, and their differences extrapolate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.points import PointRef
+from .stepping import Stepper
+
+if TYPE_CHECKING:
+    from .dynamic import Run
+
+FACTORS = (2, 4)
+# added to what two differences extrapolate to (Roache's grid convergence index for three levels)
+SAFETY = 1.25
+
+
+class Estimate:
+    """Differences between a motion and coarser ones at stored times, over all probes (all nodes where there are none).
+
+    ``largest`` (levels, probes): of the differences between neighbouring levels; ``moved`` (probes,): of the
+    displacements.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.order = run.stepper.method.order
+        model = run.model
+        probes = [model.point(p.at) for p in model.case.output.probes.values()]
+        self.columns = [_rows(p) for p in probes] or _nodes(run)
+        self.largest = np.zeros((len(FACTORS), len(self.columns)))
+        self.moved = np.zeros(len(self.columns))
+        self.failed = ""
+        self.coarse: list[Stepper] = []
+        self.queues: list[list[Any]] = [[] for _ in FACTORS]
+        if not run.stepper.every:
+            self.coarse = [Stepper(model, run.problem, run.signals, run.spec, f * run.stepper.dt, run.times)
+                           for f in FACTORS]
+        else:
+            times = np.arange(1, int(run.spec.t_end / run.stepper.dt) + 1) * run.stepper.dt * run.stepper.every
+            times = times[times < run.spec.t_end * (1.0 - 1e-12)]
+            self.coarse = [Stepper(model, run.problem, run.signals, run.spec, f * run.stepper.dt, times)
+                           for f in FACTORS]
+
+    def start(self, d: Array, v: Array) -> None:
+        """Begin where the motion begins."""
+        for stepper in self.coarse:
+            stepper.start(d, v)
+
+    def take(self, t: float, d: Array) -> None:
+        """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
+        if t == 0.0 or self.failed:
+            return
+        here = self._places(d)
+        self.moved = np.maximum(self.moved, np.hypot(*here))
+        for k in range(len(FACTORS)):
+            there = self._coarse_places(k, t)
+            if there is None:
+                return
+            self.largest[k] = np.maximum(self.largest[k], np.hypot(*(there - here)))
+            here = there
+
+    def _places(self, d: Array) -> Array:
+        """Return the displacements (2, probes)."""
+        return np.array([[float(w @ d[c]) for c, w in columns] for columns in self.columns]).T
+
+    def _coarse_places(self, level: int, t: float) -> Array | None:
+        stepper, queue = self.coarse[level], self.queues[level]
+        near = 1e-9 * self.run.stepper.dt
+        try:
+            while not queue or queue[-1].t < t - near:
+                if stepper.done:
+                    queue.append(stepper.last())
+                    break
+                queue += stepper.run()
+        except ComputationError as error:
+            self.failed = f"with steps of {stepper.dt:g} s the motion could not be followed ({error.failure.reason})"
+            return None
+        while queue and queue[0].t < t - near:
+            queue.pop(0)
+        if not queue or queue[0].t > t + near:
+            return None
+        return self._places(stepper.full(queue[0], inside=True)[0])
+
+    def report(self) -> dict[str, Any]:
+        """Return the relative estimate, the order seen, and how they were found."""
+        estimate, order = self._richardson()
+        return {"estimate": estimate, "order": order, "of": "time steps",
+                "steps": int(sum(s.s.numbers[8] for s in self.coarse))}
+
+    def _richardson(self) -> tuple[float | None, float | None]:
+        """Return what differences of motions with dt, 2 dt, 4 dt say of the first, and the order that they show."""
+        if self.failed:
+            return None, None
+        size = np.where(self.moved > 0.0, self.moved, np.inf)
+        fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
+        if fine == 0.0:
+            return 0.0, None
+        order = float(np.log2(rough / fine)) if rough > 0.0 else 0.0
+        if order < 0.5:
+            # differences that do not shrink tell no more than their size
+            return max(fine, rough), order
+        return SAFETY * fine / (2.0 ** min(order, self.order) - 1.0), order
+
+    def warnings(self) -> list[str]:
+        """Return what is to be said of an estimate that cannot be trusted."""
+        if self.failed:
+            return [f"no error estimate: {self.failed}; smaller steps"]
+        estimate, order = self._richardson()
+        if estimate is not None and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
+            return [f"the steps are too large for this motion: differences to runs with longer steps show order "
+                    f"{order:.1f} in place of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
+        return []
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array]:
+        """Return everything that the estimate goes on from."""
+        out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
+        for k, stepper in enumerate(self.coarse):
+            out.update({f"coarse{k}_{name}": value for name, value in stepper.checkpoint().items()})
+            out[f"coarse{k}_queue"] = np.array([[r.t, *r.z, *r.v, *r.a] for r in self.queues[k]])
+        return out
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        from .stepping import Row
+
+        self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
+        for k, stepper in enumerate(self.coarse):
+            head = f"coarse{k}_"
+            stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
+            n = len(stepper.s.z)
+            queue = kept[head + "queue"].reshape(-1, 1 + 3 * n)
+            self.queues[k] = [Row(float(r[0]), *(r[1 + i * n:1 + (i + 1) * n].copy() for i in range(3)), 0.0, 0.0,
+                                  np.zeros((0, 0))) for r in queue]
+
+
+def _rows(point: PointRef) -> list[tuple[Array, Array]]:
+    return point.position()
+
+
+def _nodes(run: Run) -> list[list[tuple[Array, Array]]]:
+    """Return x and y of every node."""
+    x = run.balance.energies.kinds.place
+    one = np.ones(1)
+    return [[(np.array([i]), one), (np.array([i + 1]), one)] for i in x]

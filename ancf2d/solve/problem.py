@@ -1,0 +1,166 @@
+"""A model as the kernels of motion take it: one tuple of arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..kernels.dynamics import Problem
+from ..kernels.elements import Group
+from ..model.groups import damping_times, no_elements
+from ..model.model import Model
+from ..model.point_table import point_table, points_of
+from ..model.signals import Signal, programs
+from ..model.sliding import OnAxis, sliding_table
+from .energy import is_constant
+from .mass import full_mass
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+
+class Signals:
+    """The signals of a problem, each once."""
+
+    def __init__(self) -> None:
+        self.all: list[Any] = []
+        self._rows: dict[Any, int] = {}
+
+    def row(self, signal: Any) -> int:
+        """Return the row of a signal, which is added where it is new."""
+        if signal not in self._rows:
+            self._rows[signal] = len(self.all)
+            self.all.append(signal)
+        return self._rows[signal]
+
+
+def merged(groups: list[Group], tau: Array) -> tuple[tuple[Group, ...], Array]:
+    """Return groups of one law, shape and damping as one, so that kernels are compiled for kinds and not for bodies."""
+    if not groups:
+        return (no_elements(),), np.zeros(1)
+    alike: dict[Any, list[Group]] = {}
+    for group, t in zip(groups, tau.tolist(), strict=True):
+        key = (type(group.law), *(a.shape[1:] for a in group.law), group.components, t)
+        alike.setdefault(key, []).append(group)
+    return tuple(_joined(same) for same in alike.values()), np.array([key[-1] for key in alike])
+
+
+def _joined(groups: list[Group]) -> Group:
+    if len(groups) == 1:
+        return groups[0]
+    first = np.cumsum([0, *(len(g.law.B) for g in groups)])
+    law = type(groups[0].law)(*(np.concatenate(parts) for parts in zip(*(g.law for g in groups), strict=True)))
+    return Group(law, np.concatenate([g.cls + k for g, k in zip(groups, first, strict=False)]),
+                 np.concatenate([np.broadcast_to(g.turn, (len(g.dofs), 2)) for g in groups]),
+                 np.concatenate([g.dofs for g in groups]), groups[0].components)
+
+
+def unknowns_to_coordinates(model: Model) -> csr_matrix:
+    """Return T (n_q, n): nodal coordinates from unknowns, without what is prescribed."""
+    from scipy.sparse import csr_matrix
+
+    num = model.numbering
+    own = num.free < num.n_q
+    rows = np.concatenate([num.free[own], np.repeat(num.dependent, np.diff(num.indptr))])
+    columns = np.concatenate([np.flatnonzero(own), num.index])
+    values = np.concatenate([np.ones(own.sum()), num.value])
+    return csr_matrix((values, (rows, columns)), shape=(num.n_q, num.n_unknowns))
+
+
+def _band(M: csr_matrix, width: int) -> Array:
+    """Return the lower half of a symmetric matrix as a band."""
+    from scipy.sparse import tril
+
+    low, out = tril(M).tocoo(), np.zeros((M.shape[0], width))
+    out[low.row, width - 1 + low.col - low.row] = low.data
+    return out
+
+
+def _loads(model: Model, signals: Signals) -> dict[str, Array]:
+    coord, value, row, varies = [], [], [], []
+    for load in model.loads.dead:
+        coord.append(load.dofs)
+        value.append(load.values)
+        row.append(np.full(len(load.dofs), signals.row(load.amplitude)))
+        varies.append(np.full(len(load.dofs), not is_constant(load.amplitude)))
+    empty = np.zeros(0)
+
+    def joined(parts: list[Array], kind: Any) -> Array:
+        return np.concatenate([empty, *parts]).astype(kind)
+    return {"load_coord": joined(coord, np.int64), "load_value": joined(value, float),
+            "load_signal": joined(row, np.int64), "load_varies": joined(varies, bool)}
+
+
+def _motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> dict[str, Array]:
+    """Return prescribed motion: entries of P, T^T M P and P^T M P by signal."""
+    from scipy.sparse import csr_matrix
+
+    entries = [(coord, factor, signals.row(model.rows[r].signal))
+               for coord, dependent in sorted(model.elimination.dependents.items())
+               for r, factor in dependent.rhs.items() if model.rows[r].signal is not None]
+    coord = np.array([e[0] for e in entries], dtype=np.int64)
+    factor = np.array([e[1] for e in entries], dtype=float)
+    row = np.array([e[2] for e in entries], dtype=np.int64)
+    used = np.unique(row)
+    P = csr_matrix((factor, (coord, np.searchsorted(used, row))), shape=(model.n_q, len(used)))
+    return {"motion_coord": coord, "motion_factor": factor, "motion_signal": row,
+            "motion_mass": np.ascontiguousarray((T.T @ M @ P).T.toarray()), "motion_mass_signal": used,
+            "motion_mutual": (P.T @ M @ P).toarray()}
+
+
+def _pairs(model: Model) -> tuple[Array, Array]:
+    """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that tell how it turns."""
+    pairs: dict[tuple[int, int], Array] = {}
+    place = model.numbering.place
+    for mesh in model.meshes.values():
+        element, nc = mesh.plan.element, mesh.plan.element.components
+        functionals = list(element.functionals)
+        for k, (node, _) in enumerate(functionals):
+            source = np.full((len(mesh.dofs), 4), -1)
+            slopes = [i for i, (at, name) in enumerate(functionals) if at == node and name in ("r_y", "r_x")]
+            if nc == 3:
+                source[:, 0] = mesh.dofs[:, 3 * k + 2]
+            elif slopes:
+                source[:, :2] = mesh.dofs[:, 2 * slopes[-1]:2 * slopes[-1] + 2]
+            else:
+                source[:, :2], source[:, 2:] = mesh.dofs[:, :2], mesh.dofs[:, -2:]
+            xy = place[mesh.dofs[:, nc * k:nc * k + 2]]
+            for m in np.flatnonzero((xy >= 0).all(axis=1)).tolist():
+                pairs.setdefault((int(xy[m, 0]), int(xy[m, 1])), source[m])
+    return (np.array(list(pairs), dtype=np.int64).reshape(-1, 2),
+            np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
+
+
+def _points(model: Model, signals: Signals) -> Any:
+    patches = points_of(model)
+    if not patches:
+        return None
+    own: list[Any] = []
+    table = point_table(patches, own)
+    rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal], dtype=np.int64)
+    return table._replace(signal=rows)
+
+
+def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
+    """Return the tuple that the kernels of motion take, and its signals."""
+    num, signals = model.numbering, Signals()
+    T, M = unknowns_to_coordinates(model), full_mass(model)
+    width = min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
+    own = num.free < num.n_q
+    weights = np.zeros(num.n_unknowns)
+    weights[own] = model.weights[num.free[own]]
+    pairs, turns = _pairs(model)
+    groups, tau = merged(model.groups, damping_times(model))
+    damping = model.case.damping
+    slides = any(isinstance(c, OnAxis) for c in model.constraints)
+    data: dict[str, Any] = {
+        "groups": groups, "tau": tau if tau.any() else None, "points": _points(model, signals), "sliding": sliding_table(model.constraints, model.e0) if slides else None,
+        "place": num.place, "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free,
+        "dependents": num.dependent, "mass": _band((T.T @ M @ T).tocsr(), width),
+        "alpha": damping.rayleigh.alpha if damping else 0.0, "pairs": pairs, "turns": turns, "e0": model.e0,
+        "weights": weights, "coordinate": own.astype(float),
+        "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
+    return Problem(programs=programs(signals.all), **data), signals.all
+

@@ -1,0 +1,273 @@
+"""One motion stepped through time in compiled chunks: from break to break, with its states as they are stored."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..case import Dynamic
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..kernels import advance as kernels
+from ..kernels.amplitudes import evaluate
+from ..kernels.consistent import consistent, onto_constraints
+from ..kernels.dynamics import Problem, Scratch, scratch, to_full
+from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, STEP_SIZE, TIME, WORK, Motion, motion
+from ..kernels.points import point_accept
+from ..kernels.sliding import sliding_check
+from ..model.breakpoints import Break, all_breakpoints
+from ..model.model import Model
+from ..model.signals import Signal
+from .methods import DEFAULT, METHODS
+from .system import describe_coordinate
+
+# a call of the kernels takes about so long [s], so that bars move and interrupts are heard
+CHUNK_SECONDS = 0.2
+LOG_ROWS = 4096
+STATE_BYTES = 16 << 20
+LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
+# of Newton's increments, relative to the size of the motion
+TIGHT = 1e-10
+CONSERVING = 1e-15
+
+
+@dataclass
+class Row:
+    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it."""
+
+    t: float
+    z: Array
+    v: Array
+    a: Array
+    work: float
+    lost: float
+    log: Array
+
+
+class Stepper:
+    """A motion on its way. ``dt`` 0 steps adaptively under ``tolerance``; ``wanted`` are times of states."""
+
+    def __init__(self, model: Model, problem: Problem, signals: list[Signal], spec: Dynamic, dt: float,
+                 wanted: Array, every: int = 0) -> None:
+        self.model, self.signals, self.spec = model, signals, spec
+        # tables with a memory are this motion's own
+        self.p: Problem = problem._replace(
+            points=None if problem.points is None else problem.points._replace(mem=problem.points.mem.copy()),
+            sliding=None if problem.sliding is None else problem.sliding._replace(
+                memory=problem.sliding.memory.copy()))
+        n, width = problem.mass.shape
+        self.w: Scratch = scratch(n, len(problem.place), width, len(signals))
+        self.method = METHODS[spec.method or DEFAULT]
+        self.tolerance = spec.tolerance or 0.0
+        self.m = self.method.make(spec, self.p, newton_tolerance(self.method.name, self.tolerance))
+        self.s: Motion = motion(n, self.method.rows)
+        self.s.numbers[STEP_SIZE] = self.dt = dt
+        self.wanted, self.every, self.next_wanted, self.next_break = wanted, every, 0, 0
+        self.breaks: list[Break] = [b for b in all_breakpoints(signals, 0.0, spec.t_end) if b.t < spec.t_end]
+        self.pending: Array = np.zeros((0, len(LOG)))
+        self.rows = self._rows(n)
+        self.steps = 64
+        self._at = motion(n, 0)
+        self.tracks = tracks(model, problem)
+
+    def _rows(self, n: int) -> kernels.Rows:
+        m = int(min(max(STATE_BYTES // (24 * n), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
+        return kernels.Rows(self.wanted, self.every, np.zeros(m), np.zeros(m, dtype=np.int64), np.zeros((m, n)),
+                            np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 2)), np.zeros((LOG_ROWS, len(LOG))))
+
+    @property
+    def t(self) -> float:
+        """The time reached."""
+        return float(self.s.numbers[TIME])
+
+    @property
+    def done(self) -> bool:
+        """Whether the end is reached."""
+        return self.t >= self.spec.t_end
+
+    def start(self, d: Array, v: Array) -> None:
+        """Begin at full coordinates d with rates v, which the constraints may change."""
+        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        if self.p.points is not None:
+            point_accept(self.p.points, d)
+        # what switches on at 0 is on
+        self._consistent(np.nextafter(0.0, 1.0), np.zeros(len(self.signals)))
+        if self.dt == 0.0:
+            self.s.numbers[STEP_SIZE] = self._first_step()
+
+    def _consistent(self, t: float, jump: Array) -> None:
+        if not consistent(self.p, self.w, self.s, t, jump):
+            raise ComputationError(
+                "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
+                advice="give every body a density (rhoI too where the section is given by stiffnesses); let each joint "
+                       "hold what no other holds")
+        if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
+            self._check_signals(t)
+            raise ComputationError("the accelerations are no finite numbers", at={"t": t},
+                                   advice="check loads, masses and stiffnesses for extreme values")
+        self._restart()
+
+    def _restart(self) -> None:
+        """Let the method begin anew from the motion."""
+        kernels.restart(self.m, self.s)
+
+    def _first_step(self) -> float:
+        """Return a step in which little happens, by rates and accelerations at the start."""
+        weights = self.p.weights
+        size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
+        speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
+        times = [self._largest()]
+        times += [size / speed] if speed > 0.0 else []
+        times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
+        return min(times) * 0.1 * self.tolerance ** (1.0 / self.m.order)
+
+    def _largest(self) -> float:
+        return self.spec.t_end / (50.0 if self.breaks or self.tracks else 10.0)
+
+    def run(self) -> list[Row]:
+        """Step for about a fifth of a second; return the states stored meanwhile. Raises ComputationError."""
+        found: list[Row] = []
+        started = time.perf_counter()
+        while not self.done:
+            stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
+            end = self.spec.t_end
+            plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
+            began = time.perf_counter()
+            why, stored, logged, outcome, _ = kernels.advance(
+                self.m, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, self.steps)
+            self._adapt_chunk(time.perf_counter() - began, logged)
+            self._collect(found, stored, logged)
+            if why == kernels.FAILED:
+                raise self._failure(outcome)
+            if why == kernels.REACHED and stop < end:
+                self._pass_break()
+            if found and time.perf_counter() - started > CHUNK_SECONDS:
+                break
+        if self.p.sliding is not None:
+            self._check_sliding()
+        return found
+
+    def _adapt_chunk(self, seconds: float, logged: int) -> None:
+        """Let the next call take about as long as calls should; results do not depend on it."""
+        if logged > 0:
+            self.steps = int(min(max(CHUNK_SECONDS * logged / max(seconds, 1e-6), 1), 4 * self.steps, LOG_ROWS))
+
+    def _collect(self, found: list[Row], stored: int, logged: int) -> None:
+        """Append the states of a call, each with the log of the steps up to it."""
+        log, first = np.vstack([self.pending, self.rows.log[:logged]]), 0
+        for k in range(stored):
+            last = len(self.pending) + int(self.rows.number[k]) + 1
+            last = max(min(last, len(log)), first)
+            found.append(Row(float(self.rows.t[k]), self.rows.z[k].copy(), self.rows.v[k].copy(),
+                             self.rows.a[k].copy(), *self.rows.work[k].tolist(), log[first:last]))
+            first = last
+        self.pending = log[first:]
+        self.next_wanted += stored if not self.every else 0
+
+    def _pass_break(self) -> None:
+        """Start anew behind a break of the signals: rates jump with those of prescribed motion, and with them impulses."""
+        at = self.breaks[self.next_break]
+        before, after = np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
+        evaluate(self.p.programs, at.before, before)
+        evaluate(self.p.programs, at.t, after)
+        self._consistent(at.t, after[:, 1] - before[:, 1])
+        self.next_break += 1
+        if self.dt > 0.0:
+            self.s.numbers[GRID] = np.floor(at.t / self.dt * (1 + 1e-12))
+        else:
+            self.s.numbers[STEP_SIZE] = min(self.s.numbers[STEP_SIZE], 10.0 * self._first_step())
+
+    def last(self) -> Row:
+        """Return the state at the time reached, with what is left of the log."""
+        row = Row(self.t, self.s.z.copy(), self.s.v.copy(), self.s.a.copy(), float(self.s.numbers[WORK]),
+                  float(self.s.numbers[LOST]), self.pending)
+        self.pending = self.pending[:0]
+        return row
+
+    def full(self, row: Row, inside: bool) -> tuple[Array, Array, Array]:
+        """Return d, v, a (n_full,) of a stored state; ``inside`` a step it is put onto the constraints first."""
+        if inside and (self.p.points is not None or self.p.sliding is not None):
+            onto_constraints(self.p, self.w, row.z, row.v, row.t)
+        evaluate(self.p.programs, row.t, self.w.amps)
+        out = [np.zeros(len(self.p.place)) for _ in range(3)]
+        for order, x in enumerate((row.z, row.v, row.a)):
+            to_full(self.p, x, self.w.amps, order, out[order])
+        return out[0], out[1], out[2]
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array]:
+        """Return everything that the motion goes on from."""
+        out = {name: np.array(value) for name, value in zip(Motion._fields, self.s, strict=True)}
+        out["log"] = np.array(self.pending)
+        out["places"] = np.array([self.next_wanted, self.next_break, self.every])
+        out["dt"] = np.array([self.dt, self.tolerance])
+        if self.p.points is not None:
+            out["turns"] = np.array(self.p.points.mem)
+        if self.p.sliding is not None:
+            out["sliding"] = np.array(self.p.sliding.memory)
+        return out
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        for name, value in zip(Motion._fields, self.s, strict=True):
+            value[:] = kept[name]
+        self.pending = kept["log"].reshape(-1, len(LOG))
+        self.next_wanted, self.next_break = int(kept["places"][0]), int(kept["places"][1])
+        if self.p.points is not None:
+            self.p.points.mem[:] = kept["turns"]
+        if self.p.sliding is not None:
+            self.p.sliding.memory[:] = kept["sliding"]
+
+    # ------------------------------------------------------------------ what can go wrong
+
+    def _check_signals(self, t: float) -> None:
+        """Raise the ComputationError of an expression that has no value at t."""
+        for signal in self.signals:
+            signal(t)
+
+    def _check_sliding(self) -> None:
+        d = np.zeros(len(self.p.place))
+        evaluate(self.p.programs, self.t, self.w.amps)
+        to_full(self.p, self.s.z, self.w.amps, 0, d)
+        bad = sliding_check(self.p.sliding, d)
+        if bad >= 0:
+            joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]
+            raise ComputationError(f"{joint.owner}: the point has left the end of the body that it slides on",
+                                   at={"t": self.t}, advice="a longer body, or something that stops the point")
+
+    def _failure(self, outcome: int) -> ComputationError:
+        """Return what to say of a step that could not be made."""
+        h = float(self.s.numbers[STEP_SIZE])
+        at = {"t": float(f"{self.t:.9g}"), "step": int(self.s.numbers[COUNT]) + 1, "dt": float(f"{h:.3g}")}
+        self._check_signals(self.t + h)
+        if self.p.sliding is not None:
+            self._check_sliding()
+        weights = self.p.weights
+        worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
+        if self.p.full[worst] < self.model.n_q:
+            at["coordinate"] = describe_coordinate(self.model, int(self.p.full[worst]))
+        reason = {NOT_FINITE: "the forces are no longer finite numbers",
+                  SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
+        return ComputationError(
+            f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
+            advice="an element may have turned inside out, or the motion run into a singular position: look at the last "
+                   "states; smaller steps before it, or a tighter tolerance, may lead past")
+
+
+def newton_tolerance(method: str, tolerance: float) -> float:
+    """Return how far Newton's increments are brought down, relative to the size of the motion."""
+    if method == "energy_momentum":
+        return CONSERVING
+    return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT
+
+
+def tracks(model: Model, p: Problem) -> bool:
+    """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
+    dampers = any(spring.damping > 0.0 for spring in model.case.springs)
+    fed = p.points is not None and bool((p.points.fed >= 0).any())
+    return bool(p.load_varies.any() or len(p.motion_coord) or p.tau is not None or p.alpha or dampers or fed
+                or model.loads.patches)
