@@ -24,6 +24,7 @@ def command(session: Session, name: str | None) -> int:
     The formulation that a type has by default is marked with *.
     """
     from ..elements import registry
+    from ..elements.rigid import RIGID_TYPE
 
     types = [registry.ELEMENTS[n] for n in registry.ELEMENTS] if name is None else [_named(name)]
     found = [_describe(t) for t in types]
@@ -39,6 +40,8 @@ def command(session: Session, name: str | None) -> int:
         rows.append([t["name"], f"{t['dofs']}: {_nodes(t)}", ", ".join(names), t["source"]])
     rows.append([f"{registry.FAMILY}[p,q]", f"order along p <= {p}, across q <= {q}", "'ancf2d elements ancf[3,2]'",
                  "any member of the family by its order"])
+    rows.append([RIGID_TYPE.name, f"{RIGID_TYPE.n_dof}: {_nodes(_describe(RIGID_TYPE))}", "none: it has no strain",
+                 RIGID_TYPE.source])
     session.out("\n".join(table(rows, left=(0, 1, 2, 3))))
     session.out("\n* default; 'ancf2d elements NAME' tells all about one")
     return 0
@@ -46,8 +49,11 @@ def command(session: Session, name: str | None) -> int:
 
 def _named(name: str) -> Any:
     """Return an element type by name; CaseError with the nearest where there is none."""
+    from ..elements.rigid import RIGID_TYPE
     from ..study.variants import element_named
 
+    if name == RIGID_TYPE.name:
+        return RIGID_TYPE
     try:
         return element_named(name)
     except ValueError as error:
@@ -98,7 +104,10 @@ def _one(found: dict[str, Any]) -> str:
         rows.append(["preset: paper", ", ".join(f"{k} {v}" for k, v in found["preset"].items())])
     if found["note"]:
         rows.append(["note", found["note"]])
-    lines = [found["name"], *table(rows, left=(0, 1), indent="  "), "", "  formulations"]
+    lines = [found["name"], *table(rows, left=(0, 1), indent="  ")]
+    if not any(f["default"] for f in found["formulations"]):
+        return "\n".join([*lines, "", "  no strain: a constraint keeps its length"])
+    lines += ["", "  formulations"]
     offered = [[f["name"], "default" if f["default"] else "", f"{' x '.join(map(str, f['quadrature']))} Gauss points",
                 f["doc"]] for f in found["formulations"] if f["refused"] is None]
     lines += table(offered, left=(0, 1, 2, 3), indent="    ")

@@ -219,6 +219,13 @@ def test_element_tells_why_a_formulation_is_not_offered(call: Call, call_json: C
     assert not any("^0" in b or "^1" in b for b in found["basis"])
 
 
+def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
+    assert any(line.startswith("rigid ") and "no strain" in line for line in call("elements").stdout.split("\n"))
+    text = call("elements", "rigid").stdout
+    assert "4 per element" in text
+    assert "formulations" not in text
+
+
 def test_schema_knows_the_element_types_and_replaces_no_other_file(call: Call, folder: Path) -> None:
     schema = json.loads(call("schema").stdout)
     assert "vallejo" in json.dumps(schema)
