@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from ..case import Buckling, Eigen, LinearStatic
+from ..case import Buckling, Dynamic, Eigen, LinearStatic
+from ..errors import Ancf2dError
 from ..model.model import Model
 
 # reading kernels from the cache takes less than this; more means that some are being compiled
 PATIENCE = 1.5
+# share of a motion that is gone through to compile its kernels
+MOMENT = 1e-6
 
 
 def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
@@ -25,7 +30,10 @@ def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
     announce.daemon = True
     announce.start()
     try:
-        _touch(model)
+        if isinstance(model.case.solver, Dynamic):
+            _touch_motion(model, model.case.solver)
+        else:
+            _touch(model)
     finally:
         announce.cancel()
 
@@ -62,6 +70,16 @@ def _touch(model: Model) -> None:
         if asks_for_forces(model.case):
             n = none.law.B.shape[3]
             element_matrices(none, d, 0, np.zeros((0, n)), np.zeros((0, n, n)))
+
+
+def _touch_motion(model: Model, spec: Dynamic) -> None:
+    """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
+    from ..solve.registry import SOLVERS
+
+    moment = MOMENT * spec.t_end
+    with suppress(Ancf2dError):
+        for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):
+            pass
 
 
 def _touch_matrix(kind: type) -> None:
