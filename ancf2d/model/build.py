@@ -97,16 +97,12 @@ class _Builder:
             keep_lengths(mesh, self.equations)
             weld_corners(mesh, self.equations)
         for i, joint in enumerate(self.case.joints):
-            path = ("joints", i)
-            if type(joint) not in JOINTS:
-                self.report(path, f"joints.{i}: a {_kind(joint)} joint is not available yet", "pin, weld or slider")
-                continue
             context = JointContext(self.point, self.meshes, self.extent, f"joints.{i}")
             try:
                 JOINTS[type(joint)](joint, context, joint.name or f"joints.{i}", self.equations)
             except JointError as error:
                 for key, message, expected in error.problems:
-                    self.report((*path, *key), message, expected)
+                    self.report(("joints", i, *key), message, expected)
 
     def add_springs(self) -> None:
         for spring in self.case.springs:
@@ -167,10 +163,6 @@ class _Builder:
         for motion in motions:
             self.report(("boundary_conditions",), f"a mechanism: {motion}",
                         "supports, joints or springs that hold every body")
-
-
-def _kind(item: Any) -> str:
-    return type(item).__name__.removesuffix("Joint").lower()
 
 
 def build_model(loaded: LoadedCase) -> Model:

@@ -102,7 +102,8 @@ class OnAxis:
                 break
         return m, z, *sliding.measure(axis, x, y, m, z)
 
-    def _lost(self) -> ComputationError:
+    def lost(self) -> ComputationError:
+        """Return what to say of a point that is off the end of the body."""
         return ComputationError(f"{self.owner}: {self.label} has left {self.body} over its end",
                                 advice=f"a longer {self.body}, or something that stops {self.label}")
 
@@ -111,13 +112,13 @@ class OnAxis:
         m, z, g, *_ = self._foot(d)
         last = int(self.table.elements[0]) - 1
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
-            raise self._lost()
+            raise self.lost()
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``; raises ComputationError off the end."""
         m, z, g, nx, ny, tx, ty, c = self._foot(d)
         if math.isnan(g):
-            raise self._lost()
+            raise self.lost()
         self.table.memory[0] = m, z
         k = 2 * int(self.table.points[0] + self.table.shapes[0])
         touched, rows, H = np.zeros(k, dtype=np.int64), np.zeros((3, k)), np.zeros((k, k))
