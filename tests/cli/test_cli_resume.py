@@ -1,0 +1,127 @@
+"""Runs through time that are interrupted on the command line, and go on."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from commandline import start
+
+from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
+
+Call = Callable[..., Result]
+RNG = random.Random(3)
+
+PENDULUM = """\
+format: 1
+title: Flexible pendulum
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {height: 0.02, width: 0.02}
+    material: {E: 1.0e7, nu: 0.3, rho: 1000}
+    element: {type: cable, count: 4}
+boundary_conditions:
+  - {name: hinge, type: pin, at: rod@0}
+loads:
+  - {type: gravity, value: [0, -9.81]}
+solver: {type: dynamic, t_end: END, tolerance: 1e-6}
+output:
+  interval: 0.01
+  probes:
+    tip: rod@1
+"""
+
+
+@pytest.fixture
+def pendulum(folder: Path) -> Path:
+    """A folder with a pendulum that swings for some seconds of work."""
+    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "60"))
+    return folder
+
+
+def stopped(folder: Path, how: signal.Signals, *options: str, behind: float = 0.0) -> tuple[int, str, str]:
+    """Start a run, stop it when its file holds a checkpoint behind a time; return code, stdout, stderr."""
+    process = start(["run", "rod.yaml", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
+    part, began = part_path(folder / "rod.h5"), time.monotonic()
+    while process.poll() is None and time.monotonic() - began < 300:  # it may have to compile first
+        found = read_checkpoint(part) if part.exists() else None
+        if found is not None and found.t > behind:
+            break
+        time.sleep(0.02)
+    time.sleep(RNG.uniform(0.0, 0.5))
+    process.send_signal(how)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+def bits(path: Path) -> list[bytes]:
+    """What was computed, bit for bit."""
+    with open_results(path) as r:
+        states = [r.t.tobytes(), *(r.d(i).tobytes() for i in range(r.nt)), *(r.v(i).tobytes() for i in range(r.nt))]
+        columns = [table[name].tobytes() for table in (r.history, r.energies, r.probes["tip"]) for name in table]
+    return states + columns
+
+
+def test_interrupted_run_ends_cleanly_and_goes_on_to_the_same_bits(pendulum: Path, call: Call) -> None:
+    code, out, err = stopped(pendulum, signal.SIGINT, "--json")
+    assert code == 130, err
+    assert json.loads(out)["status"] == "interrupted"
+    assert "to go on: ancf2d run rod.yaml --json --resume" in err
+    assert "Traceback" not in err
+    with open_results("rod.h5.part") as r:
+        assert r.status == "interrupted"
+        reached = r.t[-1]
+        assert 0 < reached < 60
+    found = read_checkpoint("rod.h5.part")
+    assert found is not None
+    assert 0 < found.t <= reached
+    code, _, err = stopped(pendulum, signal.SIGKILL, "--resume", behind=found.t)
+    assert f"resuming 'rod.h5.part' at t = {found.t:.6g} s" in err
+    assert code == -signal.SIGKILL, err
+    result = call("run", "rod.yaml", "--resume")
+    assert result.exit_code == 0, result.stderr
+    assert call("run", "rod.yaml", "-o", "whole.h5").exit_code == 0
+    assert bits(pendulum / "rod.h5") == bits(pendulum / "whole.h5")
+    assert not compare_results("rod.h5", "whole.h5", rtol=0)
+
+
+def test_another_case_is_refused_with_exit_code_2(pendulum: Path, call: Call) -> None:
+    code, _, err = stopped(pendulum, signal.SIGKILL)
+    assert code == -signal.SIGKILL, err
+    result = call("run", "rod.yaml", "--resume", "--set", "bodies.rod.element.count=5")
+    assert result.exit_code == 2
+    assert "started with other --set options" in result.stderr
+    assert part_path(pendulum / "rod.h5").exists()
+
+
+def test_nothing_to_resume_is_said_and_the_run_starts_afresh(call: Call, folder: Path) -> None:
+    result = call("run", "beam.yaml", "--resume")
+    assert result.exit_code == 0
+    assert "a run of solver linear_static is resumed from nothing: starting afresh" in result.stderr
+    assert (folder / "beam.h5").exists()
+
+
+def summary(call: Call, *arguments: str) -> dict[str, Any]:
+    found = json.loads(call(*arguments, "--json").stdout)
+    assert isinstance(found, dict)
+    return found
+
+
+def test_summary_of_a_motion_has_time_energies_and_momentum(pendulum: Path, call: Call) -> None:
+    found = summary(call, "run", "rod.yaml", "--set", "solver.t_end=0.5")
+    assert found["t"] == 0.5
+    assert {"kinetic", "strain", "potential"} <= set(found["energy"])
+    assert sum(found["energy"].values()) == pytest.approx(0.0, abs=1e-3 * found["energy"]["kinetic"])
+    assert len(found["momentum"]["linear"]) == 2
+    assert 0 <= found["energy_drift"] < 1e-3
+    assert {"vx", "vy"} <= set(found["probes"]["tip"])
+    assert found["steps"] > 10
