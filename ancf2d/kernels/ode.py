@@ -6,9 +6,11 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
-from .consistent import _by_motion, _rates_of_constraints, constraint_matrix
-from .dynamics import forces, forces_tangent, residual, to_full
-from .jit import kernel
+from .consistent import _by_motion, _rates_of_constraints, constraint_matrix, onto_constraints
+from .dynamics import forces, forces_tangent, lost_to_mass_damping, power_of_loads, residual, to_full, violation
+from .jit import inner, kernel
+from .points import point_accept
+from .sliding import sliding_accept
 
 
 @kernel
@@ -84,3 +86,32 @@ def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
     KKT[:] = w.A
+
+
+@kernel
+def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
+    """Return (power of varying loads, motion and point laws, power lost) at y."""
+    place(s, free, y)
+    accelerations(p, w, factors, s, t)
+    evaluate(p.programs, t, w.amps)
+    _, lost = forces(p, w, s.z, s.v)
+    return power_of_loads(p, w, s.v, s.a), lost + lost_to_mass_damping(p, w, s.v)
+
+
+@inner
+def _accept(points, sliding, d):  # type: ignore[no-untyped-def]
+    if points is not None:
+        point_accept(points, d)
+    if sliding is not None:
+        sliding_accept(sliding, d)
+
+
+@kernel
+def settle(p, w, s, t):  # type: ignore[no-untyped-def]
+    """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
+    if p.points is None and p.sliding is None:
+        return 0.0
+    onto_constraints(p, w, s.z, s.v, t)
+    to_full(p, s.z, w.amps, 0, w.d)
+    _accept(p.points, p.sliding, w.d)
+    return violation(p.points, p.sliding, w.d, w.amps)

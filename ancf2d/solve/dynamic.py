@@ -15,7 +15,9 @@ from ..model.model import Model
 from .energy import Energies, is_constant
 from .estimate import Estimate
 from .initial import initial_motion
+from .ode import OdeStepper
 from .problem import make_problem
+from .schemes import SCHEMES
 from .state import State
 from .stepping import LOG, Row, Stepper
 
@@ -74,9 +76,12 @@ class Run:
         self.problem, self.signals = make_problem(model)
         every = model.case.output.every or 0
         self.times = np.zeros(0) if every else stored_times(model, spec)
-        self.stepper = Stepper(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
+        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
         self.balance = Balance(model, self.stepper)
-        self.estimate = Estimate(self) if spec.dt is not None and spec.estimate else None
+        # SciPy's methods keep their local errors below a tolerance: dt is only their longest step
+        fixed = spec.dt is not None and spec.method not in SCHEMES
+        self.estimate = Estimate(self) if fixed and spec.estimate else None
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""
@@ -99,8 +104,7 @@ class Run:
         yield self._end()
 
     def _state(self, row: Row, inside: bool, keep: bool = False) -> State:
-        stepper, model = self.stepper, self.model
-        d, v, a = stepper.full(row, inside)
+        d, v, a = self.stepper.full(row, inside)
         Q, F = self._forces(row)
         energies = self.balance.take(row, d, v)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
@@ -132,8 +136,10 @@ class Run:
             state.warnings += self.estimate.warnings()
         return state
 
-    def _checkpoint(self) -> dict[str, Array]:
+    def _checkpoint(self) -> dict[str, Array] | None:
         out = self.stepper.checkpoint()
+        if out is None:
+            return None
         out["balance"] = self.balance.numbers.copy()
         if self.estimate is not None:
             out.update(self.estimate.checkpoint())

@@ -9,12 +9,10 @@ import numpy as np
 
 from ..case import Constant
 from ..elements.shape import Array
-from ..kernels.elements import force
 from ..model.loads import Amplitude, DeadLoad
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.signals import Signal
-from .mass import full_mass
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -65,6 +63,8 @@ class Energies:
     @cached_property
     def M(self) -> csr_matrix:
         """The mass matrix (n_q, n_q) of all nodal coordinates."""
+        from .mass import full_mass
+
         return full_mass(self.model)
 
     def kinetic(self, v: Array) -> float:
@@ -74,6 +74,8 @@ class Energies:
 
     def strain(self, d: Array, t: float) -> float:
         """Return the elastic energy of elements and springs."""
+        from ..kernels.elements import force
+
         Q = np.zeros(len(d))
         e = self.model.e0 + d[:self.model.n_q]
         energy = sum(float(force(group, d, Q)) for group in self.model.groups)

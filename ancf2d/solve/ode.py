@@ -3,67 +3,25 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..case import Dynamic
 from ..elements.shape import Array
-from ..errors import ComputationError, Problem
-from ..kernels import advance as kernels
-from ..kernels.amplitudes import evaluate
+from ..errors import ComputationError
 from ..kernels.band import ldl_factor
-from ..kernels.consistent import onto_constraints
-from ..kernels.dynamics import to_full, violation
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
-from ..kernels.ode import accelerations, place, rates, tangents
+from ..kernels.ode import accelerations, place, powers, rates, settle, tangents
 from ..kernels.points import point_accept
-from ..kernels.sliding import sliding_accept
 from ..model.model import Model
+from .schemes import SCHEMES
 from .stepping import CHUNK_SECONDS, LOG, Row, Stepper
 
 # relative local error where the case gives dt, the longest step, and no tolerance
 TOLERANCE = 1e-6
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """What an integrator of SciPy allows.
-
-    ``one_step``: it looks at no earlier step, so that states can be put onto the constraints; ``stages`` that it
-    evaluates per try, where that tells how many tries a step took; ``keeps``: it goes on from (t, y, h) alone;
-    ``jacobian``: it takes one; ``fixed``: its error weights cannot change on the way.
-    """
-
-    one_step: bool
-    stages: int = 0
-    keeps: bool = False
-    jacobian: bool = False
-    fixed: bool = False
-
-
-SCHEMES = {
-    "RK45": Scheme(True, stages=6, keeps=True),
-    "DOP853": Scheme(True, stages=12, keeps=True),
-    "Radau": Scheme(True, jacobian=True),
-    "BDF": Scheme(False, jacobian=True),
-    "LSODA": Scheme(False, jacobian=True, fixed=True),
-}
-
-
-def ode_problems(model: Model) -> list[Problem]:
-    """Return why the method of a case cannot move its model: multistep methods and multipliers do not go together."""
-    method = getattr(model.case.solver, "method", None)
-    if method not in SCHEMES or SCHEMES[method].one_step or not model.constraints or model.loaded is None:
-        return []
-    owners = ", ".join(sorted({c.owner for c in model.constraints}))
-    message = (f"solver.method: {method} goes on from earlier steps, which cannot be kept on the constraints of "
-               f"{owners}")
-    return [model.loaded.source.problem(("solver", "method"), message, "Radau, RK45, DOP853, or a method of the tool's "
-                                        "own, such as radau5")]
 
 
 def dense(band: Array) -> Array:
@@ -189,9 +147,9 @@ class OdeStepper(Stepper):
         if self.tracks:
             self._sum_work(path, t, h)
         states = [(x, path(x)) for x in inside]
-        self._keep(h)
+        worst = self._keep(h)
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
-        self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, self._violation()])
+        self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y in states:
             self._store(found, x, y)
         self.next_wanted += len(inside) if not self.every else 0
@@ -205,12 +163,12 @@ class OdeStepper(Stepper):
         last = int(np.searchsorted(self.wanted, end, side="right"))
         return self.wanted[self.next_wanted:last]
 
-    def _keep(self, h: float) -> None:
-        """Make the end of the step the motion, on the constraints."""
+    def _keep(self, h: float) -> float:
+        """Make the end of the step the motion, on the constraints; return what they are still off."""
         solver, s = self.solver, self.s
         place(s, self.free, solver.y)
+        worst = float(settle(self.p, self.w, s, solver.t))
         if self.constrained:
-            onto_constraints(self.p, self.w, s.z, s.v, solver.t)
             solver.y = np.concatenate([s.z[self.free], s.v[self.free]])
             solver.f = self.rates(solver.t, solver.y)
         s.numbers[TIME], s.numbers[OLD_STEP] = solver.t, h
@@ -219,18 +177,9 @@ class OdeStepper(Stepper):
         weights = self.p.weights
         self.scale = np.maximum(self.scale, [np.max(weights * np.abs(s.z)), np.max(weights * np.abs(s.v))])
         s.numbers[SIZE] = self.scale[0]
-        evaluate(self.p.programs, solver.t, self.w.amps)
-        to_full(self.p, s.z, self.w.amps, 0, self.w.d)
-        if self.p.points is not None:
-            point_accept(self.p.points, self.w.d)
-        if self.p.sliding is not None:
-            sliding_accept(self.p.sliding, self.w.d)
         if self.scheme.fixed and np.any(self.scale > 2.0 * self.begun):
             self.solver = None
-
-    def _violation(self) -> float:
-        """Return the violation of constraints at w.d, which ``_keep`` has filled."""
-        return float(violation(self.p.points, self.p.sliding, self.w.d, self.w.amps)) if self.constrained else 0.0
+        return worst
 
     def _local_error(self, h: float) -> float:
         """Return the local error of the step relative to the size of the motion, or the bound that SciPy keeps."""
@@ -248,11 +197,9 @@ class OdeStepper(Stepper):
 
     def _sum_work(self, path: Any, t: float, h: float) -> None:
         """Add work and loss over a step, at the Lobatto points of its interpolation."""
-        at = self.inner
         for x, weight in LOBATTO:
-            place(at, self.free, path(t + x * h))
-            accelerations(self.p, self.w, self.factors, at, t + x * h)
-            done, lost = kernels.power(self.p, self.w, at.z, at.v, at.a, t + x * h)
+            at = t + x * h
+            done, lost = powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at))
             self.s.numbers[WORK] += h * weight * done
             self.s.numbers[LOST] += h * weight * lost
 

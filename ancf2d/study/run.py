@@ -49,13 +49,16 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
 
 def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
+    from ..solve.initial import initial_problems
     from ..solve.registry import unavailable
+    from ..solve.schemes import method_problems
 
     problems = unavailable(loaded)
     try:
         model = build_model(loaded)
     except CaseError as error:
         raise CaseError([*problems, *error.problems]) from None
+    problems += [*initial_problems(model), *method_problems(model)]
     if problems:
         raise CaseError(problems)
     return model
