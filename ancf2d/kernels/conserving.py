@@ -9,14 +9,28 @@ from numba import literal_unroll
 
 from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
-from .dynamics import add_loads, add_mass, at_floor, forces_tangent, norm, remember, settled, to_full, to_unknowns
+from .dynamics import (
+    add_loads,
+    add_mass,
+    at_floor,
+    norm,
+    patches_tangent,
+    remember,
+    settled,
+    to_full,
+    to_unknowns,
+)
 from .jit import inner, kernel
 from .mass import band_product
-from .mean import mean_force
+from .matrix import SymBand
+from .mean import mean_force, mean_force_tangent
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
 from .points import point_mean_forces
 from .sliding import sliding_mean_forces
+
+# increments that no longer shrink are done below this share of the motion
+ROUND_OFF = 1e-15
 
 
 class Conserving(NamedTuple):
@@ -48,7 +62,18 @@ def _mean_elastic(groups, tau, h, d0, d1, Q):  # type: ignore[no-untyped-def]
         if tau is not None:
             damping = tau[k] / h
         mean_force(group, damping, d0, d1, Q)
-        k += 1
+        k += 1  # noqa: SIM113
+
+
+@inner
+def _mean_tangent(groups, tau, h, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    k = 0
+    for group in literal_unroll(groups):
+        damping = 0.0
+        if tau is not None:
+            damping = tau[k] / h
+        mean_force_tangent(group, damping, d0, d1, Q, SymBand(A), place, indptr, index, value)
+        k += 1  # noqa: SIM113
 
 
 @inner
@@ -60,13 +85,34 @@ def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, Q):  # type: ignore[
 
 
 @inner
-def _balance(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Fill w.R with M (v_1 - v_0)/h + T^T (Q - F), in w.Q without inertia; the signals of the middle are in w.amps."""
+def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Fill w.A with half the tangent of point laws and joints in the middle; their constraints come out halved."""
+    for i in range(len(m.dz)):
+        m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
+    to_full(p, m.mid, w.amps, 0, w.d)
+    patches_tangent(p, w, 2.0 / h)
+    w.A[:] = 0.5 * w.A
+
+
+@inner
+def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
+    """Fill w.R with M (v_1 - v_0)/h + T^T (Q - F), in w.Q without inertia; the signals of the middle are in w.amps.
+
+    With ``tangent`` also w.A with its derivative by z_1, symmetric, constraints halved.
+    """
     n = len(m.dz)
-    to_full(p, m.end.z, m.amps[1], 0, w.d)
     to_full(p, m.rate, w.amps, 1, w.v)
+    if tangent:
+        w.A[:] = 0.0
+        if p.points is not None or p.sliding is not None:
+            _half_patches(m, p, w, s, h)
+    to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
-    _mean_elastic(p.groups, p.tau, h, m.d0, w.d, w.Q)
+    if tangent:
+        _mean_tangent(p.groups, p.tau, h, m.d0, w.d, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+        add_mass(p, (2.0 / h + p.alpha) / h, w.A)
+    else:
+        _mean_elastic(p.groups, p.tau, h, m.d0, w.d, w.Q)
     _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     to_unknowns(p, w.Q, w.R)
@@ -81,21 +127,6 @@ def _balance(m, p, w, s, h):  # type: ignore[no-untyped-def]
         f = (m.amps[1, q, 1] - m.amps[0, q, 1]) / h + p.alpha * w.amps[q, 1]
         for i in range(n):
             w.R[i] += f * p.motion_mass[k, i]
-
-
-@inner
-def _tangent(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Fill w.A with (2/h + alpha) M/h + K/2 at the middle, and factor it; return whether that went well.
-
-    The rows of constraints come out halved with it.
-    """
-    n = len(m.dz)
-    for i in range(n):
-        m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
-    forces_tangent(p, w, m.mid, m.rate, 2.0 / h)
-    w.A *= 0.5
-    add_mass(p, (2.0 / h + p.alpha) / h, w.A)
-    return ldl_factor(w.A, 1e-16)[0] < 0
 
 
 @inner
@@ -121,15 +152,16 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     last, rate = 0.0, s.numbers[CONTRACTION]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     for i in range(n):
-        m.dz[i] = p.coordinate[i] * h * (s.v[i] + 0.5 * h * s.a[i])
+        # stiff motions that nothing damps alternate from step to step: the last acceleration is no guide to the next
+        m.dz[i] = p.coordinate[i] * h * s.v[i]
         m.rate[i] = m.dz[i] / h
         end.z[i] = s.z[i] + m.dz[i]
     iteration = 0
     while True:
-        if iteration == 0 or m.full or rate > SLOW:
-            if not _tangent(m, p, w, s, h):
-                return SINGULAR, iteration + 1, 0.0, rate
-        _balance(m, p, w, s, h)
+        anew = iteration == 0 or m.full or rate > SLOW
+        _balance(m, p, w, s, h, anew)
+        if anew and ldl_factor(w.A, 1e-16)[0] >= 0:
+            return SINGULAR, iteration + 1, 0.0, rate
         for i in range(n):
             w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]
         ldl_solve(w.A, w.x)
@@ -139,8 +171,13 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and at_floor(p, w, m.rate, m.mid):
-                break
+            # what is left of the residual does work in every step: to the last digit, not only to its bound
+            if rate > 0.9:
+                # rates are differences of what is this large
+                for i in range(n):
+                    m.mid[i] = 2.0 * (abs(m.rate[i]) + abs(s.v[i])) / h
+                if step <= ROUND_OFF * size or at_floor(p, w, m.rate, m.mid):
+                    break
         for i in range(n):
             if p.coordinate[i] != 0.0:
                 m.dz[i] += w.x[i]
@@ -150,7 +187,7 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
                 end.z[i] += 0.5 * w.x[i]
         last, iteration = step, iteration + 1
         w.other[:] = 0.0
-        if settled(step, rate if iteration > 1 else min(rate, 0.5), m.tolerance * size, p, w, end.z):
+        if settled(step, rate if iteration > 1 else 0.5, m.tolerance * size, p, w, end.z, m.amps[1]):
             break
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
             return NOT_CONVERGED, iteration, 0.0, rate

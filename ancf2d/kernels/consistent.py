@@ -6,7 +6,7 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
-from .dynamics import _points, _points_tangent, _sliding, _sliding_tangent, add_mass, forces, residual, to_full
+from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full
 from .jit import inner, kernel
 from .mass import band_product
 from .points import point_constraint_rates
@@ -25,10 +25,8 @@ def _rates_of_constraints(points, sliding, d, v, amps, velocity, acceleration): 
 def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     """Fill w.A with M and the gradients of the constraints at w.d, as the matrix of [M G^T; G 0]."""
     w.A[:] = 0.0
-    w.other[:] = 0.0
     if p.points is not None or p.sliding is not None:
-        _points_tangent(p.points, w.d, w.v, w.amps, 0.0, w.other, w.A, p.place, p.indptr, p.index, p.value)
-        _sliding_tangent(p.sliding, w.d, w.v, w.amps, 0.0, w.other, w.A, p.place, p.indptr, p.index, p.value)
+        patches_tangent(p, w, 0.0)
         bw = w.A.shape[1] - 1
         for i in range(w.A.shape[0]):
             for j in range(max(0, i - bw), i + 1):
@@ -49,14 +47,12 @@ def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
     for i in range(len(p.coordinate)):
         if p.coordinate[i] == 0.0:
             rest[p.full[i]] = 0.0
-    _points(p.points, rest, w.v, w.amps, none)
-    _sliding(p.sliding, rest, w.v, w.amps, none)
+    patch_forces(p.points, p.sliding, rest, w.v, w.amps, none)
     for i in range(len(p.coordinate)):
         if p.coordinate[i] == 0.0:
             rest[p.full[i]] = 1.0
             one[:] = 0.0
-            _points(p.points, rest, w.v, w.amps, one)
-            _sliding(p.sliding, rest, w.v, w.amps, one)
+            patch_forces(p.points, p.sliding, rest, w.v, w.amps, one)
             for k in range(len(one)):
                 out[i] += (one[k] - none[k]) * moved[k]
             rest[p.full[i]] = 0.0

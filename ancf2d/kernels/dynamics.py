@@ -15,7 +15,6 @@ from .points import point_forces, point_noise, point_tangent, point_violation
 from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
 from .viscous import viscous_force
 
-
 HISTORY = 64
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
@@ -30,7 +29,7 @@ class Problem(NamedTuple):
     alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
     turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], 0 for multipliers; coordinate : (n,) 1, 0 for multipliers;
     extent : size of the scene [m].
-    """
+    """  # noqa: E501
 
     groups: Any
     tau: Any
@@ -123,7 +122,7 @@ def _elastic_tangent(groups, tau, d, c, Q, A, place, indptr, index, value):  # t
         if tau is not None:
             scale += c * tau[k]
         energy += scaled_force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
-        k += 1
+        k += 1  # noqa: SIM113
     return energy
 
 
@@ -141,7 +140,7 @@ def _viscous(groups, tau, d, v, Q):  # type: ignore[no-untyped-def]
         for group in literal_unroll(groups):
             if tau[k] > 0.0:
                 power += viscous_force(group, tau[k], d, v, Q)
-            k += 1
+            k += 1  # noqa: SIM113
     return power
 
 
@@ -153,16 +152,23 @@ def _points(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _sliding(sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    if sliding is not None:
+        sliding_forces(sliding, d, v, amps, Q)
+
+
+@inner
+def patch_forces(points, sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    """Add the forces of point laws and joints to Q; return (energy, dissipated power)."""
+    _sliding(sliding, d, v, amps, Q)
+    return _points(points, d, v, amps, Q)
+
+
+@inner
 def _points_tangent(points, d, v, amps, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
     if points is None:
         return 0.0
     return point_tangent(points, d, v, amps, c, Q, SymBand(A), place, indptr, index, value)
-
-
-@inner
-def _sliding(sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    if sliding is not None:
-        sliding_forces(sliding, d, v, amps, Q)
 
 
 @inner
@@ -200,17 +206,17 @@ def remember(w, iteration, size):  # type: ignore[no-untyped-def]
 
 
 @inner
-def settled(step, rate, wanted, p, w, z):  # type: ignore[no-untyped-def]
+def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
     """Return whether what follows a last increment ``step`` is below ``wanted``, by the contraction ``rate``.
 
-    Constraints have to hold to round-off beside that, at z.
+    Constraints have to hold to round-off beside that, at z and the signals ``amps``.
     """
     if not (step == 0.0 or (rate < 1.0 and step * rate <= wanted * (1.0 - rate))):
         return False
     if p.points is None and p.sliding is None:
         return True
-    to_full(p, z, w.amps, 0, w.d)
-    return violation(p.points, p.sliding, w.d, w.amps) <= MET
+    to_full(p, z, amps, 0, w.d)
+    return violation(p.points, p.sliding, w.d, amps) <= MET
 
 
 @inner
@@ -258,8 +264,7 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     w.Q[:] = 0.0
     energy = _elastic(p.groups, w.d, w.Q)
     power = _viscous(p.groups, p.tau, w.d, w.v, w.Q)
-    more, lost = _points(p.points, w.d, w.v, w.amps, w.Q)
-    _sliding(p.sliding, w.d, w.v, w.amps, w.Q)
+    more, lost = patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy + more, power + lost
 
@@ -280,6 +285,14 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy
+
+
+@inner
+def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
+    """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""
+    w.other[:] = 0.0
+    _points_tangent(p.points, w.d, w.v, w.amps, c, w.other, w.A, p.place, p.indptr, p.index, p.value)
+    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.other, w.A, p.place, p.indptr, p.index, p.value)
 
 
 @inner
@@ -353,9 +366,7 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
             c = p.load_coord[m]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
     w.other[:] = 0.0
-    _, lost = _points(p.points, w.d, w.v, w.amps, w.other)
-    total += lost
-    _sliding(p.sliding, w.d, w.v, w.amps, w.other)
+    total += patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.other)[1]
     for i in range(len(w.other)):
         total -= w.other[i] * w.v[i]
     # the forces that prescribed motion takes, on what moves: M a + Q - F there

@@ -69,7 +69,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what only kernels call: the way in from Python takes longer to compile than most of them."""
+    """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_PRESET)(function)
 
 

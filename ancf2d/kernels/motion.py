@@ -38,4 +38,7 @@ class Step(NamedTuple):
 
 def motion(n: int, kept: int) -> Motion:
     """Return a motion of n unknowns at rest, with ``kept`` rows for the method."""
-    return Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS))
+    out = Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS))
+    # how fast Newton converges is not known yet
+    out.numbers[CONTRACTION] = 1.0
+    return out

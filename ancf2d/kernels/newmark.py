@@ -103,7 +103,7 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
                 end.z[i] += w.x[i]
         _move(m, p, s, h)
         last, iteration = step, iteration + 1
-        if settled(step, rate if iteration > 1 else min(rate, 0.5), m.tolerance * size, p, w, end.z):
+        if settled(step, rate if iteration > 1 else min(max(rate, 1e-2), 0.5), m.tolerance * size, p, w, end.z, w.amps):
             break
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
             return NOT_CONVERGED, iteration, 0.0, rate

@@ -156,11 +156,11 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
-        "groups": groups, "tau": tau if tau.any() else None, "points": _points(model, signals), "sliding": sliding_table(model.constraints, model.e0) if slides else None,
-        "place": num.place, "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free,
-        "dependents": num.dependent, "mass": _band((T.T @ M @ T).tocsr(), width),
-        "alpha": damping.rayleigh.alpha if damping else 0.0, "pairs": pairs, "turns": turns, "e0": model.e0,
-        "weights": weights, "coordinate": own.astype(float),
+        "groups": groups, "tau": tau if tau.any() else None, "points": _points(model, signals),
+        "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
+        "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
+        "mass": _band((T.T @ M @ T).tocsr(), width), "alpha": damping.rayleigh.alpha if damping else 0.0,
+        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     return Problem(programs=programs(signals.all), **data), signals.all
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ STATE_BYTES = 16 << 20
 LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 # of Newton's increments, relative to the size of the motion
 TIGHT = 1e-10
-CONSERVING = 1e-15
+CONSERVING = 1e-18
 
 
 @dataclass
@@ -168,7 +167,7 @@ class Stepper:
         self.next_wanted += stored if not self.every else 0
 
     def _pass_break(self) -> None:
-        """Start anew behind a break of the signals: rates jump with those of prescribed motion, and with them impulses."""
+        """Start anew behind a break of the signals: prescribed rates may jump, and impulses with them."""
         at = self.breaks[self.next_break]
         before, after = np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
         evaluate(self.p.programs, at.before, before)
@@ -254,8 +253,8 @@ class Stepper:
                   SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
         return ComputationError(
             f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
-            advice="an element may have turned inside out, or the motion run into a singular position: look at the last "
-                   "states; smaller steps before it, or a tighter tolerance, may lead past")
+            advice="an element may have turned inside out, or the motion run into a singular position: look at the "
+                   "last states; smaller steps before it, or a tighter tolerance, may lead past")
 
 
 def newton_tolerance(method: str, tolerance: float) -> float:
