@@ -13,6 +13,7 @@ from ancf2d.results import Results
 HELD, LOST, GIVEN = ("kinetic", "strain", "potential"), ("dissipated",), ("work",)
 NEGLIGIBLE = 1e-9  # of the largest energy: a kind that never holds more is not drawn
 MANY, THIN = 500, 0.8  # more steps than that are drawn in thin lines
+ROUND_OFF = 1e-18  # errors and violations below are none, and would stretch the axis
 BINS = 2000  # a curve of more points than twice this is drawn by the extremes in so many parts
 
 
@@ -76,9 +77,13 @@ def _step_panels(results: Results) -> Iterator[tuple[str, Panel, np.ndarray]]:
     for name, label, units in (("dt", "step size", results.units.time), ("iterations", "iterations", "1"),
                                ("error", "local error", "1"), ("violation", "constraint violation", "1")):
         values = history.get(name)
-        if values is None or not (values > 0).any():
+        if values is None:
             continue
+        if name in ("error", "violation"):
+            values = np.where(values > ROUND_OFF, values, np.nan)
         positive = values[values > 0]
+        if not positive.size:
+            continue
         log = name in ("error", "violation") or (name == "dt" and positive.max() > 20 * positive.min())
         yield name, Panel(axis, (label, units), log=log, whole=name == "iterations"), values
 

@@ -31,7 +31,7 @@ def swinging(path: Path, *, states: int = 40, per_state: int = 25, probes: bool 
             steps = {"step": np.arange(n), "t": t - 0.25 + 0.25 * np.arange(1, n + 1) / max(n, 1),
                      "dt": np.geomspace(1e-4, largest, n), "iterations": RNG.integers(2, 5, n),
                      "rejected": (np.arange(n) == 3).astype(int), "error": RNG.uniform(1e-9, 1e-6, n),
-                     "violation": np.zeros(n)}
+                     "violation": np.full(n, 1e-30)}
             w.append(t, np.zeros(12), steps=steps, energies=energies,
                      probes={"tip": {"ux": np.sin(t), "theta": t}} if probes else None)
         return w.finish({"status": "converged"})
