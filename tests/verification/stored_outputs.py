@@ -14,7 +14,14 @@ KINDS = {"x": "length", "y": "length", "ux": "displacement", "uy": "displacement
 
 
 def outputs(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return what is stored of a run; modes by kind and number, so that another name is a deviation too."""
+    """Return what is stored of a run; modes by kind and number, so that another name is a deviation too.
+
+    Of a motion only places and energies: rates and reactions follow steps, which round-off decides.
+    """
+    if summary["solver"] == "dynamic":
+        places = {p: {k: values[k] for k in ("x", "y", "ux", "uy", "theta")} for p, values in summary["probes"].items()}
+        return {"dofs": summary["dofs"], "elements": summary["elements"], "probes": places,
+                "energy": {k: summary["energy"][k] for k in ("kinetic", "strain", "potential")}}
     out = {"dofs": summary["dofs"], "elements": summary["elements"], "probes": summary["probes"],
            "reactions": summary["reactions"], "energy": summary["energy"]}
     if "frequencies" in summary:
