@@ -66,7 +66,8 @@ class PointPatch:
     """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
 
     ``par`` are the constants of the law, ``signal`` its amplitude (None: 1), ``fed`` the field that the signal
-    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted.
+    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted; ``symmetric`` tells whether
+    the stiffness is.
     """
 
     multiplier = -1
@@ -76,13 +77,9 @@ class PointPatch:
                  signal: Callable[[float], float] | None = None, fed: int = -1) -> None:
         self.law, self.par, self.signal, self.fed = LAWS[law], np.array(par, dtype=float), signal, fed
         coords, self.G, self.p0 = table_of(fields)
-        self.dofs = coords[None, :]
+        self.dofs: Index = coords[None, :]
         self.mem = np.zeros(MAX_MEM)
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether the stiffness is symmetric."""
-        return self.law.symmetric
+        self.symmetric = self.law.symmetric
 
     @property
     def coordinates(self) -> Index:

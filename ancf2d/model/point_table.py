@@ -11,13 +11,14 @@ from ..elements.point_laws import MAX_MEM, MAX_PAR, POINT_LAWS
 from ..elements.shape import Array
 from ..kernels.points import Points
 from .loads import FollowerLine
+from .mesh import Index
 from .model import Model
 from .point_patch import PointPatch
 
 _NUMBER = {law.name: k for k, law in enumerate(POINT_LAWS)}
 
 
-def _joined(parts: list[Array], dtype: type) -> tuple[Array, Array]:
+def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
     """Return where each part begins (n + 1,), and all parts one after another."""
     starts = np.zeros(len(parts) + 1, dtype=np.int64)
     starts[1:] = np.cumsum([p.size for p in parts])
