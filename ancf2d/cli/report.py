@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..case import Units
+from ..case import Dynamic, LinearStatic, Static, Units
 from ..case.units import unit_label
 from .motion_report import motion_lines
 from .text import duration, many, number, rounded, table
@@ -157,7 +157,7 @@ def built_report(model: Any) -> str:
     lines.append(f"matrix: {matrix_text(model)}, half-bandwidth {num.half_bandwidth}")
     formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values() if not m.plan.rigid))
     lines.append(f"kernels: force, tangent and energy of {formulations or 'no body'}")
-    left_out = [] if "modes" in vars(model.case.solver) else ["mass matrix (static)"]
+    left_out = ["mass matrix (static)"] if isinstance(model.case.solver, LinearStatic | Static) else []
     left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
     left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
     lines.append("left out: " + ", ".join(left_out))
@@ -173,5 +173,8 @@ def matrix_text(model: Any) -> str:
     """Return which matrix and factorisation a model's tangent gets."""
     from ..solve.linear import make_matrix
 
+    if isinstance(model.case.solver, Dynamic):
+        # inertia on the diagonal, multipliers behind what they act on
+        return _MATRICES["SymmetricBand"]
     kind = type(make_matrix(model)).__name__
     return _MATRICES.get(kind, kind)
