@@ -14,10 +14,10 @@ from ancf2d.errors import ComputationError, ResultsError
 from ancf2d.model.model import Model
 from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
 from ancf2d.results import writer as writer_module
-from ancf2d.solve import registry
+from ancf2d.solve import registry, stepping
 from ancf2d.solve.state import State
 from ancf2d.study.record import Progress
-from ancf2d.study.run import run_case, vocabulary
+from ancf2d.study.run import prepare, run_case, vocabulary
 
 CASE = """\
 format: 1
@@ -174,3 +174,54 @@ def test_a_failed_run_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch, load
     again, _ = run(monkeypatch, loaded, "a.h5", 11, how=GaveUpError, resume=True)
     assert again["status"] == "failed"
     assert read_checkpoint("a.h5.part") is not None
+
+
+PENDULUM = """\
+format: 1
+title: Pendulum with a spring and a damper at its hinge
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {EA: 1.0e4, kGA: 3.0e3, EI: 5, rhoA: 0.4, rhoI: 1.0e-4}
+    element: {type: cable, count: 3}
+boundary_conditions:
+  - {name: hinge, type: pin, at: rod@0}
+springs:
+  - {type: rotational, between: [rod@0, [0, 0]], stiffness: 0.5, damping: 0.01}
+loads:
+  - {type: gravity, value: [0, -9.81]}
+solver: {type: dynamic, t_end: 0.4, dt: 2.0e-3}
+output:
+  interval: 0.01
+  probes:
+    tip: rod@1
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["tolerance: 1e-5", "dt: 2.0e-3, method: generalized_alpha",
+                                    "dt: 2.0e-3, method: energy_momentum", "tolerance: 1e-4, method: RK45"])
+@pytest.mark.parametrize("stored", ["interval: 0.01", "every: 5"])
+def test_integrators_go_on_from_a_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch, solver: str,
+                                                              stored: str) -> None:
+    """The checkpoint is taken by another process: nothing but its arrays is left of the run."""
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)  # the solver comes back often
+    text = PENDULUM.replace("dt: 2.0e-3", solver).replace("interval: 0.01", stored)
+    case = load_case_text(text, vocabulary=vocabulary())
+    whole = list(registry.solve(prepare(case)))
+    kept = [k for k, state in enumerate(whole) if state.checkpoint is not None]
+    assert len(kept) > 2
+    at = kept[len(kept) // 2]
+    assert whole[at].checkpoint is not None
+    values = {name: value.copy() for name, value in whole[at].checkpoint.items()}
+    rest = list(registry.solve(prepare(case), values))
+    assert len(rest) == len(whole) - at - 1
+    for one, two in zip(whole[at + 1:], rest, strict=True):
+        assert (one.t, one.history) == (two.t, two.history)
+        assert one.d.tobytes() == two.d.tobytes()
+        assert one.v is not None
+        assert two.v is not None
+        assert one.v.tobytes() == two.v.tobytes()
+        for name, column in one.blocks.items():
+            assert column.tobytes() == two.blocks[name].tobytes()
+    assert rest[-1].report == whole[-1].report
