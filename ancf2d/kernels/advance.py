@@ -123,25 +123,24 @@ def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _sum_work(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
-    """Add work and loss over the step, at the four Lobatto points of its interpolation."""
+def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
+    """Return (work, loss) up to the fraction ``end`` of the step, by four Lobatto points of its interpolation."""
     done, lost = 0.0, 0.0
     for k in range(4):
-        x = (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)[k]
+        x = end * (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)[k]
         f = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
         interpolate(m, p, s, h, x, at.z, at.v, at.a)
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)
         done += f * one
         lost += f * two
-    s.numbers[WORK] += h * done
-    s.numbers[LOST] += h * lost
+    return end * h * done, end * h * lost
 
 
 @inner
-def _store(rows, r, t, number, at, s):  # type: ignore[no-untyped-def]
+def _store(rows, r, t, number, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r] = t, number
     rows.z[r], rows.v[r], rows.a[r] = at.z, at.v, at.a
-    rows.work[r, 0], rows.work[r, 1] = s.numbers[WORK], s.numbers[LOST]
+    rows.work[r, 0], rows.work[r, 1] = work, lost
 
 
 @inner
@@ -232,13 +231,18 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if stored + passed > len(rows.t):
             # done again by the next call, which has room for its states
             return FULL, stored, logged, outcome, iterations
+        work, lost = 0.0, 0.0
+        for _ in range(passed):
+            x = (rows.wanted[next_wanted] - t) / h
+            if plan.tracks:
+                work, lost = _work(m, p, w, s, at, t, h, x)
+            interpolate(m, p, s, h, x, at.z, at.v, at.a)
+            _store(rows, stored, rows.wanted[next_wanted], logged, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
+            stored, next_wanted = stored + 1, next_wanted + 1
         if plan.tracks:
-            _sum_work(m, p, w, s, at, t, h)
-        if rows.every == 0:
-            for _ in range(passed):
-                interpolate(m, p, s, h, (rows.wanted[next_wanted] - t) / h, at.z, at.v, at.a)
-                _store(rows, stored, rows.wanted[next_wanted], logged, at, s)
-                stored, next_wanted = stored + 1, next_wanted + 1
+            work, lost = _work(m, p, w, s, at, t, h, 1.0)
+            s.numbers[WORK] += work
+            s.numbers[LOST] += lost
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
         if end >= target and plan.dt > 0.0 and target < plan.t_stop:
             s.numbers[GRID] += 1.0
@@ -255,5 +259,5 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         s.numbers[TRIES] = 0.0
         logged += 1
         if rows.every > 0 and s.numbers[COUNT] % rows.every == 0:
-            _store(rows, stored, end, logged - 1, s, s)
+            _store(rows, stored, end, logged - 1, s, s.numbers[WORK], s.numbers[LOST])
             stored += 1

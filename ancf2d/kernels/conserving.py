@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import literal_unroll
 
 from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
+from .bodies import FORCE, TANGENT, mean_elastic
 from .dynamics import (
     add_loads,
     add_mass,
@@ -22,8 +22,6 @@ from .dynamics import (
 )
 from .jit import inner, kernel
 from .mass import band_product
-from .matrix import SymBand
-from .mean import mean_force, mean_force_tangent
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
 from .points import point_mean_forces
@@ -52,28 +50,6 @@ class Conserving(NamedTuple):
     mid: Any
     rate: Any
     amps: Any
-
-
-@inner
-def _mean_elastic(groups, tau, h, d0, d1, Q):  # type: ignore[no-untyped-def]
-    k = 0
-    for group in literal_unroll(groups):
-        damping = 0.0
-        if tau is not None:
-            damping = tau[k] / h
-        mean_force(group, damping, d0, d1, Q)
-        k += 1  # noqa: SIM113
-
-
-@inner
-def _mean_tangent(groups, tau, h, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    k = 0
-    for group in literal_unroll(groups):
-        damping = 0.0
-        if tau is not None:
-            damping = tau[k] / h
-        mean_force_tangent(group, damping, d0, d1, Q, SymBand(A), place, indptr, index, value)
-        k += 1  # noqa: SIM113
 
 
 @inner
@@ -109,10 +85,10 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
     if tangent:
-        _mean_tangent(p.groups, p.tau, h, m.d0, w.d, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+        mean_elastic(p, TANGENT, h, m.d0, w.d, w.Q, w.A)
         add_mass(p, (2.0 / h + p.alpha) / h, w.A)
     else:
-        _mean_elastic(p.groups, p.tau, h, m.d0, w.d, w.Q)
+        mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
     _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     to_unknowns(p, w.Q, w.R)

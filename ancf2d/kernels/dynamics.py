@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import literal_unroll
 
-from .elements import force, force_noise, scaled_force_tangent
+from .bodies import elastic, elastic_noise, elastic_tangent, viscous
 from .jit import inner, kernel
 from .mass import band_product
 from .matrix import SymBand
 from .points import point_forces, point_noise, point_tangent, point_violation
 from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
-from .viscous import viscous_force
 
 HISTORY = 64
 # constraints hold where they are off by no more than this share of their scale
@@ -23,7 +21,8 @@ MET = 1e-13
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    groups : tuple of element groups; tau : (groups,) Kelvin-Voigt times [s] or None; points, sliding : tables of point
+    bodies : all elements; elastic, viscous, mean : pointers to the forces of their laws; tau :
+    (groups,) Kelvin-Voigt times [s]; points, sliding : tables of point
     laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
     mass : (n, bw + 1) T^T M T; load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
     alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
@@ -31,7 +30,10 @@ class Problem(NamedTuple):
     extent : size of the scene [m].
     """  # noqa: E501
 
-    groups: Any
+    bodies: Any
+    elastic: Any
+    viscous: Any
+    mean: Any
     tau: Any
     points: Any
     sliding: Any
@@ -104,44 +106,6 @@ def to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
         f = full[p.dependents[k]]
         for m in range(p.indptr[k], p.indptr[k + 1]):
             out[p.index[m]] += p.value[m] * f
-
-
-@inner
-def _elastic(groups, d, Q):  # type: ignore[no-untyped-def]
-    energy = 0.0
-    for group in literal_unroll(groups):
-        energy += force(group, d, Q)
-    return energy
-
-
-@inner
-def _elastic_tangent(groups, tau, d, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    energy, k = 0.0, 0
-    for group in literal_unroll(groups):
-        scale = 1.0
-        if tau is not None:
-            scale += c * tau[k]
-        energy += scaled_force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
-        k += 1  # noqa: SIM113
-    return energy
-
-
-@inner
-def _noise(groups, d, out):  # type: ignore[no-untyped-def]
-    for group in literal_unroll(groups):
-        force_noise(group, d, out)
-
-
-@inner
-def _viscous(groups, tau, d, v, Q):  # type: ignore[no-untyped-def]
-    power = 0.0
-    if tau is not None:
-        k = 0
-        for group in literal_unroll(groups):
-            if tau[k] > 0.0:
-                power += viscous_force(group, tau[k], d, v, Q)
-            k += 1  # noqa: SIM113
-    return power
 
 
 @inner
@@ -262,8 +226,8 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
-    energy = _elastic(p.groups, w.d, w.Q)
-    power = _viscous(p.groups, p.tau, w.d, w.v, w.Q)
+    energy = elastic(p, w.d, w.Q, w.A)
+    power = viscous(p, w.d, w.v, w.Q)
     more, lost = patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy + more, power + lost
@@ -279,8 +243,8 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.A[:] = 0.0
-    energy = _elastic_tangent(p.groups, p.tau, w.d, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
-    _viscous(p.groups, p.tau, w.d, w.v, w.Q)
+    energy = elastic_tangent(p, c, w.d, w.Q, w.A)
+    viscous(p, w.d, w.v, w.Q)
     energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
     _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
     add_loads(p, w.amps, -1.0, w.Q)
@@ -325,7 +289,7 @@ def norm(p, x):  # type: ignore[no-untyped-def]
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0
-    _noise(p.groups, w.d, w.other)
+    elastic_noise(p, w.d, w.other, w.A)
     _patch_noise(p.points, p.sliding, w.d, w.other)
     for m in range(len(p.load_coord)):
         w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.shape import Array
+from ..kernels.bodies import make_bodies, pointers
 from ..kernels.dynamics import Problem
-from ..kernels.elements import Group
-from ..model.groups import damping_times, no_elements
+from ..model.groups import damping_times
 from ..model.model import Model
 from ..model.point_table import point_table, points_of
 from ..model.signals import Signal, programs
@@ -34,27 +34,6 @@ class Signals:
             self._rows[signal] = len(self.all)
             self.all.append(signal)
         return self._rows[signal]
-
-
-def merged(groups: list[Group], tau: Array) -> tuple[tuple[Group, ...], Array]:
-    """Return groups of one law, shape and damping as one, so that kernels are compiled for kinds and not for bodies."""
-    if not groups:
-        return (no_elements(),), np.zeros(1)
-    alike: dict[Any, list[Group]] = {}
-    for group, t in zip(groups, tau.tolist(), strict=True):
-        key = (type(group.law), *(a.shape[1:] for a in group.law), group.components, t)
-        alike.setdefault(key, []).append(group)
-    return tuple(_joined(same) for same in alike.values()), np.array([key[-1] for key in alike])
-
-
-def _joined(groups: list[Group]) -> Group:
-    if len(groups) == 1:
-        return groups[0]
-    first = np.cumsum([0, *(len(g.law.B) for g in groups)])
-    law = type(groups[0].law)(*(np.concatenate(parts) for parts in zip(*(g.law for g in groups), strict=True)))
-    return Group(law, np.concatenate([g.cls + k for g, k in zip(groups, first, strict=False)]),
-                 np.concatenate([np.broadcast_to(g.turn, (len(g.dofs), 2)) for g in groups]),
-                 np.concatenate([g.dofs for g in groups]), groups[0].components)
 
 
 def unknowns_to_coordinates(model: Model) -> csr_matrix:
@@ -152,11 +131,13 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     weights = np.zeros(num.n_unknowns)
     weights[own] = model.weights[num.free[own]]
     pairs, turns = _pairs(model)
-    groups, tau = merged(model.groups, damping_times(model))
+    tau, bodies = damping_times(model), make_bodies(model.groups)
+    kinds, conserving = set(bodies.kind.tolist()), getattr(model.case.solver, "method", None) == "energy_momentum"
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
-        "groups": groups, "tau": tau if tau.any() else None, "points": _points(model, signals),
+        "bodies": bodies, "tau": tau, "elastic": pointers(0, kinds),
+        "viscous": pointers(1, kinds if tau.any() else set()), "mean": pointers(2, kinds if conserving else set()), "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         "mass": _band((T.T @ M @ T).tocsr(), width), "alpha": damping.rayleigh.alpha if damping else 0.0,

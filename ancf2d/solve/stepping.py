@@ -268,5 +268,5 @@ def tracks(model: Model, p: Problem) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
     dampers = any(spring.damping > 0.0 for spring in model.case.springs)
     fed = p.points is not None and bool((p.points.fed >= 0).any())
-    return bool(p.load_varies.any() or len(p.motion_coord) or p.tau is not None or p.alpha or dampers or fed
+    return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
                 or model.loads.patches)
