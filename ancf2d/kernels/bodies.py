@@ -6,7 +6,6 @@ not is not compiled at all.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba import types
-from numba.core.errors import NumbaExperimentalFeatureWarning
+from numba.core.typing.typeof import typeof_impl
 
 from ..elements.formulations import FORMULATIONS
 from .elements import Group, force, force_noise, scaled_force_tangent
@@ -27,9 +26,6 @@ from .viscous import viscous_force
 LAWS: tuple[type, ...] = tuple(dict.fromkeys(f.law for f in FORMULATIONS.values() if f.law is not None))
 # what a law is asked for
 FORCE, TANGENT, NOISE = range(3)
-
-# pointers to functions are new in numba; what is used of them is tested here
-warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
 
 
 class Bodies(NamedTuple):
@@ -142,6 +138,17 @@ class Pointer(types.WrapperAddressProtocol):  # type: ignore[misc]
         return self._signature
 
 
+class Pointers(tuple[Pointer, ...]):
+    """Pointers of one signature, told to numba as such: it need not compare them, nor warn that it can."""
+
+    __slots__ = ()
+
+
+@typeof_impl.register(Pointers)
+def _typeof_pointers(value: Pointers, _: Any) -> Any:
+    return types.UniTuple(types.FunctionType(value[0].signature()), len(value))
+
+
 _i, _f = types.int64, types.float64
 _x, _A, _n = types.float64[::1], types.float64[:, ::1], types.int64[::1]
 
@@ -163,9 +170,9 @@ def _pointer(which: int, law: int) -> Pointer:
     return Pointer(none if law < 0 else make(LAWS[law]), _signatures()[which])
 
 
-def pointers(which: int, kinds: set[int]) -> tuple[Pointer, ...]:
+def pointers(which: int, kinds: set[int]) -> Pointers:
     """Return pointers for every law, compiled for those of ``kinds`` alone."""
-    return tuple(_pointer(which, k if k in kinds else -1) for k in range(len(LAWS)))
+    return Pointers(_pointer(which, k if k in kinds else -1) for k in range(len(LAWS)))
 
 
 @inner

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.formulations import FORMULATIONS
 from ..elements.shape import Array
 from ..kernels.elements import Group
 from .mesh import BodyMesh
@@ -26,12 +25,6 @@ def make_group(mesh: BodyMesh) -> Group:
 def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:
     """Return the groups of all bodies that deform."""
     return [make_group(m) for m in meshes.values() if not m.plan.rigid]
-
-
-def no_elements() -> Group:
-    """Return a group without elements, for kernels that must see some group where every body is rigid."""
-    law = FORMULATIONS["cable"].law(np.zeros((1, 1, 4, 8)), np.zeros((1, 1, 4)), np.zeros((1, 1, 2, 2)))
-    return Group(law, np.zeros(0, dtype=np.int64), np.array([[1.0, 0.0]]), np.zeros((0, 8), dtype=np.int64), 2)
 
 
 def damping_times(model: Model) -> Array:

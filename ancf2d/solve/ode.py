@@ -223,7 +223,9 @@ class OdeStepper(Stepper):
 
     def _stuck(self, message: str | None) -> ComputationError:
         """Return what to say of a step that SciPy could not make."""
-        self._check_signals(self.t)
+        beyond = max(float(self.s.numbers[OLD_STEP]), 1e-6 * self.spec.t_end)
+        for t in (self.t, self.t + beyond):
+            self._check_signals(t)
         if self.p.sliding is not None:
             self._check_sliding()
         reason = message or "the motion is no longer made of finite numbers"

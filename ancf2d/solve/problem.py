@@ -137,7 +137,8 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau, "elastic": pointers(0, kinds),
-        "viscous": pointers(1, kinds if tau.any() else set()), "mean": pointers(2, kinds if conserving else set()), "points": _points(model, signals),
+        "viscous": pointers(1, kinds if tau.any() else set()), "mean": pointers(2, kinds if conserving else set()),
+        "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         "mass": _band((T.T @ M @ T).tocsr(), width), "alpha": damping.rayleigh.alpha if damping else 0.0,

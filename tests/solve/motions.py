@@ -1,0 +1,109 @@
+"""What the tests of time integration share: small scenes, and motions stepped through to their end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import helpers as h
+import numpy as np
+
+from ancf2d.solve.energy import Energies
+from ancf2d.solve.initial import initial_motion
+from ancf2d.solve.problem import make_problem
+from ancf2d.solve.stepping import LOG, Stepper
+
+THIN = {"height": 0.02, "width": 0.05}
+RUBBER = {"E": 2e7, "nu": 0.3, "rho": 1000.0}
+STEEL = {"E": 2.07e11, "nu": 0.3, "rho": 7850.0}
+GRAVITY = [{"type": "gravity", "value": [0, -9.81]}]
+OWN = ("newmark", "hht", "generalized_alpha", "energy_momentum", "radau5", "radau9")
+
+
+def rigid(start: Any, end: Any, mass: float, inertia: float) -> dict[str, Any]:
+    """Return a rigid body."""
+    return {"geometry": {"type": "line", "start": list(start), "end": list(end)},
+            "element": {"type": "rigid", "mass": mass, "inertia": inertia}}
+
+
+def rod(name: str = "cable", count: int = 2, start: Any = (0, 0), end: Any = (1, 0),
+        **material: float) -> dict[str, Any]:
+    """Return a soft straight rod."""
+    geometry = {"type": "line", "start": list(start), "end": list(end)}
+    return h.body(geometry, h.element(name, count), THIN, {**RUBBER, **material})
+
+
+class Ride:
+    """A scene in motion. ``rows`` are its stored states, ``log`` (steps, 7) what is told of every step."""
+
+    def __init__(self, scene: dict[str, Any], t_end: float, states: int = 1, every: int = 0, chunk: int = 0,
+                 tight: float = 0.0, **solver: Any) -> None:
+        bodies = scene["bodies"]
+        more = {k: v for k, v in scene.items() if k != "bodies"}
+        self.model = h.build(bodies, {"type": "dynamic", "t_end": t_end, **solver}, **more)
+        wanted = t_end * np.arange(1, states + 1) / states
+        problem, signals = make_problem(self.model)
+        self.stepper = Stepper(self.model, problem, signals, self.model.case.solver, solver.get("dt", 0.0),
+                               np.zeros(0) if every else wanted[:-1], every)
+        if tight:
+            self.stepper.m = self.stepper.m._replace(tolerance=tight)
+        self.chunk, self.rows = chunk, []
+
+    def start(self) -> Ride:
+        """Begin where the case begins."""
+        self.stepper.start(*initial_motion(self.model))
+        self.rows.append(self.stepper.last())
+        return self
+
+    def on(self) -> Ride:
+        """Go on to the end, in chunks of so many steps where that is asked for."""
+        while not self.stepper.done:
+            if self.chunk:
+                self.stepper.steps = self.chunk
+                self.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
+            self.rows += self.stepper.run()
+        self.rows.append(self.stepper.last())
+        return self
+
+    @property
+    def log(self) -> np.ndarray:
+        """Return the log of all steps."""
+        return np.concatenate([row.log for row in self.rows])
+
+    def column(self, name: str) -> np.ndarray:
+        """Return a column of the log."""
+        return self.log[:, LOG.index(name)]
+
+    def full(self, k: int = -1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return d, v, a (n_full,) of a stored state as it is."""
+        return self.stepper.full(self.rows[k], inside=False)
+
+    def end(self) -> np.ndarray:
+        """Return displacements and rates at the end, on the constraints (2, n_q), each as a displacement [m]."""
+        d, v, _ = self.stepper.full(replace(self.rows[-1], z=self.rows[-1].z.copy(), v=self.rows[-1].v.copy()), True)
+        return np.array([d[:self.model.n_q], v[:self.model.n_q]]) * self.model.weights
+
+    def place(self, at: str, k: int = -1) -> np.ndarray:
+        """Return the position (2,) of BODY@S."""
+        name, s = at.split("@")
+        e = self.model.e0 + self.full(k)[0][:self.model.n_q]
+        return np.array([h.dot(c, e) for c in h.point_ref(self.model.meshes[name], float(s)).position()])
+
+    def totals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return total energy (states,) and the momenta px, py, h (states, 3)."""
+        energies, total, momenta = Energies(self.model), [], []
+        for k in range(len(self.rows)):
+            d, v, _ = self.full(k)
+            total.append(energies.kinetic(v) + energies.strain(d, self.rows[k].t) + energies.potential(d))
+            momenta.append(energies.momentum(d, v))
+        return np.array(total), np.array(momenta)
+
+
+def ride(scene: dict[str, Any], t_end: float, **how: Any) -> Ride:
+    """Return a scene moved to ``t_end``."""
+    return Ride(scene, t_end, **how).start().on()
+
+
+def orders(errors: list[float]) -> np.ndarray:
+    """Return the orders that errors at halved steps show."""
+    return np.log2(np.divide(errors[:-1], np.maximum(errors[1:], 1e-300)))

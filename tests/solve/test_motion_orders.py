@@ -1,0 +1,106 @@
+"""Observed order in time of every integrator of the tool's own: smooth motions, with constraints and driven ones."""
+
+from __future__ import annotations
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import GRAVITY, orders, ride, rigid
+from scipy.integrate import solve_ivp
+
+SOFT = {"E": 1e5, "nu": 0.3, "rho": 1000.0}
+ORDER = {"newmark": 2, "hht": 2, "generalized_alpha": 2, "energy_momentum": 2, "radau5": 5, "radau9": 9}
+
+
+def soft():
+    """Return a rod so soft that the steps of these tests resolve all that it does."""
+    return h.body(h.line(1.0), h.element("cable", 1), {"height": 0.1, "width": 0.05}, SOFT)
+
+
+def told(value):
+    return {"type": "expression", "value": value}
+
+
+UPPER, LOWER = rigid([0, 0], [1, 0], 1.3, 0.2), rigid([1, 0], [1.6, -0.7], 0.9, 0.11)
+KNEE = {"type": "pin", "between": ["a@1", "b@0"]}
+SCENES = {
+    "pendulum": ({"bodies": {"a": soft()}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}, 0.32),
+    "shaken": ({"bodies": {"a": soft()}, "bc": [{
+        "type": "prescribed", "at": "a@0", "ux": told("0.03*sin(6*t)^3"), "uy": told("0.05*(1-cos(7*t))^2")}]}, 0.32),
+    "double pendulum": ({"bodies": {"a": UPPER, "b": LOWER}, "bc": [{"type": "pin", "at": "a@0"}], "joints": [KNEE],
+                         "loads": GRAVITY}, 0.64),
+    "slider-crank": ({
+        "bodies": {"a": rigid([0, 0], [0.2, 0.22], 1.3, 0.2), "b": rigid([0.2, 0.22], [1, 0], 0.9, 0.11)},
+        "bc": [{"type": "pin", "at": "a@0"}],
+        "joints": [KNEE, {"type": "slider", "at": "b@1", "through": [0, 0], "along": [1, 0]}], "loads": GRAVITY}, 0.64),
+    "driven arm": ({"bodies": {"a": rigid([0, 0], [0.3, 0], 1.3, 0.2), "b": rigid([0.3, 0], [0.6, -0.7], 0.9, 0.11)},
+                    "bc": [{"type": "prescribed", "at": "a@0", "ux": 0, "uy": 0, "angle": told("0.8*(1-cos(6*t))")}],
+                    "joints": [KNEE], "loads": GRAVITY}, 0.64),
+}
+# how many steps the runs take; order 9 is at round-off soon
+STEPS = {2: (64, 256), 5: (32, 64), 9: (12, 24)}
+SMOOTHEST = ("slider-crank", "driven arm")
+TIGHT = {"tight": 1e-15, "max_iterations": 40}
+
+
+@pytest.fixture(scope="module")
+def references():
+    return {name: ride(scene, t_end, method="radau9", dt=t_end / 96, **TIGHT).end()
+            for name, (scene, t_end) in SCENES.items()}
+
+
+@pytest.mark.parametrize("method", ORDER)
+@pytest.mark.parametrize("scene", SCENES)
+def test_errors_fall_by_the_order_of_the_method(references, scene, method):
+    data, t_end = SCENES[scene]
+    order = ORDER[method]
+    steps = (6, 12) if order == 9 and scene in SMOOTHEST else STEPS[order]
+    errors = []
+    for n in steps:
+        moved = ride(data, t_end, method=method, dt=t_end / n, **TIGHT)
+        assert moved.column("rejected").max() == 0
+        errors.append(np.abs(moved.end() - references[scene]).max(axis=1))
+    seen = np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0])
+    assert np.all(seen > order - (1.5 if order == 9 else 0.3))
+    assert np.all(seen < order + 0.9)
+
+
+def double_pendulum(t_end):
+    """Return the end of the lower bar of the double pendulum (2,), by its equations in the two angles."""
+    m1, J1, m2, J2, L1 = 1.3, 0.2, 0.9, 0.11, 1.0
+    L2, start = np.hypot(0.6, 0.7), np.arctan2(-0.7, 0.6)
+
+    def rates(t, w):
+        p, q, dp, dq = w
+        c, s = m2 * L1 * L2 / 2 * np.cos(p - q), m2 * L1 * L2 / 2 * np.sin(p - q)
+        M = [[J1 + (m1 / 4 + m2) * L1**2, c], [c, J2 + m2 * L2**2 / 4]]
+        f = [-s * dq**2 - 9.81 * (m1 / 2 + m2) * L1 * np.cos(p), s * dp**2 - 9.81 * m2 * L2 / 2 * np.cos(q)]
+        return [dp, dq, *np.linalg.solve(M, f)]
+
+    p, q = solve_ivp(rates, (0, t_end), [0, start, 0, 0], method="DOP853", rtol=1e-13, atol=1e-13).y[:2, -1]
+    return np.array([L1 * np.cos(p) + L2 * np.cos(q), L1 * np.sin(p) + L2 * np.sin(q)])
+
+
+def test_bars_in_natural_coordinates_swing_as_their_angles_do():
+    scene, t_end = SCENES["double pendulum"]
+    moved = ride(scene, t_end, method="radau9", dt=t_end / 96, **TIGHT)
+    np.testing.assert_allclose(moved.place("b@1"), double_pendulum(t_end), atol=2e-11)
+
+
+@pytest.mark.parametrize("method", ["generalized_alpha", "hht"])
+@pytest.mark.parametrize("rho", [0.5, 0.7, 1.0])
+def test_second_order_at_every_spectral_radius(references, method, rho):
+    scene, t_end = SCENES["double pendulum"]
+    errors = [np.abs(ride(scene, t_end, method=method, dt=t_end / n, **TIGHT, spectral_radius=rho).end()
+                     - references["double pendulum"]).max() for n in (64, 128, 256)]
+    np.testing.assert_allclose(orders(errors), 2.0, atol=0.1)
+
+
+def test_without_damping_the_family_is_one_method():
+    scene, t_end = SCENES["pendulum"]
+    plain = ride(scene, t_end, method="newmark", dt=0.01).end()
+    for method in ("hht", "generalized_alpha"):
+        np.testing.assert_allclose(ride(scene, t_end, method=method, dt=0.01, spectral_radius=1.0).end(), plain,
+                                   atol=1e-11)
+        damped = ride(scene, t_end, method=method, dt=0.01, spectral_radius=0.6).end()
+        assert np.abs(damped - plain).max() > 1e-3
