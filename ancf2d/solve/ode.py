@@ -144,17 +144,16 @@ class OdeStepper(Stepper):
         inside = self._inside(t, solver.t)
         path = solver.dense_output() if self.tracks or len(inside) else None
         error = self._local_error(h)
-        if self.tracks:
-            self._sum_work(path, t, h)
-        states = [(x, path(x)) for x in inside]
+        states = [(x, path(x), self._work(path, t, x)) for x in inside]
+        self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
         worst = self._keep(h)
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
-        for x, y in states:
-            self._store(found, x, y)
+        for x, y, work in states:
+            self._store(found, x, y, work)
         self.next_wanted += len(inside) if not self.every else 0
         if self.every and self.s.numbers[COUNT] % self.every == 0:
-            self._store(found, solver.t, solver.y)
+            self._store(found, solver.t, solver.y, self.s.numbers[[WORK, LOST]])
 
     def _inside(self, t: float, end: float) -> Array:
         """Return the wanted times up to the end of a step."""
@@ -195,20 +194,20 @@ class OdeStepper(Stepper):
             error = solver.K.T @ solver.E
         return float(np.max(self.p.weights[self.free] * np.abs(h * error[:m]), initial=0.0) / self.scale[0])
 
-    def _sum_work(self, path: Any, t: float, h: float) -> None:
-        """Add work and loss over a step, at the Lobatto points of its interpolation."""
-        for x, weight in LOBATTO:
-            at = t + x * h
-            done, lost = powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at))
-            self.s.numbers[WORK] += h * weight * done
-            self.s.numbers[LOST] += h * weight * lost
+    def _work(self, path: Any, t: float, x: float) -> Array:
+        """Return work and loss up to x in a step from t, by the Lobatto points of its interpolation."""
+        out = self.s.numbers[[WORK, LOST]]
+        for place, weight in LOBATTO if self.tracks else ():
+            at = t + place * (x - t)
+            out += (x - t) * weight * np.array(powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at)))
+        return out
 
-    def _store(self, found: list[Row], t: float, y: Array) -> None:
+    def _store(self, found: list[Row], t: float, y: Array, work: Array) -> None:
         at = self.inner
         place(at, self.free, y)
         accelerations(self.p, self.w, self.factors, at, t)
-        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), float(self.s.numbers[WORK]),
-                         float(self.s.numbers[LOST]), np.array(self.log).reshape(-1, len(LOG))))
+        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), *work.tolist(),
+                         np.array(self.log).reshape(-1, len(LOG))))
         self.log = []
 
     def last(self) -> Row:
