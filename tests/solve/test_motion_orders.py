@@ -38,7 +38,7 @@ SCENES = {
                     "joints": [KNEE], "loads": GRAVITY}, 0.64),
 }
 # how many steps the runs take; order 9 is at round-off soon
-STEPS = {2: (64, 256), 5: (32, 64), 9: (16, 28)}
+STEPS = {2: (64, 256), 5: (32, 64), 9: (16, 24)}
 SMOOTHEST = ("slider-crank", "driven arm")
 TIGHT = {"tight": 1e-15, "max_iterations": 40}
 
