@@ -1,7 +1,7 @@
 """From the text of a case file to a validated case."""
 
 from .binder import Vocabulary
-from .definition import DefinitionNode, ElementDefinition, load_definition
+from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition
 from .json_schema import SCHEMA_FILE, definition_schema, json_schema, schema_comment
 from .load import LoadedCase, load_case, load_case_text
 from .reference import markdown_reference
@@ -13,5 +13,6 @@ from .templates import TEMPLATES, template
 __all__ = [
     "SCHEMA_FILE", "TEMPLATES", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",
     "Vocabulary", "definition_schema", "json_schema", "load_case", "load_case_text",
-    "load_definition", "markdown_reference", "schema_comment", "template", *_schema,
+    "load_definition", "markdown_reference", "read_definition",
+    "schema_comment", "template", *_schema,
 ]

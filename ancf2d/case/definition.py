@@ -15,7 +15,7 @@ from .kinds import Known, ListOf, Name, Number, Text
 from .nodes import MapNode, Origin
 from .records import Record, bind_record
 from .schema.body import QUADRATURE, SHEAR_FACTOR
-from .source import line_breaks
+from .source import Source, line_breaks
 
 
 @record
@@ -70,6 +70,15 @@ def load_definition(path: str | os.PathLike[str],
 
     The polynomials are text here; the elements read them.
     """
+    return read_definition(path, vocabulary)[0]
+
+
+def read_definition(path: str | os.PathLike[str], vocabulary: Vocabulary | None = None,
+                    ) -> tuple[ElementDefinition, Source]:
+    """Return the element that a file defines, and where its values stand, for later checks.
+
+    Raises CaseError with all that is wrong with the file.
+    """
     name = os.fspath(path)
     text = read_text(name)
     problems: list[Problem] = []
@@ -81,4 +90,4 @@ def load_definition(path: str | os.PathLike[str],
     definition = bind_record(ElementDefinition, root, (), binder)
     if problems:
         raise CaseError(problems)
-    return definition
+    return definition, Source(name, text, root)

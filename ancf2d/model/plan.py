@@ -8,13 +8,13 @@ import numpy as np
 
 from ..case import Arc, Body, Element, ElementDefinition, LoadedCase, Polyline, Selective
 from ..elements import registry
-from ..elements.definition import ElementType, NodeSpec, derivative_order
+from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.rigid import RIGID, RIGID_TYPE
 from ..elements.section import Section
-from ..elements.shape import ShapeFunctions, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .curve import Array, Piece, pieces_of
+from .own_element import DefinitionError, own_element, undetermined
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 
@@ -66,27 +66,13 @@ class RefusedError(ValueError):
 
 
 def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
-    nodes = tuple(NodeSpec(float(n.at), tuple(n.coordinates)) for n in definition.nodes)
-    curve = all("y" not in b for b in definition.basis)
-    default = definition.formulation or ("cable" if curve else "continuum")
-    element = ElementType(definition.name, tuple(definition.basis), nodes, default,
-                          source=str(spec.definition), shear_factor=definition.shear_factor or "timoshenko",
-                          quadrature={default: tuple(definition.quadrature)}
-                          if isinstance(definition.quadrature, tuple) else {})
     try:
-        for node in nodes:
-            for c in node.coordinates:
-                if c != "theta":
-                    derivative_order(c)
-        if nodes[0].at != 0.0 or nodes[-1].at != 1.0 or nodes[0].coordinates != nodes[-1].coordinates:
-            raise ValueError("the first and last node must lie at 0 and 1 and have the same coordinates, so that "
-                             "neighbours can share them")
-        if "r" not in nodes[0].coordinates:
-            raise ValueError("the end nodes need the coordinate r")
-        ShapeFunctions(element, 1.0, 0.5, 0.3)
-    except (ValueError, UnsolvableBasisError) as error:
-        message = f"element {definition.name} in {spec.definition}: {error}"
-        raise RefusedError(("element", "definition"), message) from error
+        element = own_element(definition, str(spec.definition))
+        reason = undetermined(element)
+    except DefinitionError as error:
+        reason = str(error)
+    if reason is not None:
+        raise RefusedError(("element", "definition"), f"element {definition.name} in {spec.definition}: {reason}")
     return element
 
 
@@ -138,7 +124,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
     curved = any(p.kappa != 0.0 for p in pieces_of(body.geometry, spec.count))
-    rule = _rule(spec.quadrature or preset.get("quadrature"), element, formulation, curved)
+    own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
+    rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
     k = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",

@@ -1,0 +1,84 @@
+"""Element types that users describe in files, as the elements know them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..case import ElementDefinition
+from ..elements.definition import ElementType, NodeSpec, derivative_order
+from ..elements.polynomial import Polynomial, parse
+from ..elements.shape import ShapeFunctions, UnsolvableBasisError
+
+# length, height and nu at which a basis is tried: none of them special
+TRIAL = (1.0, 0.5, 0.3)
+
+
+class DefinitionError(ValueError):
+    """A description that is no element: ``problems`` holds (path in the file, what is wrong, what was expected)."""
+
+    def __init__(self, problems: list[tuple[tuple[Any, ...], str, str]]) -> None:
+        super().__init__("; ".join(message for _, message, _ in problems))
+        self.problems = problems
+
+
+def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
+    """Return the element type that a definition describes; ``source`` is the file that it stands in.
+
+    Raises DefinitionError with all that is wrong. Whether the coordinates determine the basis is not asked here.
+    """
+    problems: list[tuple[tuple[Any, ...], str, str]] = []
+    polynomials = _polynomials(definition, problems)
+    problems += _coordinates(definition)
+    if problems:
+        raise DefinitionError(problems)
+    theta = "theta" in definition.nodes[0].coordinates
+    curve = all(p.degree_y == 0 for p in polynomials)
+    default = definition.formulation or ("geometrically_exact" if theta else "cable" if curve else "continuum")
+    nodes = tuple(NodeSpec(float(n.at), tuple(n.coordinates)) for n in definition.nodes)
+    element = ElementType(definition.name, tuple(str(b) for b in definition.basis), nodes, default, source=source,
+                          shear_factor=definition.shear_factor or "timoshenko")
+    if len(polynomials) != element.n_shape:
+        raise DefinitionError([(("basis",), f"{len(polynomials)} basis functions for {element.n_shape} nodal "
+                                "coordinates", "as many functions as coordinates at all nodes together")])
+    return element
+
+
+def undetermined(element: ElementType) -> str | None:
+    """Return why the nodal coordinates do not determine the basis, None where they do."""
+    try:
+        ShapeFunctions(element, *TRIAL)
+    except UnsolvableBasisError as error:
+        return str(error)
+    return None
+
+
+def _polynomials(definition: ElementDefinition, problems: list[tuple[tuple[Any, ...], str, str]]) -> list[Polynomial]:
+    out = []
+    for i, text in enumerate(definition.basis):
+        try:
+            out.append(parse(text))
+        except ValueError as error:
+            problems.append((("basis", i), f"basis: {error}", "a polynomial in x, y and nu, such as x^2 + nu*y^2"))
+    return out
+
+
+def _coordinates(definition: ElementDefinition) -> Iterator[tuple[tuple[Any, ...], str, str]]:
+    """Yield what is wrong with the nodes."""
+    nodes = definition.nodes
+    for i, node in enumerate(nodes):
+        for j, name in enumerate(node.coordinates):
+            try:
+                if name != "theta":
+                    derivative_order(name)
+            except ValueError as error:
+                yield ("nodes", i, "coordinates", j), str(error), ""
+    if any("theta" in n.coordinates and set(n.coordinates) != {"r", "theta"} for n in nodes) or len(
+            {"theta" in n.coordinates for n in nodes}) > 1:
+        yield ("nodes",), "theta is a coordinate beside r alone, at every node or at none", "[r, theta] at each node"
+    first, last = nodes[0], nodes[-1]
+    if first.at != 0.0 or last.at != 1.0 or first.coordinates != last.coordinates:
+        yield ("nodes",), ("the first and last node must lie at 0 and 1 and have the same coordinates, so that "
+                           "neighbours can share them"), "the same coordinates at 0 and 1"
+    if "r" not in first.coordinates:
+        yield ("nodes", 0, "coordinates"), "the end nodes need the coordinate r", ""

@@ -1,0 +1,72 @@
+"""Element types described in files: what is said of them holds, and all that is wrong is told at once."""
+
+import json
+
+import pytest
+
+from ancf2d.case import DefinitionNode, ElementDefinition, load_case_text
+from ancf2d.elements.registry import ELEMENTS
+from ancf2d.errors import CaseError
+from ancf2d.model.build import build_model
+from ancf2d.model.own_element import DefinitionError, own_element, undetermined
+from ancf2d.study.run import vocabulary
+
+OMAR = {"name": "mine", "basis": ["1", "x", "y", "x*y", "x^2", "x^3"],
+        "nodes": [{"at": 0, "coordinates": ["r", "r_x", "r_y"]}, {"at": 1, "coordinates": ["r", "r_x", "r_y"]}]}
+
+
+def model(tmp_path, **more):
+    """Return the model of a cantilever with an element of its own."""
+    (tmp_path / "mine.yaml").write_text(json.dumps({**OMAR, **more}))
+    case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
+                                "section": {"height": 0.1, "width": 0.1}, "material": {"E": 1.0, "nu": 0.3},
+                                "element": {"definition": "mine.yaml", "count": 2}}},
+            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}], "solver": {"type": "linear_static"}}
+    return build_model(load_case_text(json.dumps(case), vocabulary=vocabulary(), directory=str(tmp_path)))
+
+
+def definition(basis, *coordinates, places=(0.0, 1.0)):
+    return ElementDefinition("mine", tuple(basis), tuple(DefinitionNode(at, coordinates) for at in places))
+
+
+@pytest.mark.parametrize(("quadrature", "rule"), [
+    ("exact", ((5, 3), (5, 3))), ([2, 1], ((2, 1), (2, 1))),
+    ({"normal": [3, 2], "shear": [1, 1]}, ((3, 2), (1, 1)))])
+def test_the_quadrature_of_a_definition_is_its_elements_default(tmp_path, quadrature, rule):
+    plan = model(tmp_path, quadrature=quadrature).meshes["beam"].plan
+    assert (plan.rule.normal, plan.rule.shear) == rule
+    assert plan.formulation.name == "continuum"
+
+
+@pytest.mark.parametrize("name", ["omar", "vallejo", "patel", "2d2n-nu", "cable", "reissner3"])
+def test_a_description_of_a_listed_type_is_that_type(name):
+    known = ELEMENTS[name]
+    described = own_element(ElementDefinition("mine", known.basis,
+                                              tuple(DefinitionNode(n.at, n.coordinates) for n in known.nodes)))
+    assert (described.polynomials, described.functionals) == (known.polynomials, known.functionals)
+    assert undetermined(described) is None
+    assert described.section_kind == known.section_kind
+
+
+def test_all_that_is_wrong_is_told_with_its_place():
+    with pytest.raises(DefinitionError) as caught:
+        own_element(ElementDefinition("mine", ("1", "x^^2", "sin(x)"),
+                                      (DefinitionNode(0.0, ("r",)), DefinitionNode(0.9, ("r", "rx")))))
+    assert [path for path, _, _ in caught.value.problems] == [
+        ("basis", 1), ("basis", 2), ("nodes", 1, "coordinates", 1), ("nodes",)]
+
+
+@pytest.mark.parametrize(("basis", "coordinates", "words"), [
+    (["1", "x", "y"], ["r", "r_y"], "3 basis functions for 4 nodal coordinates"),
+    (["1", "x"], ["r_x"], "need the coordinate r"),
+    (["1", "x"], ["r", "r_x", "theta"], "theta is a coordinate beside r alone")])
+def test_what_is_no_element(basis, coordinates, words):
+    with pytest.raises(DefinitionError, match=words):
+        own_element(definition(basis, *coordinates))
+
+
+def test_coordinates_that_do_not_determine_the_basis(tmp_path):
+    basis = ["1", "x", "y", "x*y", "x^2*y^2", "x^3"]
+    assert "vanishes in every nodal coordinate" in (undetermined(own_element(definition(basis, "r", "r_x", "r_y"))) or "")
+    with pytest.raises(CaseError, match="vanishes in every nodal coordinate"):
+        model(tmp_path, basis=basis)
