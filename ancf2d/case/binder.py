@@ -36,9 +36,7 @@ class Vocabulary:
     element_types: tuple[str, ...] = ()
     formulations: tuple[str, ...] = ()
     nodal_coordinates: tuple[str, ...] = ()
-    integrators: tuple[str, ...] = (
-        "radau5", "radau9", "newmark", "hht", "generalized_alpha", "energy_momentum",
-        "RK45", "DOP853", "Radau", "BDF", "LSODA")
+    integrators: tuple[str, ...] = ()
     output_fields: tuple[str, ...] = ()
 
 

@@ -1,9 +1,8 @@
-"""Each time integrator by name: its coefficients and arrays for the kernels. A further one is one entry here."""
+"""The tool's own time integrators: their coefficients and arrays for the kernels."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,24 +15,12 @@ from ..kernels.dynamics import Problem
 from ..kernels.motion import Step
 from ..kernels.newmark import Newmark
 from ..kernels.radau import Radau
+from .schemes import spectral_radius
 
 MAX_ITERATIONS = 12
 
 
-@dataclass(frozen=True)
-class Method:
-    """An integrator: ``make(spec, problem, tolerance)`` returns its kernel tuple.
-
-    ``order`` of its error at the end of a motion; ``rows`` that it keeps of earlier steps; ``source`` and ``doc``.
-    """
-
-    name: str
-    make: Callable[[Dynamic, Problem, float], Any]
-    order: int
-    rows: int
-    source: str
-    doc: str
-    damps: bool = True
+Maker = Callable[[Dynamic, Problem, float], Any]
 
 
 def cubic() -> Array:
@@ -71,12 +58,12 @@ def _newmark(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
 
 def _hht(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
     # spectral radius at infinity (1 - af)/(1 + af): 1/2 at the bound af = 1/3
-    rho = 0.8 if spec.spectral_radius is None else spec.spectral_radius
+    rho = spectral_radius(spec)
     return _newmark_family(p, tolerance, spec, 0.0, (1.0 - rho) / (1.0 + rho))
 
 
 def _generalized_alpha(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
-    rho = 0.8 if spec.spectral_radius is None else spec.spectral_radius
+    rho = spectral_radius(spec)
     return _newmark_family(p, tolerance, spec, (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))
 
 
@@ -105,7 +92,7 @@ def collocation(c: Array) -> Array:
     return out
 
 
-def radau(stages: int) -> Callable[[Dynamic, Problem, float], Radau]:
+def radau(stages: int) -> Maker:
     """Return what makes Radau IIA with an odd number of stages."""
     def make(spec: Dynamic, p: Problem, tolerance: float) -> Radau:
         c = radau_nodes(stages)
@@ -132,27 +119,13 @@ def radau(stages: int) -> Callable[[Dynamic, Problem, float], Radau]:
     return make
 
 
-def _by_scipy(spec: Dynamic, p: Problem, tolerance: float) -> None:
-    """Return nothing: solve.ode steps these."""
+# for every integrator that is not SciPy's: what makes its kernel tuple from the case, the problem and a tolerance
+MAKERS: dict[str, Maker] = {
+    "radau5": radau(3), "radau9": radau(5), "generalized_alpha": _generalized_alpha, "hht": _hht, "newmark": _newmark,
+    "energy_momentum": _energy_momentum,
+}
 
 
-_LIST = (
-    Method("radau5", radau(3), 5, 3, "Hairer, Lubich & Roche 1989",
-           "Radau IIA, three stages: order 5, damps what steps cannot resolve"),
-    Method("radau9", radau(5), 9, 5, "Hairer, Lubich & Roche 1989",
-           "Radau IIA, five stages: order 9, for smooth motion to tight tolerances"),
-    Method("generalized_alpha", _generalized_alpha, 2, 1, "Chung & Hulbert 1993; Arnold & Bruls 2007",
-           "second order, damping at infinity chosen by spectral_radius (default 0.8)"),
-    Method("hht", _hht, 2, 1, "Hilber, Hughes & Taylor 1977",
-           "second order, damping at infinity chosen by spectral_radius from 0.5 to 1 (default 0.8)"),
-    Method("newmark", _newmark, 2, 1, "Newmark 1959", "average acceleration: second order, no damping", damps=False),
-    Method("energy_momentum", _energy_momentum, 2, 0, "Simo & Tarnow 1992; Gonzalez 2000",
-           "second order, keeps energy and momentum exactly", damps=False),
-    Method("RK45", _by_scipy, 5, 0, "Dormand & Prince 1980", "SciPy's explicit pair 5(4), known as ode45"),
-    Method("DOP853", _by_scipy, 8, 0, "Hairer, Norsett & Wanner 1993", "SciPy's explicit method of order 8"),
-    Method("Radau", _by_scipy, 5, 0, "Hairer & Wanner 1996", "SciPy's Radau IIA of order 5, with dense matrices"),
-    Method("BDF", _by_scipy, 5, 0, "Shampine & Reichelt 1997", "SciPy's BDF of orders 1 to 5, without multipliers"),
-    Method("LSODA", _by_scipy, 5, 0, "Petzold 1983", "SciPy's switch between Adams and BDF, without multipliers"),
-)
-METHODS: dict[str, Method] = {m.name: m for m in _LIST}
-DEFAULT = "radau5"
+def make_method(name: str, spec: Dynamic, p: Problem, tolerance: float) -> Any:
+    """Return the kernel tuple of an integrator; None where SciPy steps it."""
+    return MAKERS[name](spec, p, tolerance) if name in MAKERS else None

@@ -197,9 +197,10 @@ class OdeStepper(Stepper):
     def _work(self, path: Any, t: float, x: float) -> Array:
         """Return work and loss up to x in a step from t, by the Lobatto points of its interpolation."""
         out = self.s.numbers[[WORK, LOST]]
-        for place, weight in LOBATTO if self.tracks else ():
-            at = t + place * (x - t)
-            out += (x - t) * weight * np.array(powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at)))
+        for c, weight in LOBATTO if self.tracks else ():
+            at = t + c * (x - t)
+            rates = powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at))
+            out += (x - t) * weight * np.array(rates)
         return out
 
     def _store(self, found: list[Row], t: float, y: Array, work: Array) -> None:

@@ -16,6 +16,7 @@ from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
 from .mass import full_mass
+from .schemes import DEFAULT, INTEGRATORS
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -132,7 +133,8 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     weights[own] = model.weights[num.free[own]]
     pairs, turns = _pairs(model)
     tau, bodies = damping_times(model), make_bodies(model.groups)
-    kinds, conserving = set(bodies.kind.tolist()), getattr(model.case.solver, "method", None) == "energy_momentum"
+    kinds = set(bodies.kind.tolist())
+    conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {

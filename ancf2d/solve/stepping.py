@@ -14,13 +14,14 @@ from ..kernels import advance as kernels
 from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, onto_constraints
 from ..kernels.dynamics import Problem, Scratch, scratch, to_full
-from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, STEP_SIZE, TIME, WORK, Motion, motion
+from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
 from ..kernels.points import point_accept
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Break, all_breakpoints
 from ..model.model import Model
 from ..model.signals import Signal
-from .methods import DEFAULT, METHODS
+from .methods import make_method
+from .schemes import DEFAULT, INTEGRATORS, Integrator
 from .system import describe_coordinate
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
@@ -31,6 +32,8 @@ LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 # of Newton's increments, relative to the size of the motion
 TIGHT = 1e-10
 CONSERVING = 1e-18
+# of the scene: errors of a motion that is smaller, as at its start, are relative to this
+LEAST = 1e-9
 
 
 @dataclass
@@ -59,9 +62,9 @@ class Stepper:
                 memory=problem.sliding.memory.copy()))
         n, width = problem.mass.shape
         self.w: Scratch = scratch(n, len(problem.place), width, len(signals))
-        self.method = METHODS[spec.method or DEFAULT]
+        self.method = INTEGRATORS[spec.method or DEFAULT]
         self.tolerance = spec.tolerance or 0.0
-        self.m = self.method.make(spec, self.p, newton_tolerance(self.method.name, self.tolerance))
+        self.m = make_method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
         self.s: Motion = motion(n, self.method.rows)
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted, self.next_break = wanted, every, 0, 0
@@ -90,6 +93,7 @@ class Stepper:
     def start(self, d: Array, v: Array) -> None:
         """Begin at full coordinates d with rates v, which the constraints may change."""
         self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        self.s.numbers[SIZE] = LEAST * self.p.extent
         if self.p.points is not None:
             point_accept(self.p.points, d)
         # what switches on at 0 is on
@@ -257,9 +261,9 @@ class Stepper:
                    "last states; smaller steps before it, or a tighter tolerance, may lead past")
 
 
-def newton_tolerance(method: str, tolerance: float) -> float:
+def newton_tolerance(method: Integrator, tolerance: float) -> float:
     """Return how far Newton's increments are brought down, relative to the size of the motion."""
-    if method == "energy_momentum":
+    if method.conserves:
         return CONSERVING
     return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT
 

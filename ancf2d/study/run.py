@@ -16,6 +16,7 @@ from ..elements.formulations import FORMULATIONS
 from ..errors import CaseError, ComputationError
 from ..model.build import build_model
 from ..model.model import Model
+from ..solve.schemes import INTEGRATORS
 from .record import Progress, Recorder
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ def vocabulary() -> Vocabulary:
     coordinates = {c: None for t in types for n in t.nodes for k in n.coordinates if k != "theta"
                    for c in coordinate_components(k, t.has_theta)}
     return Vocabulary(element_types=(*registry.names(), "rigid"), formulations=tuple(FORMULATIONS),
-                      nodal_coordinates=tuple(coordinates), output_fields=("N", "Q", "M"))
+                      nodal_coordinates=tuple(coordinates), integrators=tuple(INTEGRATORS),
+                      output_fields=("N", "Q", "M"))
 
 
 @dataclass

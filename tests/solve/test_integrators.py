@@ -1,0 +1,59 @@
+"""The integrators by name: what each is made by, and what each refuses, where in the case."""
+
+from __future__ import annotations
+
+import helpers as h
+import pytest
+from motions import GRAVITY, rigid, rod
+
+from ancf2d.solve.methods import MAKERS
+from ancf2d.solve.schemes import INTEGRATORS, SCHEMES, method_problems
+
+FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
+EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}
+HELD = {"bodies": {"a": rigid([0, 0], [1, 0], 1.0, 0.1)}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
+
+
+def refusals(scene, **solver):
+    """Return what is refused: (key, message, expected) of every problem."""
+    model = h.build(scene["bodies"], {"type": "dynamic", "t_end": 1.0, "dt": 0.01, **solver},
+                    **{k: v for k, v in scene.items() if k != "bodies"})
+    return [(p.path[1], p.message, p.expected) for p in method_problems(model)]
+
+
+def test_every_integrator_is_made_by_the_tool_or_by_scipy():
+    assert set(MAKERS) | set(SCHEMES) == set(INTEGRATORS)
+    assert not set(MAKERS) & set(SCHEMES)
+
+
+@pytest.mark.parametrize("method", INTEGRATORS)
+def test_a_model_without_multipliers_is_moved_by_every_one(method):
+    assert refusals(FREE, method=method) == []
+
+
+def test_energy_cannot_be_kept_for_strains_by_an_angle():
+    ((key, message, expected),) = refusals(EXACT, method="energy_momentum")
+    assert key == "method"
+    assert "geometrically_exact of b" in message
+    assert "generalized_alpha" in expected
+
+
+@pytest.mark.parametrize(("solver", "key"), [
+    ({"method": "newmark"}, "method"), ({"method": "hht", "spectral_radius": 1.0}, "spectral_radius"),
+    ({"method": "generalized_alpha", "spectral_radius": 1.0}, "spectral_radius")])
+def test_what_damps_nothing_is_refused_with_multipliers(solver, key):
+    ((found, message, _),) = refusals(HELD, **solver)
+    assert found == key
+    assert "constraint forces of a swing up" in message
+    assert refusals(FREE, **solver) == []
+
+
+@pytest.mark.parametrize(("solver", "part"), [
+    ({"method": "hht", "spectral_radius": 0.4}, "0.4 is outside what hht can have"),
+    ({"method": "radau5", "spectral_radius": 0.8}, "radau5 has none to choose"),
+    ({"spectral_radius": 0.8}, "radau5 has none to choose"),
+    ({"method": "RK45", "spectral_radius": 0.8}, "RK45 has none to choose")])
+def test_spectral_radii_that_a_method_cannot_have(solver, part):
+    ((key, message, _),) = refusals(FREE, **solver)
+    assert key == "spectral_radius"
+    assert part in message
