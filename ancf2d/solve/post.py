@@ -46,7 +46,7 @@ class Observer:
             if state.v is not None:
                 velocity = place_rate(point, state.v, theta, self.omega[name])
                 values.update(vx=velocity[0], vy=velocity[1], omega=self.omega[name])
-            if self.forces and has_section_forces(point):
+            if self.forces and has_section_forces(point.mesh):
                 values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
             out[name] = {k: float(v) for k, v in values.items()}
         self.t = state.t

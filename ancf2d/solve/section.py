@@ -1,189 +1,233 @@
-"""Section forces N, Q, M at a point, by equilibrium of its element's part before it."""
+"""Section forces N, Q, M along a body, by equilibrium of each element's part before (or behind) the section."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..case import Distributed, Gravity
-from ..elements.definition import ElementType
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices
 from ..kernels.viscous import viscous_force
 from ..model.groups import damping_times
-from ..model.mechanism import rigid_motion
-from ..model.mesh import BodyMesh, mass_matrix, over_body
+from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
-from ..model.points import PointRef, dot
-from ..model.rotation import Rotation
+from ..model.points import PointRef
 from .mass import inertia_rates
 from .state import State
 
-Density = Callable[[Any], Array]
+BLOCK = 2048  # elements at a time: bounds the memory of element matrices and sampled loads
+POINTS = 6  # Gauss points of line loads on an element or its part
 
 
-def _constant(f: Array) -> Density:
-    return lambda at: f
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _line_loads(model: Model, mesh: BodyMesh, e: Array, d: Array, t: float) -> Iterator[tuple[Density, float, float]]:
-    """Yield the distributed loads on a body [N/m], with the fractions of its arclength between which they act."""
-    for load in model.case.loads:
-        if isinstance(load, Distributed) and load.on == mesh.plan.name:
-            f = _amplitude(model, load, t) * np.array(load.value, dtype=float)
-            turned = (lambda point, f=f: Rotation(point).axes(e, d) @ f) if load.follower else _constant(f)
-            yield turned, load.from_, load.to
+def has_section_forces(mesh: BodyMesh) -> bool:
+    """Whether the body has section forces: a rigid one has no law that would tell them."""
+    return not mesh.plan.rigid
 
 
-def _accelerations(model: Model, t: float) -> Iterator[Density]:
-    """Yield the fields of acceleration that act on all mass: gravity and the turning frame."""
-    for load in model.case.loads:
-        if isinstance(load, Gravity):
-            yield _constant(_amplitude(model, load, t) * np.array(load.value, dtype=float))
-    spin = model.case.steady_rotation
-    if spin is not None:
-        yield lambda r: t * spin.omega**2 * (r - np.array(spin.about))
+class SectionForces:
+    """N, Q, M of one body at the same stations ``xi`` (k,) in [0, 1] of every element.
 
-
-def _amplitude(model: Model, load: Gravity | Distributed, t: float) -> float:
-    return model.timing.follow(load.amplitude)(t)
-
-
-def _position(point: PointRef, e: Array) -> Array:
-    return np.array([dot(c, e) for c in point.position()])
-
-
-@dataclass(frozen=True)
-class _OnElement:
-    """The line and body loads on one element, sampled: what they sum to, up to a point or shape by shape.
-
-    ``a`` (n_q,) are accelerations: forces -rho a act like loads.
+    The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
+    balance with them whatever the formulation's stresses are worth. Sections in the first half of an element are
+    reached from its start, the others from its end.
     """
 
-    model: Model
-    point: PointRef
-    e: Array
-    d: Array
-    t: float
-    a: Array | None = None
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
+        self.model, self.mesh, self.xi = model, mesh, np.asarray(xi, dtype=float)
+        element = mesh.plan.element
+        self.nc = element.components
+        self.number = [name for name, m in model.meshes.items() if not m.plan.rigid].index(mesh.plan.name)
+        self.tau = float(damping_times(model)[self.number])
+        self.is_r = np.array([name == "r" for _, name in element.functionals])
+        self.first_node = np.array([node == 0 for node, _ in element.functionals])
+        self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
+        self.masses = [mass_matrix(c.sampler) for c in mesh.classes]
+        self.volumes = [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in mesh.classes]
+        pieces = mesh.plan.pieces
+        piece = np.repeat(np.arange(len(pieces)), [p.count for p in pieces])
+        within = np.arange(len(piece)) - np.array(mesh.piece_first)[piece]
+        self.length = np.array([p.l for p in pieces])[piece]
+        self.start = np.array([p.s0 for p in pieces])[piece] + within * self.length
+        self.kappa = np.array([p.kappa for p in pieces])[piece]
+        self.angle = np.array([p.angle for p in pieces])[piece] + self.kappa * within * self.length
 
-    def _samples(self, upto: float,
-                 loads: Iterable[tuple[Density, float, float]]) -> Iterator[tuple[PointRef, Array]]:
-        """Yield points on the element from its start to ``upto`` (0 to 1) with the force each stands for."""
-        point, mesh = self.point, self.point.mesh
-        l = mesh.classes[mesh.cls[point.ie]].shape.l
-        k = max(i for i, first in enumerate(mesh.piece_first) if first <= point.ie)
-        piece, length = mesh.plan.pieces[k], mesh.plan.length
-        start = piece.s0 + (point.ie - mesh.piece_first[k]) * l
-        for density, a, b in loads:
-            low, high = max(a * length - start, 0.0), min(b * length - start, upto * l)
-            for xi, weight in zip(*gauss(6), strict=True) if high > low else ():
-                s = low + xi * (high - low)
-                angle = piece.angle + piece.kappa * (start + s - piece.s0)
-                there = PointRef(mesh, (start + s) / length, point.ie, s / l, angle, None)
-                yield there, density(there) * weight * (high - low)
-
-    def resultant(self) -> Array:
-        """Return force and moment about the point (3,) of the loads up to it."""
-        P = _position(self.point, self.e)
-        total = np.zeros(3)
-        mesh = self.point.mesh
-        rhoA = mesh.plan.section.rhoA
-        loads = list(_line_loads(self.model, mesh, self.e, self.d, self.t))
-        for field in _accelerations(self.model, self.t):
-            loads.append((lambda p, field=field: rhoA * field(_position(p, self.e)), 0.0, 1.0))
-        for there, f in self._samples(self.point.xi, loads):
-            r = _position(there, self.e) - P
-            total += f[0], f[1], r[0] * f[1] - r[1] * f[0]
-        return total if self.a is None else total + self._inertia(self.a, P)
-
-    def _inertia(self, a: Array, P: Array) -> Array:
-        """Return force and moment about P (3,) of -rho a over the sections up to the point."""
-        mesh = self.point.mesh
-        nc, section, dofs = mesh.plan.element.components, mesh.plan.section, mesh.dofs[self.point.ie]
-        S, dv = over_body(mesh.classes[mesh.cls[self.point.ie]].sampler, self.point.xi)
-        r, b = S @ self.e[dofs].reshape(-1, nc), S @ a[dofs].reshape(-1, nc)
-        f = -(section.rhoA * dv)[:, None] * b[:, :2]
-        moment = float(((r[:, 0] - P[0]) * f[:, 1] - (r[:, 1] - P[1]) * f[:, 0]).sum())
-        if nc == 3:
-            moment -= section.rhoI * float(dv @ b[:, 2])
-        return np.array([*f.sum(axis=0), moment])
-
-    def consistent(self) -> Array:
-        """Return the generalised forces (n_dof,) of the loads on the element's own coordinates."""
-        mesh, element = self.point.mesh, self.point.mesh.plan.element
-        nc = element.components
-        out = np.zeros(element.n_dof)
-        for there, f in self._samples(1.0, _line_loads(self.model, mesh, self.e, self.d, self.t)):
-            row = there.shape_row()
-            out[0::nc] += row * f[0]
-            out[1::nc] += row * f[1]
-        dofs = mesh.dofs[self.point.ie]
-        fields = [_coordinates_of(field, element, self.e[dofs]) for field in _accelerations(self.model, self.t)]
-        if self.a is not None:
-            fields.append(-self.a[dofs])
-        if fields:
-            out += mass_matrix(mesh.classes[mesh.cls[self.point.ie]].sampler) @ sum(fields)
+    def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
+        """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
+        last = len(self.mesh.dofs) if count is None else first + count
+        out = np.empty((last - first, len(self.xi), 3))
+        for start in range(first, last, BLOCK):
+            some = slice(start, min(start + BLOCK, last))
+            for k in np.unique(self.mesh.cls[some]):
+                chosen = np.arange(some.start, some.stop)[self.mesh.cls[some] == k]
+                out[chosen - first] = _Part(self, state, int(k), chosen).forces()
         return out
 
 
-def _coordinates_of(field: Density, element: ElementType, local: Array) -> Array:
-    """Return the nodal coordinates of a field of acceleration that is linear in r."""
-    nc, zero = element.components, np.zeros(2)
-    out = np.zeros(element.n_dof)
-    for k, (_, name) in enumerate(element.functionals):
-        r = local[nc * k:nc * k + 2]
-        out[nc * k:nc * k + 2] = field(r) if name == "r" else field(r) - field(zero)
-    return out
+class _Part:
+    """Some elements of one class in one state; wrenches are (fx, fy, moment) about each element's first node."""
 
+    def __init__(self, body: SectionForces, state: State, k: int, chosen: Index) -> None:
+        self.body, self.state, self.k, self.chosen = body, state, k, chosen
+        model, n_q = body.model, body.model.n_q
+        self.dofs = body.mesh.dofs[chosen]
+        d = np.zeros(n_q) if state.linear else state.d[:n_q]
+        self.d = d[self.dofs].reshape(len(chosen), -1, body.nc)
+        self.e = model.e0[self.dofs].reshape(self.d.shape) + self.d
+        self.pole = self.e[:, :1, :2].copy()
+        self.local = self.e[..., :2] - np.where(body.is_r[:, None], self.pole, 0.0)
+        self.rates = self._accelerations()
+        self.lines = list(self._line_loads())
 
-def has_section_forces(point: PointRef) -> bool:
-    """Whether the body has section forces: a rigid one has no law that would tell them."""
-    return point.mesh.plan.element.name != "rigid"
+    # ------------------------------------------------------------------ what acts on the elements
 
+    def _accelerations(self) -> Array | None:
+        """Return nodal coordinates (m, n_shape, nc) of gravity, centrifugal acceleration and -a together."""
+        body, model = self.body, self.body.model
+        out, found = np.zeros_like(self.e), False
+        for load in model.case.loads:
+            if isinstance(load, Gravity):
+                out[..., :2] += np.where(body.is_r[:, None], self._factor(load) * np.array(load.value, float), 0.0)
+                found = True
+        spin = model.case.steady_rotation
+        if spin is not None:
+            centre = np.where(body.is_r[:, None], np.array(spin.about, float), 0.0)
+            out[..., :2] += self.state.t * spin.omega**2 * (self.e[..., :2] - centre)
+            found = True
+        a = inertia_rates(model, self.state)
+        if a is not None:
+            out -= a[self.dofs].reshape(self.e.shape)
+            found = True
+        return out if found else None
 
-def _nodal_forces(model: Model, state: State, point: PointRef, d: Array) -> Array:
-    """Return the elastic and viscous forces (n_dof,) of the point's element at displacements d (n_q,)."""
-    mesh = point.mesh
-    flexible = [name for name, m in model.meshes.items() if m.plan.element.name != "rigid"]
-    number = flexible.index(mesh.plan.name)
-    group, dofs = model.groups[number], mesh.dofs[point.ie]
-    Q, K = np.zeros((1, len(dofs))), np.zeros((1, len(dofs), len(dofs)))
-    element_matrices(group, d, point.ie, Q, K)
-    if state.linear:
-        return K[0] @ state.d[dofs]
-    tau = damping_times(model)[number]
-    if state.v is None or tau == 0.0:
-        return Q[0]
-    turn = group.turn[point.ie:point.ie + 1] if len(group.turn) > 1 else group.turn
-    alone = group._replace(cls=group.cls[point.ie:point.ie + 1], turn=turn, dofs=group.dofs[point.ie:point.ie + 1])
-    viscous = np.zeros(model.n_q)
-    viscous_force(alone, tau, d, state.v[:model.n_q], viscous)
-    return Q[0] + viscous[dofs]
+    def _factor(self, load: Gravity | Distributed) -> float:
+        return float(self.body.model.timing.follow(load.amplitude)(self.state.t))
+
+    def _line_loads(self) -> Iterator[tuple[Distributed, Array]]:
+        for load in self.body.model.case.loads:
+            if isinstance(load, Distributed) and load.on == self.body.mesh.plan.name:
+                yield load, self._factor(load) * np.array(load.value, dtype=float)
+
+    def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
+        """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
+        body = self.body
+        start, l = body.start[self.chosen], body.length[self.chosen]
+        whole = body.mesh.plan.length
+        x, w = gauss(POINTS)
+        for load, f in self.lines:
+            low = np.maximum(load.from_ * whole - start, 0.0)
+            span = np.maximum(np.minimum(load.to * whole - start, upto * l) - low, 0.0)
+            xi = (low[:, None] + x * span[:, None]) / l[:, None]
+            force = np.broadcast_to(f, (*xi.shape, 2))
+            if load.follower:
+                c, s = self._axes(xi)
+                force = np.stack([c * f[0] - s * f[1], s * f[0] + c * f[1]], axis=-1)
+            yield xi, force * (w * span[:, None])[..., None]
+
+    def _rows(self, xi: Array, i: int = 0, j: int = 0) -> Array:
+        """Return shape functions (m, g, n_shape) on the axis at xi (m, g)."""
+        shape = self.body.mesh.classes[self.k].shape
+        return shape(xi.ravel(), np.zeros(xi.size), i, j).reshape(*xi.shape, -1)
+
+    def _axes(self, xi: Array) -> tuple[Array, Array]:
+        """Return cosine and sine (m, g) of the sections' angles at xi (m, g)."""
+        body = self.body
+        angle = body.angle[self.chosen, None] + (body.kappa * body.length)[self.chosen, None] * xi
+        kind = body.mesh.plan.element.section_kind
+        if kind == "theta":
+            angle = angle + np.einsum("mgk,mk->mg", self._rows(xi), self.d[..., 2])
+        else:
+            rows = self._rows(xi, *((0, 1) if kind == "interpolated" else (1, 0)))
+            v, dv = (rows @ q[..., :2] for q in (self.e, self.d))
+            v0 = v - dv
+            angle = angle + np.arctan2(_cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
+        return np.cos(angle), np.sin(angle)
+
+    # ------------------------------------------------------------------ wrenches
+
+    def _nodal(self) -> Array:
+        """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
+        body, state, group = self.body, self.state, self.body.model.groups[self.body.number]
+        m, n = self.dofs.shape
+        # each element with coordinates of its own, so that nothing is summed
+        turn = group.turn[self.chosen] if len(group.turn) > 1 else group.turn
+        alone = group._replace(cls=group.cls[self.chosen], turn=turn, dofs=np.arange(m * n).reshape(m, n))
+        n_q = body.model.n_q
+        d = state.d[:n_q][self.dofs].ravel()
+        at = np.zeros_like(d) if state.linear else d
+        Q, K = np.zeros((m, n)), np.zeros((m, n, n))
+        element_matrices(alone, at, 0, Q, K)
+        if state.linear:
+            Q = np.einsum("mij,mj->mi", K, d.reshape(m, n))
+        elif state.v is not None and body.tau:
+            viscous = np.zeros(m * n)
+            viscous_force(alone, body.tau, d, state.v[:n_q][self.dofs].ravel(), viscous)
+            Q += viscous.reshape(m, n)
+        return Q.reshape(m, -1, body.nc)
+
+    def _consistent(self) -> Array:
+        """Return the generalised forces (m, n_shape, nc) of the loads on the elements' own coordinates."""
+        out = np.zeros_like(self.e)
+        for xi, force in self._line_samples(1.0):
+            out[..., :2] += np.einsum("mgk,mgc->mkc", self._rows(xi), force)
+        if self.rates is not None:
+            M = self.body.masses[self.k]
+            out += (self.rates.reshape(len(self.dofs), -1) @ M).reshape(out.shape)
+        return out
+
+    def _node_wrench(self, forces: Array, chosen: Array) -> Array:
+        """Return the wrench (m, 3) of the generalised forces on the coordinates of one node."""
+        f = forces[:, chosen]
+        moment = _cross(self.local[:, chosen], f).sum(axis=1)
+        if self.body.nc == 3:
+            moment = moment + f[:, :, 2].sum(axis=1)
+        at = self.body.is_r & chosen
+        return np.concatenate([forces[:, at, :2].sum(axis=1), moment[:, None]], axis=1)
+
+    def _load_wrench(self, station: int, upto: float) -> Array:
+        """Return the wrench (m, 3) of the loads on the elements' parts before a station."""
+        total = np.zeros((len(self.dofs), 3))
+        for xi, force in self._line_samples(upto):
+            arm = self._rows(xi) @ self.local
+            total[:, :2] += force.sum(axis=1)
+            total[:, 2] += _cross(arm, force).sum(axis=1)
+        if self.rates is None:
+            return total
+        section, (S, dv) = self.body.mesh.plan.section, self.body.volumes[self.k][station]
+        b = S @ self.rates
+        f = section.rhoA * dv[:, None] * b[..., :2]
+        total[:, :2] += f.sum(axis=1)
+        total[:, 2] += _cross(S @ self.local, f).sum(axis=1)
+        if self.body.nc == 3:
+            total[:, 2] += section.rhoI * (b[..., 2] @ dv)
+        return total
+
+    def forces(self) -> Array:
+        """Return N, Q, M (m, k, 3) at the stations."""
+        body = self.body
+        own = self._nodal() - self._consistent()
+        start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
+        whole = self._load_wrench(-1, 1.0)
+        stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
+        place = self._rows(stations) @ self.local
+        c, s = self._axes(stations)
+        out = np.empty((len(self.dofs), len(body.xi), 3))
+        for k, xi in enumerate(body.xi):
+            before = self._load_wrench(k, xi)
+            total = -(start + before) if xi <= 0.5 else end + whole - before
+            fx, fy = total[:, 0], total[:, 1]
+            out[:, k, 0] = c[:, k] * fx + s[:, k] * fy
+            out[:, k, 1] = -s[:, k] * fx + c[:, k] * fy
+            out[:, k, 2] = total[:, 2] - _cross(place[:, k], total)
+        return out
 
 
 def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
-    """Return N, Q, M at a point.
-
-    The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
-    balance with them whatever the formulation's stresses are worth. N along the section's x axis
-    (tension), Q along its y axis, M counter-clockwise.
-    """
-    mesh, d = point.mesh, state.d[:model.n_q]
-    e = model.e0 if state.linear else model.e0 + d
-    at = np.zeros_like(d) if state.linear else d
-    nodal = _nodal_forces(model, state, point, at)
-    loads = _OnElement(model, point, e, at, state.t, inertia_rates(model, state))
-    nodal = nodal - loads.consistent()
-    last = point.xi == 1.0
-    coords = mesh.node_dofs(point.ie, len(mesh.node_sizes) - 1 if last else 0)
-    part = nodal[-len(coords):] if last else nodal[:len(coords)]
-    P = _position(point, e)
-    total = part @ rigid_motion(mesh, coords, e, P)
-    if not last:
-        total = -(total + loads.resultant())
-    c, s = Rotation(point).axes(e, at)[:, 0]
-    return float(c * total[0] + s * total[1]), float(-s * total[0] + c * total[1]), float(total[2])
+    """Return N, Q, M at a point; see SectionForces."""
+    N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, point.ie, 1)[0, 0].tolist()
+    return N, Q, M
