@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba import types
-from numba.core.typing.typeof import typeof_impl
 
 from ..elements.formulations import FORMULATIONS
 from .elements import Group, force, force_noise, scaled_force_tangent
 from .jit import inner, kernel
 from .matrix import SymBand
 from .mean import mean_force, mean_force_tangent
+from .pointers import address_of, caller
 from .viscous import viscous_force
 
 # every type of law, in the order of their numbers
@@ -120,35 +120,6 @@ def _no_mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  #
     return np.nan
 
 
-class Pointer(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """The address of a compiled function of one signature."""
-
-    def __init__(self, function: Any, signature: Any) -> None:
-        self._signature, self._function = signature, function
-        function.compile(signature.args)
-        result = function.get_compile_result(signature)
-        self._address = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        """Return the address."""
-        return int(self._address)
-
-    def signature(self) -> Any:
-        """Return the signature."""
-        return self._signature
-
-
-class Pointers(tuple[Pointer, ...]):
-    """Pointers of one signature, told to numba as such: it need not compare them, nor warn that it can."""
-
-    __slots__ = ()
-
-
-@typeof_impl.register(Pointers)
-def _typeof_pointers(value: Pointers, _: Any) -> Any:
-    return types.UniTuple(types.FunctionType(value[0].signature()), len(value))
-
-
 _i, _f = types.int64, types.float64
 _x, _A, _n = types.float64[::1], types.float64[:, ::1], types.int64[::1]
 
@@ -159,20 +130,25 @@ def _signatures() -> tuple[Any, Any, Any]:
     return _f(_i, b, _i, _f, _x, _x, *tables), _f(b, _i, _f, _x, _x, _x), _f(_i, b, _i, _f, _x, _x, _x, *tables)
 
 
+SIGNATURES = _signatures()
+_call_elastic, _call_viscous, _call_mean = (caller(s) for s in SIGNATURES)
 _MAKERS: tuple[tuple[Callable[[type], Any], Any], ...] = (
     (_elastic_of, _no_elastic), (_viscous_of, _no_viscous), (_mean_of, _no_mean))
+ELASTIC, VISCOUS, MEAN = range(3)
 
 
 @cache
-def _pointer(which: int, law: int) -> Pointer:
-    """Return the pointer to the elastic (0), viscous (1) or mean (2) forces of a law, or to none (-1)."""
+def _compiled(which: int, law: int) -> tuple[Any, int]:
+    """Return the kernel of the elastic, viscous or mean forces of a law, or of none (-1), and its address."""
     make, none = _MAKERS[which]
-    return Pointer(none if law < 0 else make(LAWS[law]), _signatures()[which])
+    function = none if law < 0 else make(LAWS[law])
+    return function, address_of(function, SIGNATURES[which])
 
 
-def pointers(which: int, kinds: set[int]) -> Pointers:
-    """Return pointers for every law, compiled for those of ``kinds`` alone."""
-    return Pointers(_pointer(which, k if k in kinds else -1) for k in range(len(LAWS)))
+def addresses(*kinds: set[int]) -> Any:
+    """Return the addresses (3, laws) of elastic, viscous and mean forces, compiled for the ``kinds`` of each."""
+    return np.array([[_compiled(which, k if k in wanted else -1)[1] for k in range(len(LAWS))]
+                     for which, wanted in enumerate(kinds)], dtype=np.int64)
 
 
 @inner
@@ -180,7 +156,8 @@ def elastic(p, d, Q, A):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q; return the strain energy."""
     energy = 0.0
     for g in range(len(p.bodies.kind)):
-        energy += p.elastic[p.bodies.kind[g]](FORCE, p.bodies, g, 1.0, d, Q, A, p.place, p.indptr, p.index, p.value)
+        energy += _call_elastic(p.laws[ELASTIC, p.bodies.kind[g]], (
+            FORCE, p.bodies, g, 1.0, d, Q, A, p.place, p.indptr, p.index, p.value))
     return energy
 
 
@@ -190,7 +167,8 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
     energy = 0.0
     for g in range(len(p.bodies.kind)):
         scale = 1.0 + c * p.tau[g]
-        energy += p.elastic[p.bodies.kind[g]](TANGENT, p.bodies, g, scale, d, Q, A, p.place, p.indptr, p.index, p.value)
+        energy += _call_elastic(p.laws[ELASTIC, p.bodies.kind[g]], (
+            TANGENT, p.bodies, g, scale, d, Q, A, p.place, p.indptr, p.index, p.value))
     return energy
 
 
@@ -198,7 +176,8 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
 def elastic_noise(p, d, out, A):  # type: ignore[no-untyped-def]
     """Add what round-off can leave of the forces to ``out``."""
     for g in range(len(p.bodies.kind)):
-        p.elastic[p.bodies.kind[g]](NOISE, p.bodies, g, 1.0, d, out, A, p.place, p.indptr, p.index, p.value)
+        _call_elastic(p.laws[ELASTIC, p.bodies.kind[g]], (
+            NOISE, p.bodies, g, 1.0, d, out, A, p.place, p.indptr, p.index, p.value))
 
 
 @inner
@@ -207,7 +186,7 @@ def viscous(p, d, v, Q):  # type: ignore[no-untyped-def]
     power = 0.0
     for g in range(len(p.bodies.kind)):
         if p.tau[g] > 0.0:
-            power += p.viscous[p.bodies.kind[g]](p.bodies, g, p.tau[g], d, v, Q)
+            power += _call_viscous(p.laws[VISCOUS, p.bodies.kind[g]], (p.bodies, g, p.tau[g], d, v, Q))
     return power
 
 
@@ -215,4 +194,5 @@ def viscous(p, d, v, Q):  # type: ignore[no-untyped-def]
 def mean_elastic(p, what, h, d0, d1, Q, A):  # type: ignore[no-untyped-def]
     """Add the forces of a step h that keeps energy and momentum to Q, and for TANGENT their derivative to A."""
     for g in range(len(p.bodies.kind)):
-        p.mean[p.bodies.kind[g]](what, p.bodies, g, p.tau[g] / h, d0, d1, Q, A, p.place, p.indptr, p.index, p.value)
+        _call_mean(p.laws[MEAN, p.bodies.kind[g]], (
+            what, p.bodies, g, p.tau[g] / h, d0, d1, Q, A, p.place, p.indptr, p.index, p.value))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.bodies import make_bodies, pointers
+from ..kernels.bodies import addresses, make_bodies
 from ..kernels.dynamics import Problem
 from ..model.groups import damping_times
 from ..model.model import Model
@@ -138,8 +138,8 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
-        "bodies": bodies, "tau": tau, "elastic": pointers(0, kinds),
-        "viscous": pointers(1, kinds if tau.any() else set()), "mean": pointers(2, kinds if conserving else set()),
+        "bodies": bodies, "tau": tau,
+        "laws": addresses(kinds, kinds if tau.any() else set(), kinds if conserving else set()),
         "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,

@@ -1,0 +1,39 @@
+"""Compiled functions called by their address, so that their callers are compiled without them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+
+def address_of(function: Any, signature: Any) -> int:
+    """Return the address of a kernel compiled for a signature; it holds as long as the kernel lives."""
+    function.compile(signature.args)
+    result = function.get_compile_result(signature)
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+def caller(signature: Any) -> Callable[..., Any]:
+    """Return what kernels call addresses of one signature by: ``call(address, (argument, ...))``."""
+    restype, argtypes = signature.return_type, signature.args
+
+    def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
+        address, packed = args
+        values = cgutils.unpack_tuple(builder, packed, len(argtypes))
+        kind: ir.FunctionType = context.call_conv.get_function_type(restype, argtypes)
+        status, out = context.call_conv.call_function(
+            builder, builder.inttoptr(address, kind.as_pointer()), restype, argtypes, values)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        return out
+
+    @intrinsic
+    def call(_: Any, address: Any, arguments: Any) -> Any:  # pragma: no cover - runs in the compiler
+        return restype(types.int64, types.Tuple(argtypes)), generate
+
+    return call  # type: ignore[no-any-return]
