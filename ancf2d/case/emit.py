@@ -73,6 +73,8 @@ def flow(value: Any) -> str:
         return "{" + ", ".join(f"{text_scalar(k)}: {flow(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(flow(v) for v in value) + "]"
+    if value is None:
+        return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -82,6 +84,8 @@ def flow(value: Any) -> str:
 
 def number_text(value: float) -> str:
     """Return the shortest text that reads back as the same number: ``2.07e11``, ``0.1``, ``8``."""
+    if not math.isfinite(value):
+        return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
     if value == int(value) and abs(value) < 1e6:
         return str(int(value)) if value or math.copysign(1, value) > 0 else "-0.0"
     if 1e-4 <= abs(value) < 1e6:

@@ -22,6 +22,7 @@ COMMANDS = {
     "validate": "Check cases without solving.",
     "run": "Solve one case, write one result file.",
     "convergence": "Refine the mesh: errors, observed order, extrapolation.",
+    "sweep": "Run many variants of one case, one table.",
     "plot": "Draw result files.",
     "info": "What is in a result file, and where it came from.",
     "compare": "Compare two result files as numbers.",

@@ -10,7 +10,17 @@ import click
 
 from ..errors import ResultsError
 from .failures import FAILED
-from .options import case_argument, debug_option, force_option, json_option, quiet_option, set_option
+from .options import (
+    case_argument,
+    debug_option,
+    force_option,
+    jobs_option,
+    json_option,
+    quiet_option,
+    scheduler_option,
+    set_option,
+    workers,
+)
 from .progress import Bar
 from .run import compiling
 from .session import Session
@@ -57,8 +67,8 @@ def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> fl
 @click.option("--formulation", help="Formulation of the types that name none.")
 @click.option("--reference", default="auto", show_default=True, callback=_reference, metavar="VALUE",
               help="What errors are against: a number, or auto for the extrapolated limit of each type.")
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True,
-              help="Meshes solved at the same time; values do not depend on it, measured times do.")
+@jobs_option("Meshes solved at the same time; values do not depend on it, measured times do.", "1")
+@scheduler_option
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
 @force_option
@@ -67,7 +77,8 @@ def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> fl
 @debug_option
 @click.pass_obj
 def command(session: Session, case: str, meshes: list[int] | None, types: str | None, formulation: str | None,
-            reference: float | None, jobs: int, output: str | None, overrides: tuple[str, ...], force: bool) -> int:
+            reference: float | None, jobs: int | None, scheduler: str | None, output: str | None,
+            overrides: tuple[str, ...], force: bool) -> int:
     """Refine the mesh and see the goal of a case converge.
 
     Prints value, error and observed order for each mesh, and the limit of each element type with an error
@@ -77,12 +88,12 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     from ..study.convergence import convergence
     from ..study.run import load
 
-    variants = _variants(types, formulation)
+    variants, who = _variants(types, formulation), workers(jobs, scheduler, default=1)
     loaded = load(case, overrides)
     if output is not None and os.path.exists(output) and os.path.samefile(output, case):
         raise ResultsError(f"'{output}' is the case itself; choose another output file with -o")
     with Bar("solving", session.shows_progress) as bar:
-        study = convergence(loaded, variants, meshes, reference, jobs, compiling(session), bar.update)
+        study = convergence(loaded, variants, meshes, reference, who, compiling(session), bar.update)
     for text in study.warnings:
         session.warn(text)
     result = study.as_json()

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from typing import Any, TypeVar
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from .session import Session
 
+if TYPE_CHECKING:
+    from ..study.pool import Workers
+
 F = TypeVar("F", bound=Callable[..., Any])
+ADDRESS = re.compile(r"((tcp|tls|ucx|ws|wss)://)?[^/\s]+:\d+")
 
 
 def _switch(*names: str, attribute: str, help: str) -> Callable[[F], F]:
@@ -31,3 +37,26 @@ set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VAL
                           help="Override a value of the case, e.g. bodies.beam.element.count=32 or "
                                "loads.0.value=[0,-500]; may be given several times.")
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
+scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Work on the Dask cluster with this scheduler, "
+                                "e.g. tcp://127.0.0.1:8786, instead of in processes of this machine.")
+
+
+def jobs_option(what: str, default: str) -> Callable[[F], F]:
+    """Return the option for the number of processes; ``default`` says what ``workers`` is given as its default."""
+    return click.option("--jobs", type=click.IntRange(min=1), metavar="N", help=f"{what} Default: {default}.")
+
+
+def workers(jobs: int | None, scheduler: str | None, default: int | None = None) -> Workers:
+    """Return who does the work that --jobs and --scheduler ask for; by default one process per core."""
+    from ..study.pool import Workers, cores
+
+    if scheduler is None:
+        return Workers(jobs or default or cores())
+    if jobs is not None:
+        raise click.UsageError("--jobs is for processes of this machine; with --scheduler, as many jobs run as the "
+                               "cluster has workers.")
+    if not ADDRESS.fullmatch(scheduler):
+        raise click.UsageError(f"'{scheduler}' is no address of a scheduler; expected for example tcp://127.0.0.1:8786.")
+    if find_spec("distributed") is None:
+        raise click.UsageError("--scheduler needs Dask: pip install 'ancf2d[cluster]'.")
+    return Workers(scheduler=scheduler)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -12,7 +13,7 @@ from ..case.overrides import OPTION
 from ..errors import CaseError, ComputationError, Problem
 from .goal import error_scale, smallest_scale
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
-from .pool import run_jobs
+from .pool import ALONE, DIED, Workers, run_jobs
 from .run import Progress, describe_goal, prepare, quantity, run_case, vocabulary
 from .variants import Variant, default_meshes, distribute, overrides_for, proportional
 from .warmup import warm_up
@@ -31,6 +32,11 @@ class Job:
     def load(self) -> LoadedCase:
         """Return the case with this element type and mesh. Raises CaseError."""
         return load_case_text(self.text, self.file, self.overrides, vocabulary(), os.path.dirname(self.file))
+
+    @property
+    def row(self) -> Row:
+        """The row of this mesh before it is solved."""
+        return Row(self.variant.element, self.variant.formulation or "", self.elements)
 
 
 @dataclass
@@ -117,8 +123,9 @@ class Convergence:
 
 
 def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), meshes: Sequence[int] | None = None,
-                reference: float | None = None, processes: int = 1, compiling: Callable[[], None] = lambda: None,
-                done: Callable[[float], None] = lambda share: None) -> Convergence:
+                reference: float | None = None, workers: Workers = ALONE,
+                compiling: Callable[[], None] = lambda: None, done: Callable[[float], None] = lambda share: None,
+                ) -> Convergence:
     """Solve a case on a sequence of meshes for each element type, and judge the goal's convergence.
 
     ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own);
@@ -131,10 +138,11 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     if any(v == Variant(formulation=v.formulation) for v in variants):
         prepare(loaded)
     counts, warnings = _meshes(loaded, sorted(set(meshes or default_meshes(loaded.case))))
-    jobs = [[_job(loaded, v, c) for c in counts] for v in variants]
+    jobs = [[_job(loaded, v, c, workers) for c in counts] for v in variants]
     _warm_up([group[0] for group in jobs], compiling)
     flat = [job for group in jobs for job in group]
-    rows = run_jobs(solve_job, flat, processes, lambda n: done(n / len(flat)))
+    count = itertools.count(1)
+    rows = run_jobs(solve_job, flat, workers, _lost, lambda i, row: done(next(count) / len(flat)))
     k = len(counts)
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
@@ -158,9 +166,9 @@ def _meshes(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, i
     return counts, warnings
 
 
-def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int]) -> Job:
+def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int], workers: Workers) -> Job:
     overrides = (*loaded.overrides, *overrides_for(loaded.case, variant, counts))
-    return Job(loaded.text, loaded.source.file, overrides, variant, sum(counts.values()))
+    return Job(loaded.text, workers.file(loaded.source.file), overrides, variant, sum(counts.values()))
 
 
 def _warm_up(first: Sequence[Job], compiling: Callable[[], None]) -> None:
@@ -185,7 +193,7 @@ def _about(variant: Variant, problem: Problem) -> Problem:
 
 def solve_job(job: Job) -> Row:
     """Return the row of one mesh; what fails is told in it."""
-    row = Row(job.variant.element, job.variant.formulation or "", job.elements)
+    row = job.row
     try:
         _solve(job, row)
     except CaseError as error:
@@ -194,6 +202,12 @@ def solve_job(job: Job) -> Row:
         row.status, row.reason = "failed", error.failure.reason
     except MemoryError:
         row.status, row.reason = "failed", "there is not enough memory for this mesh"
+    return row
+
+
+def _lost(job: Job) -> Row:
+    row = job.row
+    row.status, row.reason = "failed", DIED
     return row
 
 

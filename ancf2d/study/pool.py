@@ -1,49 +1,161 @@
-"""Many independent jobs, in this process or in several, with the same results."""
+"""Many independent jobs: in this process, in several of this machine, or on a Dask cluster, with the same results.
+
+The last two are executors of the standard library's interface (``concurrent.futures.Executor``).
+"""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TypeVar
-
-from ..errors import ComputationError
 
 J = TypeVar("J")
 R = TypeVar("R")
 
+DIED = "the process that solved this has died: it was killed, or memory ran out"
+# libraries below numpy would each start a thread per core in every process
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+           "NUMBA_NUM_THREADS")
 
-def run_jobs(function: Callable[[J], R], jobs: Sequence[J], processes: int,
-             done: Callable[[int], None] = lambda count: None) -> list[R]:
-    """Return function(job) of every job, in their order; ``done`` is told how many are finished.
 
-    ``function`` is a module-level function. Raises ComputationError where a process dies.
+@dataclass(frozen=True)
+class Workers:
+    """Who does the jobs: ``processes`` of this machine, or the workers of the Dask scheduler at an address."""
+
+    processes: int = 1
+    scheduler: str | None = None
+
+    def file(self, name: str) -> str:
+        """Return the name of a file as workers find it: those of a cluster have other working directories."""
+        return name if self.scheduler is None else os.path.abspath(name)
+
+
+ALONE = Workers()  # this process
+
+
+def cores() -> int:
+    """Return how many processes this one may keep busy."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_jobs(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, lost: Callable[[J], R],
+             done: Callable[[int, R], None] = lambda i, result: None) -> list[R]:
+    """Return function(job) of every job, in their order; ``done`` is told number and result of each as it comes.
+
+    ``function`` is a module-level function that tells failures in its result; ``lost`` gives the result of a job
+    whose process has died. Raises ComputationError where there is no cluster to work on.
     """
-    if processes <= 1 or len(jobs) <= 1:
-        out = []
-        for count, job in enumerate(jobs, start=1):
-            out.append(function(job))
-            done(count)
-        return out
-    # spawn: a forked child inherits locks and threads of numerical libraries in whatever state they are
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(processes, len(jobs)), context, _leave_interrupts_to_the_parent) as pool:
+    results: dict[int, R] = {}
+
+    def take(i: int, result: R) -> None:
+        results[i] = result
+        done(i, result)
+
+    if workers.scheduler is not None:
+        from .cluster import run_on_cluster
+
+        for i in run_on_cluster(workers.scheduler, function, dict(enumerate(jobs)), take):
+            take(i, lost(jobs[i]))
+    elif workers.processes <= 1 or len(jobs) <= 1:
+        for i, job in enumerate(jobs):
+            take(i, function(job))
+    else:
+        _run_in_processes(workers.processes, function, jobs, take, lost)
+    return [results[i] for i in range(len(jobs))]
+
+
+def _run_in_processes(count: int, function: Callable[[J], R], jobs: Sequence[J], take: Callable[[int, R], None],
+                      lost: Callable[[J], R]) -> None:
+    waiting = dict(enumerate(jobs))
+    while waiting:
+        left = _attempt(count, function, waiting, take)
+        # jobs are begun in their order: who died is one of the first, and is found by giving each a process of its own
+        for i in left[:count]:
+            if _attempt(1, function, {i: jobs[i]}, take):
+                take(i, lost(jobs[i]))
+        waiting = {i: jobs[i] for i in left[count:]}
+
+
+def _attempt(count: int, function: Callable[[J], R], jobs: Mapping[int, J], take: Callable[[int, R], None],
+             ) -> list[int]:
+    left: list[int] = []
+    with _processes(min(count, len(jobs))) as pool:
+        left = gather(pool, function, jobs, take, BrokenProcessPool)
+    return left
+
+
+def gather(executor: Executor, function: Callable[[J], R], jobs: Mapping[int, J], take: Callable[[int, R], None],
+           death: type[Exception]) -> list[int]:
+    """Hand on the result of every job as it comes; return the numbers of those that ended in ``death``, in order."""
+    left, futures = [], {}
+    with no_interrupts():
+        for i, job in jobs.items():
+            try:
+                futures[executor.submit(function, job)] = i
+            except death:
+                left.append(i)
+    for future in as_completed(futures):
         try:
-            futures = [pool.submit(function, job) for job in jobs]
-            for count, _ in enumerate(as_completed(futures), start=1):
-                done(count)
-            return [f.result() for f in futures]
-        except BrokenProcessPool:
-            raise ComputationError("a process that was solving a mesh has died", advice="fewer --jobs, if memory "
-                                   "ran out") from None
-        except BaseException:
+            result = future.result()
+        except death:
+            left.append(futures[future])
+        else:
+            take(futures[future], result)
+    return sorted(left)
+
+
+# ---------------------------------------------------------------------------- processes of this machine
+
+@contextmanager
+def _processes(count: int) -> Iterator[Executor]:
+    """Give a pool of processes; where what is done with it fails or is interrupted, they end at once."""
+    # spawn: a forked child inherits locks and threads of numerical libraries in whatever state they are
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), begin_worker, (tuple(sys.warnoptions),))
+    try:
+        yield pool
+    except BaseException:
+        with no_interrupts():
             pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
+            for child in set(multiprocessing.active_children()) - others:
                 child.terminate()
-            raise
+        raise
+    pool.shutdown()
 
 
-def _leave_interrupts_to_the_parent() -> None:
+@contextmanager
+def no_interrupts() -> Iterator[None]:
+    """Let Ctrl-C wait. Processes that begin meanwhile inherit this, and leave it to the one that began them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin_worker(warnoptions: tuple[str, ...]) -> None:
+    """Begin a process of a pool: one thread, no reaction to Ctrl-C, and an end with the process that began it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    if not warnoptions:
+        warnings.simplefilter("ignore")
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

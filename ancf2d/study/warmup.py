@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Dynamic, Eigen, LinearStatic
+from ..case import Buckling, Case, Dynamic, Eigen, LinearStatic
+from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
+
+try:
+    import fcntl
+except ImportError:  # no such locks here: processes that compile at the same time do the same work twice
+    fcntl = None  # type: ignore[assignment]
 
 # reading kernels from the cache takes less than this; more means that some are being compiled
 PATIENCE = 1.5
@@ -22,20 +33,68 @@ MOMENT = 1e-6
 def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
-    ``compiling`` is called once where that takes long: at once with an empty cache, else after 1.5 s.
+    ``compiling`` is called once where that takes long: at once with an empty cache, else after 1.5 s. Of several
+    processes that need the same kernels, one compiles them and the others wait.
     """
-    from ..kernels.jit import cache_is_cold
+    from ..kernels.jit import CACHE, cache_is_cold
 
     announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, compiling)
     announce.daemon = True
     announce.start()
     try:
-        if isinstance(model.case.solver, Dynamic):
-            _touch_motion(model, model.case.solver)
-        else:
-            _touch(model)
+        with _alone(CACHE, kernels_of(model.case)):
+            if isinstance(model.case.solver, Dynamic):
+                _touch_motion(model, model.case.solver)
+            else:
+                _touch(model)
     finally:
         announce.cancel()
+
+
+def kernels_of(case: Case) -> str:
+    """Return a name of the kernels that a case needs: its words select them, its numbers do not."""
+    return hashlib.sha256(json.dumps(_words(written(case))).encode()).hexdigest()[:16]
+
+
+def _words(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _words(value) for name, value in data.items() if name != "title"}
+    if isinstance(data, list):
+        return [_words(value) for value in data]
+    return data if isinstance(data, str | bool) else 0
+
+
+@contextmanager
+def _alone(cache: Path | None, kernels: str) -> Iterator[None]:
+    """Let no other process compile at the same time, unless these kernels were compiled before."""
+    done = None if cache is None else cache / f"{kernels}.compiled"
+    if done is None or done.exists() or fcntl is None:
+        yield
+        return
+    lock = _locked(done.with_name("lock"))
+    try:
+        if done.exists():
+            # another process has compiled them meanwhile; to read them, none has to wait
+            lock = _unlocked(lock)
+        yield
+        with suppress(OSError):
+            done.touch()
+    finally:
+        _unlocked(lock)
+
+
+def _locked(path: Path) -> int | None:
+    """Wait for a lock and return it; None where nothing can be locked: then the same work is done twice at worst."""
+    descriptor = None
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    return descriptor
+
+
+def _unlocked(descriptor: int | None) -> None:
+    if descriptor is not None:
+        os.close(descriptor)
 
 
 def _touch(model: Model) -> None:

@@ -10,6 +10,7 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.convergence import Convergence, convergence
 from ancf2d.study.goal import error_scale, smallest_scale
+from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
 from ancf2d.study.variants import Variant, parse_variants
 
@@ -101,7 +102,7 @@ def test_values_do_not_depend_on_the_number_of_processes() -> None:
     text = CANTILEVER.replace("linear_static}", "static, steps: 2}")
     variants = parse_variants("reissner2,2d2n,vallejo:structural")
     one = convergence(load(text), variants, [2, 4, 8])
-    two = convergence(load(text), variants, [2, 4, 8], processes=2)
+    two = convergence(load(text), variants, [2, 4, 8], workers=Workers(2))
     assert values(one) == values(two)
     assert [s.estimate for s in one.series] == [s.estimate for s in two.series]
 

@@ -1,0 +1,149 @@
+"""``ancf2d sweep``: many variants of one case, in parallel, one table."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..errors import ResultsError
+from .failures import FAILED
+from .options import (
+    case_argument,
+    debug_option,
+    jobs_option,
+    json_option,
+    quiet_option,
+    scheduler_option,
+    set_option,
+    workers,
+)
+from .progress import Bar
+from .run import compiling
+from .session import Session
+from .text import duration, many, number, table
+
+if TYPE_CHECKING:
+    from ..study.sweep import Row, Sweep
+
+
+@click.command(epilog="Examples: 'ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8,16', 'ancf2d sweep "
+                      "beam.yaml --over bodies.beam.section.height=0.1,0.2 --over "
+                      "bodies.beam.element.quadrature=[2,2],[3,2] --csv table.csv'.")
+@case_argument
+@click.option("--over", "over", multiple=True, required=True, metavar="PATH=A,B,...",
+              help="A value of the case and what it becomes, as YAML has it; lists are told apart by their brackets. "
+                   "Given several times, all combinations are run.")
+@set_option
+@jobs_option("Processes that solve cases at the same time.", "one per core")
+@scheduler_option
+@click.option("--out", "-o", type=click.Path(), metavar="DIR",
+              help="Folder of the result files; default: the case's name with -sweep, in the working directory.")
+@click.option("--csv", "csv_file", type=click.Path(), metavar="FILE", help="Write the table as CSV, too.")
+@click.option("--force", is_flag=True, help="Compute what is there already anew, and replace files that ancf2d did "
+              "not write.")
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple[str, ...], jobs: int | None,
+            scheduler: str | None, out: str | None, csv_file: str | None, force: bool) -> int:
+    """Run all combinations of some values of a case.
+
+    Every combination has a result file, named by its content: what was computed before, by the same version of
+    ancf2d, is used again, so that an interrupted sweep goes on where it was. One that fails is a row that says why.
+    Exits with 1 where there is any.
+    """
+    session.subject = {"case": case}
+    from ..case.axes import read_axes
+    from ..study.pool import no_interrupts
+    from ..study.sweep import plan, run_sweep
+    from ..study.sweep_table import write_csv
+
+    axes, who = read_axes(over), workers(jobs, scheduler)
+    folder = Path(out if out is not None else f"{Path(case).stem}-sweep")
+    _check_table(csv_file, case)
+    sweep = plan(case, axes, overrides, folder, who, session.command_line, force)
+    session.parting = lambda: _part(session, sweep)
+    session.subject = sweep.as_json()
+    with Bar("solving", session.shows_progress) as bar:
+        def done() -> None:
+            count = len(sweep.finished)
+            bar.update(count / len(sweep.rows), f"{count} of {len(sweep.rows)}")
+        try:
+            run_sweep(sweep, who, compiling(session), done)
+        finally:
+            with no_interrupts():
+                session.subject = sweep.as_json()
+                if csv_file is not None:
+                    write_csv(sweep, csv_file)
+    return _tell(session, sweep, csv_file)
+
+
+def _check_table(file: str | None, case: str) -> None:
+    """Refuse a table that would replace the case, or go nowhere, before anything is computed."""
+    if file is None:
+        return
+    from ..results.target import check_folder
+
+    check_folder(Path(file))
+    if os.path.exists(file) and os.path.exists(case) and os.path.samefile(file, case):
+        raise ResultsError(f"'{file}' is the case itself; choose another file with --csv")
+
+
+def _part(session: Session, sweep: Sweep) -> None:
+    rows = many(len(sweep.rows), "row")
+    session.note(f"{len(sweep.finished)} of {rows} are finished, with results in {sweep.folder}; the same command goes "
+                 f"on from there")
+
+
+def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
+    for text, count in Counter(text for row in sweep.rows for text in row.warnings).items():
+        session.warn(text if count == 1 else f"{text} ({count} rows)")
+    session.print_json(sweep.as_json())
+    session.out(report(sweep))
+    if csv_file is not None:
+        session.out(f"wrote {csv_file}")
+    bad = Counter(row.status for row in sweep.rows if row.status != "converged")
+    if bad:
+        click.echo(f"error: of {many(len(sweep.rows), 'row')}, "
+                   + " and ".join(f"{count} {status}" for status, count in bad.items()), err=True)
+        return FAILED
+    return 0
+
+
+def report(sweep: Sweep) -> str:
+    """Return a sweep as people read it: a row per combination, then where the results are."""
+    from ..study.sweep_table import short_names, value_names
+
+    paths = [axis.path for axis in sweep.axes]
+    names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
+    head = [*short_names(paths), "status", *names, "elements", "time", *(["error"] if estimated else []), "result", ""]
+    rows = [[*(_shown(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
+             "-" if row.elements is None else str(row.elements), "-" if row.wall_s is None else duration(row.wall_s),
+             *(["-" if row.estimate is None else f"{row.estimate:.1e}"] if estimated else []),
+             "-" if row.output is None else Path(row.output).name, _remark(row)] for row in sweep.rows]
+    left = (*(k for k, p in enumerate(paths) if not _numbers(sweep, p)), len(paths), len(head) - 2, len(head) - 1)
+    lines = [sweep.title, ""] if sweep.title else []
+    lines += [*table([head, *rows], left=left), "", f"results in {sweep.folder}"]
+    reused = sum(row.reused for row in sweep.rows)
+    if reused:
+        lines[-1] += f"; {reused} of {many(len(sweep.rows), 'row')} had been computed before"
+    return "\n".join(lines)
+
+
+def _remark(row: Row) -> str:
+    return row.reason or ("reused" if row.reused else "")
+
+
+def _numbers(sweep: Sweep, path: str) -> bool:
+    return all(isinstance(row.set[path], int | float) for row in sweep.rows)
+
+
+def _shown(value: Any) -> str:
+    from ..case.emit import flow
+
+    return flow(value)

@@ -1,0 +1,40 @@
+"""What a result depends on: the program and the case, as digests."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+
+from .. import __version__
+from ..case import LoadedCase
+
+LENGTH = 16  # hexadecimal digits: enough to tell apart more cases than can be computed
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+@cache
+def program() -> str:
+    """Return the version of ancf2d with a digest of its sources: a changed program is another one."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
+    return f"{__version__}+{digest.hexdigest()[:LENGTH]}"
+
+
+def files_of(loaded: LoadedCase) -> str:
+    """Return a digest of what a case takes from other files: definitions of elements, the state it starts from."""
+    digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode())
+    start = None if loaded.case.initial is None else loaded.case.initial.from_
+    if start is not None:
+        path = os.path.join(os.path.dirname(loaded.source.file), start)
+        if os.path.isfile(path):
+            with open(path, "rb") as stream:
+                digest.update(hashlib.file_digest(stream, "sha256").digest())
+    return digest.hexdigest()
+
+
+def content_name(completed: str, files: str) -> str:
+    """Return the name of a case by its content: as completed with defaults, with its files and the program."""
+    return hashlib.sha256("\0".join((program(), files, completed)).encode()).hexdigest()[:LENGTH]

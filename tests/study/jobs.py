@@ -1,0 +1,35 @@
+"""Functions that are sent to other processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+
+def square(x: float) -> float:
+    return x * x
+
+
+def die(x: int) -> int:
+    if x % 10 == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def threads(_: int) -> int:
+    """Return how many threads of this process are not Python's own."""
+    a = np.ones((400, 400))
+    assert (a @ a)[0, 0] == 400
+    return len(os.listdir("/proc/self/task")) - threading.active_count()
+
+
+def wait_with_note(folder: str) -> int:
+    """Leave the number of this process in a folder, and go on for long."""
+    (Path(folder) / str(os.getpid())).touch()
+    time.sleep(60)
+    return 0
