@@ -9,7 +9,7 @@ from ancf2d.results.compare import (
 )
 from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, Table, open_results
-from ancf2d.results.records import BodyRecord, Column, Units
+from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units
 from ancf2d.results.target import part_path
 from ancf2d.results.writer import ResultWriter
 
@@ -18,6 +18,7 @@ __all__ = [
     "Checkpoint",
     "Column",
     "Difference",
+    "FieldRecord",
     "ResultWriter",
     "Results",
     "Table",

@@ -102,7 +102,7 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
                     rtol: float = 1e-9, atol: float = 0.0) -> list[Difference]:
     """Return the differences of two result files, at most one (the worst) per dataset.
 
-    Compared are mesh, states, energies, probes, tables, further arrays and the summary's numbers; not
+    Compared are mesh, states, fields, energies, probes, tables, further arrays and the summary's numbers; not
     compared is what says how and when: wall times, versions, dates, names, residuals per step.
     An entry differs where |a - b| > atol + rtol * scale. The scale is the largest absolute value,
     in either file, among all entries of its kind: positions, slopes and angles of a state over all
@@ -118,7 +118,7 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
     with ExitStack() as stack:
         one, two = (f if isinstance(f, Results) else stack.enter_context(open_results(f))
                     for f in (a, b))
-        return [d for part in (_mesh, _states, _energies, _probes, _tables, _arrays, _summary)
+        return [d for part in (_mesh, _states, _fields, _energies, _probes, _tables, _arrays, _summary)
                 for d in part(one, two, tolerance) if d is not None]
 
 
@@ -217,7 +217,22 @@ def _worst_state(place: str, rows: Sequence[Callable[[int], np.ndarray]], a: Res
             count += found.count
             if worst is None or found.relative > worst.relative:
                 worst = replace(found, index=(i, *found.index), t=float(a.t[i]))
-    return replace(worst, count=count, total=a.nt * a.nq) if worst else None
+    return replace(worst, count=count, total=a.nt * rows[0](0).size) if worst else None
+
+
+def _fields(a: Results, b: Results, tol: _Tolerance) -> Found:
+    yield from _names("/fields", a.fields, b.fields)
+    for body in [n for n in a.fields if n in b.fields]:
+        place = f"/fields/{body}"
+        yield from _names(place, a.fields[body], b.fields[body])
+        for name in [n for n in a.fields[body] if n in b.fields[body]] if a.nt == b.nt else ():
+            rows = [(lambda i, r=r, body=body, name=name: r.field(body, name, i)) for r in (a, b)]
+            shape = _shapes(f"{place}/{name}", *(row(-1).shape for row in rows)) if a.nt else None
+            if shape is not None:
+                yield shape
+                continue
+            scale = np.asarray(max((_largest(*(row(i) for row in rows)) for i in range(a.nt)), default=0.0))
+            yield _worst_state(f"{place}/{name}", rows, a, scale, tol)
 
 
 def _probes(a: Results, b: Results, tol: _Tolerance) -> Found:

@@ -28,6 +28,7 @@ class Growth:
         self._columns = {column.name: column for column in columns}
         self.states = self.logged = self.probed = 0
         self._fields: dict[str, Series] = {}
+        self._over: dict[tuple[str, str], Series] = {}
         self._energies: dict[str, Series] = {}
         self._history: dict[str, Series] = {}
         self._probes: dict[tuple[str, str], Series] = {}
@@ -40,24 +41,26 @@ class Growth:
     @property
     def buffered_bytes(self) -> int:
         """Bytes of states that are not on disk yet."""
-        return sum(s.buffered_bytes for s in self._fields.values())
+        return sum(s.buffered_bytes for part in (self._fields, self._over) for s in part.values())
 
     def all_series(self) -> Iterator[Series]:
         """Yield every column."""
-        for part in (self._fields, self._energies, self._history, self._probes):
+        for part in (self._fields, self._over, self._energies, self._history, self._probes):
             yield from part.values()
 
     # ------------------------------------------------------------------ states
 
     def state(self, t: float, history_row: int, arrays: Mapping[str, np.ndarray | None],
-              energies: Mapping[str, float]) -> None:
-        """Add one state: ``arrays`` d, v, a (nq,) where they are known."""
+              energies: Mapping[str, float], fields: Mapping[tuple[str, str], np.ndarray]) -> None:
+        """Add one state: ``arrays`` d, v, a (nq,) where they are known, ``fields`` by body and name."""
         self._field("t").append(float(t))
         self._field("history_row").append(history_row)
         for name in STATE_FIELDS:
             row = arrays.get(name)
             if row is not None:
                 self._store(name, row)
+        for place, values in fields.items():
+            self._field_over(place, np.size(values), self.states).append(np.ravel(values))
         for name, value in energies.items():
             self._column(self._energies, "energies", name, self.states).append(float(value))
         self.states += 1
@@ -89,6 +92,14 @@ class Growth:
             self._fields[name] = Series(group, name, *labels, width=width,
                                         integer=name == "history_row")
         return self._fields[name]
+
+    def _field_over(self, place: tuple[str, str], width: int, length: int) -> Series:
+        if place not in self._over:
+            group = self._file["fields"][escape(place[0])][place[1]]
+            labels = (str(group.attrs["units"]), "values of each state (elements, xi, eta, components), in a row")
+            self._over[place] = Series(group, "values", *labels, width=width)
+            self._over[place].pad_to(length)
+        return self._over[place]
 
     # ------------------------------------------------------------------ steps and probes
 
@@ -156,6 +167,10 @@ class Growth:
         self.states, self.logged, self.probed = rows
         for name in self._file.get("states", ()):
             self._field(name).reopen(self.states)
+        for body, fields in self._file.get("fields", {}).items():
+            for name, group in fields.items():
+                if "values" in group:
+                    self._field_over((unescape(body), name), group["values"].shape[1], 0).reopen(self.states)
         for key in self._file.get("energies", ()):
             self._column(self._energies, "energies", unescape(key), 0).reopen(self.states)
         for key in self._file.get("history", ()):

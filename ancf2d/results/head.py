@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from ancf2d.results.provenance import provenance
-from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, Units, escape
+from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, FieldRecord, Units, escape
 from ancf2d.results.series import set_text, write_fixed, write_texts
 
 
@@ -55,6 +55,18 @@ def write_mesh(file: h5py.File, units: Units, bodies: Sequence[BodyRecord], e0: 
         body.check(len(e0))
         _write_body(group.create_group(escape(body.name)), body, units.length,
                     names.get(body.name, body.coordinate_names))
+
+
+def write_fields(file: h5py.File, units: Units, fields: Sequence[FieldRecord]) -> None:
+    """Write what is known of the fields before there is a state: /fields/BODY/NAME."""
+    for field in fields:
+        bodies = file.require_group("fields")
+        group = bodies.require_group(escape(field.body)).create_group(field.name)
+        set_text(group, "units", units.fill(field.units))
+        set_text(group, "description", field.description)
+        write_texts(group, "components", field.components, "none", "components, in the order of the last index")
+        write_fixed(group, "xi", field.xi, "1", "stations along an element, 0 to 1")
+        write_fixed(group, "eta", field.eta, "1", "stations across it, y/(h/2)")
 
 
 def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
-from ancf2d.results.records import BodyRecord, Units, unescape
+from ancf2d.results.records import BodyRecord, FieldRecord, Units, escape, unescape
 
 
 class Table(dict[str, Any]):
@@ -238,6 +238,32 @@ class Results:
     def nodes(self, body: str, i: int | None = -1, *, scale: float = 1.0) -> np.ndarray:
         """Return the node positions (n, 2) of a body in state i (None: reference)."""
         return body_nodes(self.body(body), self._scaled(i, scale))
+
+    # ------------------------------------------------------------------ fields
+
+    @cached_property
+    def fields(self) -> dict[str, dict[str, FieldRecord]]:
+        """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
+        with safe.damage(self.path):
+            found = safe.groups(safe.child(self._file, "fields", h5py.Group))
+            return {body: {name: self._field(body, name, g) for name, g in safe.groups(group).items()
+                           if safe.child(g, "values", h5py.Dataset) is not None} for body, group in found.items()}
+
+    def _field(self, body: str, name: str, group: h5py.Group) -> FieldRecord:
+        return FieldRecord(body, name, tuple(safe.strings(group, "components")),
+                           str(safe.attribute(group, "units", "1")), str(safe.attribute(group, "description", "")),
+                           safe.numbers(group, "xi", 1), safe.numbers(group, "eta", 1))
+
+    def field(self, body: str, name: str, i: int = -1) -> np.ndarray:
+        """Return the values (ne, nx, ny, components) of a field over a body in state i; see ``fields``."""
+        record = self.fields.get(body, {}).get(name)
+        if record is None:
+            raise ResultsError(f"'{self.path}' has no field '{name}' of body '{body}'")
+        if not -self.nt <= i < self.nt:
+            raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
+        with safe.damage(self.path):
+            row = safe.numbers(self._file["fields"][escape(body)][name], "values", 2, int(i) % self.nt)
+            return row.reshape(-1, len(record.xi), len(record.eta), len(record.components))
 
     # ------------------------------------------------------------------ series and tables
 

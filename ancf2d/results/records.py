@@ -94,6 +94,20 @@ class BodyRecord:
                 raise ResultsError(f"body '{self.name}': {name} points outside its range")
 
 
+@dataclass(frozen=True)
+class FieldRecord:
+    """A field stored over a body at stations ``xi`` (nx,) in [0, 1] along and ``eta`` (ny,) in [-1, 1] across its
+    elements; ``units`` is a template as in Column. A state's values are (ne, nx, ny, components)."""
+
+    body: str
+    name: str
+    components: tuple[str, ...]
+    units: str
+    description: str
+    xi: np.ndarray
+    eta: np.ndarray
+
+
 _LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement"}
 _PROBE: dict[str, Column] = {c.name: c for c in (
     *(Column(n, "{L}", f"{w} in {n[-1]}") for n, w in _LENGTHS.items()),

@@ -22,9 +22,9 @@ from ancf2d.results.checkpoint import (
     write_checkpoint,
 )
 from ancf2d.results.growth import Growth
-from ancf2d.results.head import write_head, write_mesh
+from ancf2d.results.head import write_fields, write_head, write_mesh
 from ancf2d.results.journal import JournaledFile, recovered
-from ancf2d.results.records import BodyRecord, Column, Units, escape, known_column
+from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units, escape, known_column
 from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
@@ -54,6 +54,7 @@ class ResultWriter:
     reference.
     ``coordinate_names``: per body the names of one element's coordinates, in the order of its dofs.
     ``columns``: units and descriptions of history or probe columns beyond the well-known ones.
+    ``fields``: those that states come with.
 
     A complete run replaces NAME; a failed or interrupted one with at least one state stays as
     NAME.part, so that an earlier result is never lost. Errors: ResultsError.
@@ -62,7 +63,7 @@ class ResultWriter:
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any],
                  bodies: Sequence[BodyRecord], e0: np.ndarray,
                  coordinate_names: Mapping[str, Sequence[str]] | None = None, *,
-                 columns: Sequence[Column] = (), force: bool = False) -> None:
+                 columns: Sequence[Column] = (), fields: Sequence[FieldRecord] = (), force: bool = False) -> None:
         self._prepare(header, len(e0), columns)
         self._target = Target(path, force)
         with self._disk_errors(begin=True):
@@ -71,6 +72,7 @@ class ResultWriter:
                 write_head(head, header, self._units)
                 write_mesh(head, self._units, bodies, np.asarray(e0, float),
                            dict(coordinate_names or {}))
+                write_fields(head, self._units, fields)
                 head.flush()
                 image = head.id.get_file_image()
             self._target.publish(image)
@@ -132,20 +134,22 @@ class ResultWriter:
                v: np.ndarray | None = None, a: np.ndarray | None = None, *,
                steps: Mapping[str, np.ndarray] | None = None,
                energies: Mapping[str, float] | None = None,
+               fields: Mapping[tuple[str, str], np.ndarray] | None = None,
                checkpoint: Checkpoint | None = None) -> None:
         """Store one state: displacements ``d`` (nq,) of the nodal coordinates at ``t``.
 
         ``t`` is the load factor in static cases and the time in dynamic ones; ``history`` and
         ``probes`` are logged as by ``log``, ``steps`` (columns of the steps since the last state)
         as by ``log_block``; ``v`` and ``a`` (nq,) are time derivatives of d; ``energies`` are those
-        of this state; ``checkpoint`` is what the run can be resumed from once this state is on disk.
+        of this state; ``fields`` are (ne, nx, ny, components) by body and name;
+        ``checkpoint`` is what the run can be resumed from once this state is on disk.
         """
         with self._disk_errors():
             grown = self._growth
             if steps:
                 grown.log_block(steps)
             row = grown.logged if history is not None else grown.logged - 1 if steps is not None else -1
-            grown.state(t, row, {"d": d, "v": v, "a": a}, energies or {})
+            grown.state(t, row, {"d": d, "v": v, "a": a}, energies or {}, fields or {})
             self._log(history, probes, t)
             if checkpoint is not None:
                 self._checkpoint = checkpoint.copied(grown.rows, self._wall_time())

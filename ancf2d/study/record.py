@@ -61,10 +61,12 @@ class Recorder:
     """What is known of a run so far, kept in its result file too where there is a ``writer``."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
+        from ..solve.fields import FieldReader
         from ..solve.post import Observer
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer = Observer(model)
+        self.fields = FieldReader(model) if writer is not None else None
         self.every, self.end = self.case.output.every or 1, run_end(self.case)
         self.moves = isinstance(self.case.solver, Dynamic)
         self.state: State | None = None
@@ -93,7 +95,11 @@ class Recorder:
         from ..solve.registry import initial_state
 
         start = initial_state(self.model)
-        self.writer.append(start.t, start.d[:self.model.n_q], None, Observer(self.model).observe(start))
+        self.writer.append(start.t, start.d[:self.model.n_q], None, Observer(self.model).observe(start),
+                           fields=self._over_bodies(start))
+
+    def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
+        return {} if self.fields is None else self.fields.read(state)
 
     def _take_equilibrium(self, state: State) -> None:
         self.totals["iterations"] += int(state.history["iterations"])
@@ -102,7 +108,8 @@ class Recorder:
             return
         self._write_once(state)
         if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
-            self.writer.append(state.t, state.d[:self.model.n_q], state.history, self.probes)
+            self.writer.append(state.t, state.d[:self.model.n_q], state.history, self.probes,
+                               fields=self._over_bodies(state))
         else:
             self.writer.log(state.history, t=state.t, probes=self.probes)
 
@@ -121,7 +128,7 @@ class Recorder:
         n = self.model.n_q
         v = None if state.v is None else state.v[:n]
         self.writer.append(state.t, state.d[:n], None, self.probes, v, steps=state.blocks, energies=state.history,
-                           checkpoint=self._checkpoint(state))
+                           fields=self._over_bodies(state), checkpoint=self._checkpoint(state))
 
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):

@@ -16,11 +16,12 @@ from ..elements.formulations import FORMULATIONS
 from ..errors import CaseError, ComputationError
 from ..model.build import build_model
 from ..model.model import Model
+from ..solve.fields import FIELDS
 from ..solve.schemes import INTEGRATORS
 from .record import Progress, Recorder
 
 if TYPE_CHECKING:
-    from ..results import BodyRecord
+    from ..results import BodyRecord, FieldRecord
     from ..solve.state import State
 
 
@@ -31,7 +32,7 @@ def vocabulary() -> Vocabulary:
                    for c in coordinate_components(k, t.has_theta)}
     return Vocabulary(element_types=(*registry.names(), "rigid"), formulations=tuple(FORMULATIONS),
                       nodal_coordinates=tuple(coordinates), integrators=tuple(INTEGRATORS),
-                      output_fields=("N", "Q", "M"))
+                      output_fields=tuple(FIELDS))
 
 
 @dataclass
@@ -51,6 +52,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
 
 def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
+    from ..solve.fields import field_problems
     from ..solve.initial import initial_problems
     from ..solve.registry import unavailable
     from ..solve.schemes import method_problems
@@ -60,7 +62,7 @@ def prepare(loaded: LoadedCase) -> Model:
         model = build_model(loaded)
     except CaseError as error:
         raise CaseError([*problems, *error.problems]) from None
-    problems += [*initial_problems(model), *method_problems(model)]
+    problems += [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
     return model
@@ -242,7 +244,17 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
     if resume:
         return ResultWriter.resume(out, header, model.e0, force=force)
     names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
-    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names, force=force)
+    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names,
+                        fields=field_records(model), force=force)
+
+
+def field_records(model: Model) -> list[FieldRecord]:
+    """Return what the result file tells of the fields that a case asks for."""
+    from ..results import FieldRecord
+    from ..solve.fields import FieldReader
+
+    return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.xi,
+                        body.eta if f.over else np.zeros(1)) for body in FieldReader(model).bodies for f in body.fields]
 
 
 SAMPLES = np.linspace(0.0, 1.0, 21)

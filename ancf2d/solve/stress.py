@@ -1,0 +1,171 @@
+"""Stress, strain and energy density over the bodies, by each formulation's own law or from the section forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..elements.formulations.base import Sampler, cross
+from ..elements.formulations.green import elasticity
+from ..elements.section import Section
+from ..elements.shape import Array, gauss
+from ..model.groups import damping_times
+from ..model.mesh import BodyMesh
+from ..model.model import Model
+from .section import SectionForces
+from .sections import element_velocities, interpolation
+from .state import State
+
+RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b h^3/12
+
+
+@dataclass
+class OverBody:
+    """Stress [Pa], strain (..., 3) and energy density [J/m^3] (..., 1) at stations (ne, nx, ny) of a body.
+
+    Components xx, yy, xy along and across the axis: second Piola-Kirchhoff stress and Green-Lagrange strain, shear
+    strain as 2 eps_xy, in the axes of the reference; where strains are small, that is the stress in the turned section.
+    """
+
+    stress: Array
+    strain: Array
+    energy: Array
+
+
+Law = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
+
+
+def _continuum(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    stress = strain @ D
+    return stress, 0.5 * np.sum(strain * stress, axis=-1)
+
+
+def _enhanced(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    fibre, coupling = strain @ D0, axis @ (D - D0)
+    return fibre + coupling, 0.5 * (np.sum(strain * fibre, axis=-1) + np.sum(axis * coupling, axis=-1))
+
+
+def _strain_split(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    stress = strain @ D0 + axis @ (D - D0)
+    return stress, 0.5 * np.sum(strain * stress, axis=-1)
+
+
+# Stress and energy density from the strain at a point and on the axis below it. The one place where a formulation that
+# knows the stress over its section is added; of all others it is recovered from the section forces.
+LAWS: dict[str, Law] = {"continuum": _continuum, "enhanced": _enhanced, "strain_split": _strain_split}
+
+
+class _Gradient:
+    """Rows that give u_,t and u_,n (points, n_shape) of one element class on a grid of stations."""
+
+    def __init__(self, sampler: Sampler, xi: Array, eta: Array) -> None:
+        x, y = np.repeat(xi, len(eta)), np.tile(eta, len(xi))
+        Sx, Sy = sampler.derivative(x, y, 1, 0), sampler.derivative(x, y, 0, 1)
+        rx, ry = Sx @ sampler.e0, Sy @ sampler.e0
+        det = cross(rx, ry)[:, None]
+        self.t = rx / np.hypot(rx[:, 0], rx[:, 1])[:, None]
+        self.n = np.stack([-self.t[:, 1], self.t[:, 0]], axis=1)
+        self.along = (Sx * cross(self.t, ry)[:, None] + Sy * cross(rx, self.t)[:, None]) / det
+        self.across = (Sx * cross(self.n, ry)[:, None] + Sy * cross(rx, self.n)[:, None]) / det
+
+    def strain(self, u: Array, linear: bool) -> Array:
+        """Return eps_tt, eps_nn, 2 eps_tn (m, points, 3) of displacements u (m, n_shape, 2) in the element's frame."""
+        a, b = self.along @ u, self.across @ u
+        half = 0.0 if linear else 0.5
+        tt = np.sum((self.t + half * a) * a, axis=-1)
+        nn = np.sum((self.n + half * b) * b, axis=-1)
+        tn = np.sum(self.t * b + self.n * a, axis=-1) + 2.0 * half * np.sum(a * b, axis=-1)
+        return np.stack([tt, nn, tn], axis=-1)
+
+    def rate(self, u: Array, v: Array) -> Array:
+        """Return the rates (m, points, 3) of the strains at velocities v (m, n_shape, 2)."""
+        f, g = self.t + self.along @ u, self.n + self.across @ u
+        fv, gv = self.along @ v, self.across @ v
+        return np.stack([np.sum(f * fv, axis=-1), np.sum(g * gv, axis=-1), np.sum(f * gv + g * fv, axis=-1)], axis=-1)
+
+
+class StressByLaw:
+    """Stress of a body whose formulation has one at every point, by its law.
+
+    Along an element, strains are those of the polynomial through the quadrature points: between them the strains that
+    an element cannot follow swing about the true ones, above all in shear. Material damping adds its viscous stress;
+    the energy density is the elastic one.
+    """
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
+        self.model, self.mesh, self.size = model, mesh, (len(xi), len(eta))
+        self.law, self.middle = LAWS[mesh.plan.formulation.name], len(eta) // 2
+        x, _ = gauss(mesh.plan.rule.normal[0])
+        self.through = interpolation(x, xi)
+        self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
+        number = [name for name, m in model.meshes.items() if not m.plan.rigid].index(mesh.plan.name)
+        self.tau = float(damping_times(model)[number])
+
+    def __call__(self, state: State) -> OverBody:
+        """Return the fields of a state."""
+        mesh, n_q = self.mesh, self.model.n_q
+        strain = np.empty((len(mesh.dofs), *self.size, 3))
+        rate = np.zeros_like(strain)
+        u = element_velocities(mesh, state.d[:n_q]).reshape(len(mesh.dofs), -1, 2)
+        viscous = state.v is not None and self.tau > 0.0
+        v = element_velocities(mesh, state.v[:n_q]).reshape(u.shape) if viscous and state.v is not None else u
+        for k, gradient in enumerate(self.gradients):
+            some = mesh.cls == k
+            strain[some] = self._along(gradient.strain(u[some], state.linear))
+            if viscous:
+                rate[some] = self._along(gradient.rate(u[some], v[some]))
+        D, D0 = elasticity(mesh.plan.section)
+        stress, energy = self._law(strain, D, D0)
+        if viscous:
+            stress = stress + self.tau * self._law(rate, D, D0)[0]
+        return OverBody(stress, strain, energy[..., None])
+
+    def _along(self, sampled: Array) -> Array:
+        """Return strains (m, nx, ny, 3) at the stations from those (m, points, 3) at the quadrature points."""
+        grid = sampled.reshape(len(sampled), self.through.shape[1], self.size[1], 3)
+        return np.einsum("xg,mgyc->mxyc", self.through, grid)
+
+    def _law(self, strain: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+        return self.law(strain, np.broadcast_to(strain[:, :, self.middle, None], strain.shape), D, D0)
+
+
+class StressByEquilibrium:
+    """Stress of a body that has section forces only: N/A - M y/I, and Q spread over the section.
+
+    The shear stress is the rectangle's parabola where the section is one, else the mean Q/A. Strains are those that
+    make the energy of the section's own stiffnesses; a section that stays normal to the axis has no shear strain.
+    """
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
+        self.forces, self.eta, self.mesh = SectionForces(model, mesh, xi), eta, mesh
+
+    def __call__(self, state: State) -> OverBody:
+        """Return the fields of a state."""
+        section, eta = self.mesh.plan.section, self.eta
+        N, Q, M = np.moveaxis(self.forces(state), -1, 0)[..., None]
+        A, I, nu = section.EA / section.E, section.EI / section.E, section.nu
+        parabola = is_rectangle(section)
+        axial = N / A - M / I * (0.5 * section.height * eta)
+        shear = Q / A * (1.5 * (1.0 - eta**2) if parabola else np.ones_like(eta))
+        slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else (1.0 if parabola else 1.2)
+        gamma = shear * slides * A / (1.2 * section.kGA)
+        stress = np.stack([axial, np.zeros_like(axial), shear], axis=-1)
+        strain = np.stack([axial / section.E, -nu * axial / section.E, gamma], axis=-1)
+        return OverBody(stress, strain, 0.5 * (axial**2 / section.E + shear * gamma)[..., None])
+
+
+def is_rectangle(section: Section) -> bool:
+    """Whether height and width are those of a rectangle with the section's area and second moment."""
+    area = section.height * section.width
+    return bool(np.isclose(section.EI / section.E, area * section.height**2 / 12.0, rtol=RECTANGLE))
+
+
+def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[State], OverBody]:
+    """Return what gives stress, strain and energy density of a body at stations xi in [0, 1] and eta in [-1, 1].
+
+    ``eta`` holds an odd number of points with 0 in the middle.
+    """
+    own = mesh.plan.formulation.name in LAWS
+    return (StressByLaw if own else StressByEquilibrium)(model, mesh, xi, eta)
