@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 
 from ancf2d.errors import ResultsError
+from ancf2d.plot.body import check_state, no_states, when
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import BodyRecord, Results
 
@@ -56,7 +57,7 @@ def difference(sources: Sequence[Source], *, reference: str | None = None, state
     for curve in panel.curves:
         curve.note = "" if (curve.y > floor).any() else ", agrees to round-off"
     apart = not all(curve.note for curve in panel.curves)  # a logarithmic axis would stay empty
-    note = f"{_when(against.results, state)}, against {against.label}"
+    note = f"{when(against.results, state)}, against {against.label}"
     return Curves(common_title(sources), note, [panel], log_y=apart, floor=floor)
 
 
@@ -71,16 +72,10 @@ def _reference(sources: Sequence[Source], wanted: str | None) -> Source:
     return found[0]
 
 
-def _when(results: Results, state: int) -> str:
-    t = results.t[state]
-    return f"t = {t:.6g} {results.units.time}" if results.solver == "dynamic" else f"load factor {t:.6g}"
-
-
 def _comparable(a: Results, b: Results, state: int) -> None:
     """Refuse files whose bodies, units or moments differ."""
     for results in (a, b):
-        if not -results.nt <= state < results.nt:
-            raise ResultsError(f"'{results.path}' has no state {state}: it holds {results.nt}")
+        check_state(results, state)
     pair = f"'{a.path}' and '{b.path}'"
     if set(a.bodies) != set(b.bodies):
         raise ResultsError(f"{pair} have different bodies: {', '.join(a.bodies)} and {', '.join(b.bodies)}")
@@ -125,9 +120,5 @@ def _bulge(results: Results, body: BodyRecord) -> float:
     return 0.5 * float(lengths.max() * np.abs(np.diff(angles)).max())
 
 
-def _no_axes(results: Results) -> str:
-    return ("" if results.nt else "it holds no states") if results.bodies else "it holds no bodies"
-
-
-DIFFERENCE = Kind("difference", "distance between the axes of two files or more, to the last one's", _no_axes,
+DIFFERENCE = Kind("difference", "distance between the axes of two files or more, to the last one's", no_states,
                   difference)

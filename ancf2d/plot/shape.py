@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,67 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from ancf2d.errors import ResultsError
 from ancf2d.plot import style
+from ancf2d.plot.body import Outline, bounds, check_state, chosen_scale, magnified, no_bodies, outline, when
 from ancf2d.plot.picture import Kind, Source, common_title
-from ancf2d.results import BodyRecord, Results
 
-MAX_SAMPLED = 400  # elements up to which all their samples are drawn
-MAX_POINTS = 4000  # along the axis of a body with more elements
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
-INVISIBLE = 0.01  # of the model's extent: smaller deflections are magnified ...
-WANTED = 0.1  # ... to at most this share
-
-
-@dataclass
-class Outline:
-    """One body in one state: points along axis, top and bottom (n, 2), and its nodes (k, 2)."""
-
-    axis: np.ndarray
-    top: np.ndarray
-    bottom: np.ndarray
-    nodes: np.ndarray
-
-    @property
-    def boundary(self) -> np.ndarray:
-        """The closed outline: along the bottom, back along the top."""
-        return np.vstack([self.bottom, self.top[::-1]])
-
-
-def outline(results: Results, body: BodyRecord, i: int | None, scale: float) -> Outline:
-    """Return the outline of a body in state i (None: reference), thinned where it has very many
-    elements."""
-    ne = len(body.dofs)
-    if ne <= MAX_SAMPLED:
-        faces = results.faces(body.name, i, scale=scale)
-        parts = {k: v.reshape(-1, 2) for k, v in faces.items()}
-    else:
-        some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_POINTS)).astype(int))
-        faces = results.faces(body.name, i, scale=scale, elements=some)
-        parts = {k: np.vstack([v[:, 0], v[-1:, -1]]) for k, v in faces.items()}
-    nodes = results.nodes(body.name, i, scale=scale) if ne <= MAX_SAMPLED else np.empty((0, 2))
-    return Outline(parts["axis"], parts["top"], parts["bottom"], nodes)
-
-
-def nice(value: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not above ``value``."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(m * power for m in (5, 2, 1) if m * power <= value * (1 + 1e-12))
-
-
-def automatic_scale(sources: Sequence[Source], state: int) -> float:
-    """Return the magnification that makes an invisible deflection visible, 1 where it is."""
-    extent, moved = 0.0, 0.0
-    for source in sources:
-        for body in source.results.bodies.values():
-            start = outline(source.results, body, None, 1.0).axis
-            end = outline(source.results, body, state, 1.0).axis
-            extent = max(extent, float(np.hypot(*np.ptp(start, axis=0))))
-            moved = max(moved, float(np.linalg.norm(end - start, axis=1).max(initial=0.0)))
-    # a motion at the level of round-off stays unseen
-    if not 1e-13 * extent < moved < INVISIBLE * extent:
-        return 1.0
-    return nice(WANTED * extent / moved)
 
 
 @dataclass
@@ -96,11 +39,7 @@ class Shape:
     parts: list[Part]
 
     def _bounds(self) -> np.ndarray:
-        points = [o.boundary for p in self.parts for o in (p.reference, p.deformed) if o]
-        points = [p[np.isfinite(p).all(axis=1)] for p in points]
-        points = [p for p in points if len(p)] or [np.zeros((1, 2))]
-        stacked = np.array([[p.min(axis=0), p.max(axis=0)] for p in points])
-        return np.array([stacked[:, 0].min(axis=0), stacked[:, 1].max(axis=0)])
+        return bounds([o.boundary for p in self.parts for o in (p.reference, p.deformed) if o])
 
     @property
     def size(self) -> tuple[float, float]:
@@ -182,10 +121,8 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
     """
     with_states = [s for s in sources if s.results.nt]
     for source in with_states:
-        if not -source.results.nt <= state < source.results.nt:
-            raise ResultsError(f"'{source.results.path}' has no state {state}: "
-                               f"it holds {source.results.nt}")
-    factor = automatic_scale(with_states, state) if scale == "auto" else _factor(scale)
+        check_state(source.results, state)
+    factor = chosen_scale(with_states, state, scale)
     parts = []
     for file, source in enumerate(sources):
         results = source.results
@@ -197,28 +134,10 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
     return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts)
 
 
-def _factor(scale: float | str) -> float:
-    try:
-        value = float(scale)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise ResultsError(f"the magnification must be a positive number or 'auto', not '{scale}'")
-    return value
-
-
 def _note(sources: Sequence[Source], state: int, factor: float) -> str:
     if not sources:
         return "reference; the file holds no states"
-    results = sources[0].results
-    t = results.t[state]
-    when = (f"t = {t:.6g} {results.units.time}" if results.solver == "dynamic"
-            else f"load factor {t:.6g}")
-    return when + ("" if factor == 1.0 else f", displacements magnified {factor:.6g} times")
+    return when(sources[0].results, state) + magnified(factor)
 
 
-def _no_bodies(results: Results) -> str:
-    return "" if results.bodies else "it holds no bodies"
-
-
-SHAPE = Kind("shape", "deformed bodies with their sections over the reference", _no_bodies, shape)
+SHAPE = Kind("shape", "deformed bodies with their sections over the reference", no_bodies, shape)

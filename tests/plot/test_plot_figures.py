@@ -13,8 +13,8 @@ from synthetic import HEADER, bent_beam, mechanism, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import KINDS, default_kind, draw, list_kinds
+from ancf2d.plot.body import nice
 from ancf2d.plot.convergence import observed_order
-from ancf2d.plot.shape import nice
 from ancf2d.results import Results, ResultWriter, open_results
 
 

@@ -1,0 +1,117 @@
+"""Bodies as they are drawn: outlines in any state, thinned where there are very many elements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot.picture import Source
+from ancf2d.results import BodyRecord, Results
+
+MAX_SAMPLED = 400  # elements up to which all their samples are drawn
+MAX_POINTS = 4000  # along the axis of a body with more elements
+INVISIBLE = 0.01  # of the model's extent: smaller deflections are magnified ...
+WANTED = 0.1  # ... to at most this share
+
+
+@dataclass
+class Outline:
+    """One body in one state: points along axis, top and bottom (n, 2), and its nodes (k, 2)."""
+
+    axis: np.ndarray
+    top: np.ndarray
+    bottom: np.ndarray
+    nodes: np.ndarray
+
+    @property
+    def boundary(self) -> np.ndarray:
+        """The closed outline: along the bottom, back along the top."""
+        return np.vstack([self.bottom, self.top[::-1]])
+
+
+def outline(results: Results, body: BodyRecord, i: int | None, scale: float) -> Outline:
+    """Return the outline of a body in state i (None: reference), thinned where it has very many
+    elements."""
+    ne = len(body.dofs)
+    if ne <= MAX_SAMPLED:
+        faces = results.faces(body.name, i, scale=scale)
+        parts = {k: v.reshape(-1, 2) for k, v in faces.items()}
+    else:
+        some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_POINTS)).astype(int))
+        faces = results.faces(body.name, i, scale=scale, elements=some)
+        parts = {k: np.vstack([v[:, 0], v[-1:, -1]]) for k, v in faces.items()}
+    nodes = results.nodes(body.name, i, scale=scale) if ne <= MAX_SAMPLED else np.empty((0, 2))
+    return Outline(parts["axis"], parts["top"], parts["bottom"], nodes)
+
+
+def bounds(outlines: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the lower left and upper right corner (2, 2) of point sets (n, 2), whatever is not finite left out."""
+    points = [p[np.isfinite(p).all(axis=1)] for p in outlines]
+    points = [p for p in points if len(p)] or [np.zeros((1, 2))]
+    stacked = np.array([[p.min(axis=0), p.max(axis=0)] for p in points])
+    return np.array([stacked[:, 0].min(axis=0), stacked[:, 1].max(axis=0)])
+
+
+def nice(value: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is not above ``value``."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(m * power for m in (5, 2, 1) if m * power <= value * (1 + 1e-12))
+
+
+def automatic_scale(sources: Sequence[Source], state: int) -> float:
+    """Return the magnification that makes an invisible deflection visible, 1 where it is."""
+    extent, moved = 0.0, 0.0
+    for source in sources:
+        for body in source.results.bodies.values():
+            start = outline(source.results, body, None, 1.0).axis
+            end = outline(source.results, body, state, 1.0).axis
+            extent = max(extent, float(np.hypot(*np.ptp(start, axis=0))))
+            moved = max(moved, float(np.linalg.norm(end - start, axis=1).max(initial=0.0)))
+    # a motion at the level of round-off stays unseen
+    if not 1e-13 * extent < moved < INVISIBLE * extent:
+        return 1.0
+    return nice(WANTED * extent / moved)
+
+
+def chosen_scale(sources: Sequence[Source], state: int, scale: float | str) -> float:
+    """Return the magnification that is asked for, ``auto`` or a positive number."""
+    if scale == "auto":
+        return automatic_scale(sources, state)
+    try:
+        value = float(scale)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise ResultsError(f"the magnification must be a positive number or 'auto', not '{scale}'")
+    return value
+
+
+def check_state(results: Results, state: int) -> None:
+    """Raise ResultsError where a file does not hold a state."""
+    if not -results.nt <= state < results.nt:
+        raise ResultsError(f"'{results.path}' has no state {state}: it holds {results.nt}")
+
+
+def when(results: Results, state: int) -> str:
+    """Return the time or load factor of a state in words."""
+    t = results.t[state]
+    return f"t = {t:.6g} {results.units.time}" if results.solver == "dynamic" else f"load factor {t:.6g}"
+
+
+def magnified(factor: float) -> str:
+    """Return what is said of magnified displacements, nothing where they are not."""
+    return "" if factor == 1.0 else f", displacements magnified {factor:.6g} times"
+
+
+def no_bodies(results: Results) -> str:
+    """Say what a file lacks that holds no bodies."""
+    return "" if results.bodies else "it holds no bodies"
+
+
+def no_states(results: Results) -> str:
+    """Say what a file lacks that holds no bodies or no states."""
+    return no_bodies(results) or ("" if results.nt else "it holds no states")
