@@ -27,6 +27,7 @@ COMMANDS = {
     "info": "What is in a result file, and where it came from.",
     "compare": "Compare two result files as numbers.",
     "elements": "List element types and formulations.",
+    "audit": "Examine an element type, listed or your own.",
     "schema": "The JSON Schema of case files, for editors.",
 }
 

@@ -1,0 +1,83 @@
+"""``ancf2d audit``: put an element type through the examination."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from .options import debug_option, json_option, quiet_option
+from .progress import Bar
+from .run import compiling
+from .session import Session
+from .text import number, table
+
+if TYPE_CHECKING:
+    from ..study.audit.examine import Audit
+
+
+def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | str | None:
+    if value is None or value == "exact":
+        return value
+    try:
+        found = [int(part) for part in value.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != 2 or min(found) < 1:
+        raise click.BadParameter(f"'{value}' is no pair of numbers of Gauss points; expected for example 2,2, or "
+                                 "exact.")
+    return found
+
+
+@click.command(epilog="Examples: 'ancf2d audit 2d2n', 'ancf2d audit omar --preset paper', 'ancf2d audit ancf[3,2]', "
+                      "'ancf2d audit mine.yaml --formulation continuum --quadrature 3,2 --json'.")
+@click.argument("element", metavar="ELEMENT")
+@click.option("--preset", type=click.Choice(["paper"]), help="Formulation, quadrature and shear factor of the paper.")
+@click.option("--formulation", help="Formulation. Default: the one that the type is recommended with.")
+@click.option("--quadrature", callback=_quadrature, metavar="NX,NY",
+              help="Gauss points along and across, or exact. Default: those of type and formulation.")
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, element: str, preset: str | None, formulation: str | None,
+            quadrature: list[int] | str | None) -> int:
+    """Put an element type through the examination: basis, forces, patch tests, locking, convergence, cost.
+
+    ELEMENT is a type as 'ancf2d elements' lists them, or a file that describes an element of your own. Every check
+    gives a number, a verdict (pass, fail or note) and what it means; whatever the verdicts, the exit code is 0.
+    """
+    session.subject = {"element": element}
+    from ..study.pool import THREADS
+
+    # the matrices here are small: threads would only wait for each other
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    from ..study.audit.examine import audit
+    from ..study.audit.subject import subject
+
+    found = subject(element, preset, formulation, quadrature)
+    with Bar("examining", session.shows_progress) as bar:
+        result = audit(found, compiling=compiling(session), done=bar.update)
+    session.print_json(result.as_json())
+    session.out(report(result))
+    return 0
+
+
+def report(audit: Audit) -> str:
+    """Return an examination as people read it: what was examined, a line for each check, how many have passed."""
+    s, plan = audit.subject, audit.subject.plan
+    lines = [f"{s.name}: basis {', '.join(s.element.basis)}; {s.element.n_dof} coordinates"]
+    if plan is not None:
+        nx, ny = plan.rule.normal
+        lines.append(f"formulation {plan.formulation.name}, {nx} x {ny} Gauss points"
+                     + ("" if plan.rule.uniform else f" (shear {plan.rule.shear[0]} x {plan.rule.shear[1]})"))
+    rows = [["check", "value", "verdict", "meaning"]]
+    for answer in audit.answers:
+        f = answer.finding
+        rows.append([answer.check.name, number(f.value, 4), f.verdict, f.meaning])
+    lines += ["", *table(rows, left=(0, 2, 3)), ""]
+    counts = audit.counts
+    lines.append(", ".join(f"{counts[v]} {v}" for v in ("pass", "fail", "note") if v in counts))
+    return "\n".join(lines)

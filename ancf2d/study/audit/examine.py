@@ -1,0 +1,105 @@
+"""The list of checks, and the examination that goes through it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import Ancf2dError, ComputationError
+from ..warmup import warm_up
+from . import cost, kinematics, locking, meshes, patches
+from .finding import FAIL, NOTE, Answer, Check, Finding
+from .subject import Subject
+
+# the one place where a check is added
+CHECKS = (
+    Check("solvability", "Do the nodal coordinates determine the basis? Condition number of the interpolation matrix",
+          kinematics.solvability),
+    Check("completeness", "Does the basis hold every linear field?", kinematics.completeness),
+    Check("rigid_motion", "Do translations and finite rotations make forces?", patches.rigid_motion),
+    Check("objectivity", "Does a superposed finite rotation change the energy of a deformed state?",
+          patches.objectivity),
+    Check("isotropy", "Does the response depend on the direction of the beam in the plane?", patches.isotropy),
+    Check("reversal_symmetry", "Is the element the same with its ends swapped?", kinematics.reversal),
+    Check("mirror_symmetry", "Is the element the same upside down?", kinematics.mirror),
+    Check("patch_axial", "Is uniform tension exact on unequal elements?", patches.patch_axial),
+    Check("patch_transverse", "Is uniform tension across exact on unequal elements?", patches.patch_transverse),
+    Check("patch_shear", "Is uniform shear exact on unequal elements?", patches.patch_shear),
+    Check("patch_bending", "Is pure bending exact on unequal elements?", patches.patch_bending),
+    Check("zero_energy_modes", "How many motions beyond the rigid ones have no strain energy?",
+          patches.zero_energy_modes),
+    Check("position_continuity", "Do neighbours share the whole of their common section?",
+          kinematics.position_continuity),
+    Check("slope_continuity", "Does r_x pass from element to element?", kinematics.slope_continuity),
+    Check("spurious_branch", "Do modes of the mesh come down among those of the beam as it is refined?",
+          meshes.spurious_branch),
+    Check("shear_factor", "Which share of G A does uniform shear have?", locking.shear_factor),
+    Check("shear_in_bending", "Which shear factor does bending see?", locking.shear_in_bending),
+    Check("shear_locking", "Which share of a small deflection do slender beams lose?", locking.shear_locking),
+    Check("poisson_locking", "Which share of the bending compliance does nu take?", locking.poisson_locking),
+    Check("poisson_locking_of_basis", "Which share does it take in the full continuum?",
+          locking.poisson_locking_of_basis),
+    Check("thickness_locking", "Which share of a large deflection do slender beams lose?", locking.thickness_locking),
+    Check("order_static", "With which order does a deflection converge, and to what?", meshes.order_static),
+    Check("order_eigen", "With which order does a frequency converge, and to what?", meshes.order_eigen),
+    Check("cost", "What do forces and tangent cost, beside vallejo?", cost.cost),
+)
+# what can be asked of coordinates that do not determine the basis
+WITHOUT_SHAPES = ("solvability",)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A finished examination."""
+
+    subject: Subject
+    answers: tuple[Answer, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many checks have each verdict."""
+        return dict(Counter(a.finding.verdict for a in self.answers))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that ``--json`` prints."""
+        s, plan = self.subject, self.subject.plan
+        out: dict[str, Any] = {"element": s.name, "basis": list(s.element.basis), "coordinates": s.element.n_dof}
+        if plan is not None:
+            out.update(formulation=plan.formulation.name, shear_factor=plan.section.k_s,
+                       quadrature={"normal": list(plan.rule.normal), "shear": list(plan.rule.shear)})
+        return {**out, "checks": [a.as_json() for a in self.answers], "verdicts": self.counts}
+
+
+def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Callable[[], None] = lambda: None,
+          done: Callable[[float, str], None] = lambda share, name: None) -> Audit:
+    """Put an element through all checks; ``done`` is told the share that is behind, and which check is next.
+
+    ``compiling`` is called once where kernels must be compiled first.
+    """
+    answers = []
+    if subject.flaw is None:
+        with suppress(Ancf2dError):
+            warm_up(subject.model(1.0, 2, "static", boundary_conditions=[subject.wall]), compiling)
+    for k, check in enumerate(checks):
+        done(k / len(checks), check.name)
+        answers.append(Answer(check, _answer(check, subject)))
+    done(1.0, "")
+    return Audit(subject, tuple(answers))
+
+
+def _answer(check: Check, subject: Subject) -> Finding:
+    """Return what a check finds; one that cannot be made is told, and does not pass."""
+    if subject.flaw is not None and check.name not in WITHOUT_SHAPES:
+        return Finding(None, NOTE, "not examined: there are no shape functions")
+    try:
+        with np.errstate(all="ignore"):
+            return check.examine(subject)
+    except ComputationError as error:
+        return Finding(None, FAIL, f"cannot be computed: {error.failure.reason}")
+    except (Ancf2dError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return Finding(None, FAIL, f"cannot be computed: {str(error).splitlines()[0]}")

@@ -1,0 +1,169 @@
+"""What the checks are made of: linear fields as nodal coordinates, forces of given stresses, free bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...elements.definition import ElementType, derivative_order
+from ...elements.shape import Array, ShapeFunctions, gauss
+from ...model.mesh import BodyMesh
+from ...model.model import Model
+
+# (x, y) -> stresses xx, xy, yy
+Stress = Callable[[Array, Array], tuple[Array, Array, Array]]
+
+
+def beam(model: Model) -> BodyMesh:
+    """Return the one body of an audit's model."""
+    return model.meshes["beam"]
+
+
+def linear_field(model: Model, G: Array) -> Array:
+    """Return the displacements (n_q,) of nodal coordinates in the field u = G (x, y), G (2, 2) small.
+
+    A section turns with its material line across: theta = -du_x/dy.
+    """
+    mesh = beam(model)
+    pattern: dict[tuple[int, int], Array] = {(1, 0): G[:, 0], (0, 1): G[:, 1]}
+    values: list[list[float]] = []
+    for _, name in mesh.plan.element.functionals:
+        values.append([*pattern.get(derivative_order(name), np.zeros(2)), -G[0, 1]])
+    nc = mesh.plan.element.components
+    d = mesh.tile([v for row in values for v in row[:nc]])
+    place = mesh.kinds == 0
+    r = np.stack([model.e0[place], model.e0[np.flatnonzero(place) + 1]], axis=1) @ G.T
+    d[place], d[np.flatnonzero(place) + 1] = r[:, 0], r[:, 1]
+    return d
+
+
+def turned(model: Model, d: Array, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Return the displacements (n_q,) that turn a deformed body about the origin and move it on."""
+    mesh = beam(model)
+    e, out = model.e0 + d, np.empty_like(d)
+    c, s = np.cos(angle), np.sin(angle)
+    first = np.flatnonzero((mesh.kinds == 0) | (mesh.kinds == 3))
+    move = np.where((mesh.kinds[first] == 0)[:, None], np.asarray(shift), 0.0)
+    out[first] = c * e[first] - s * e[first + 1] + move[:, 0]
+    out[first + 1] = s * e[first] + c * e[first + 1] + move[:, 1]
+    theta = mesh.kinds == 2
+    out[theta] = e[theta] + angle
+    return out - model.e0
+
+
+def displacement_rows(mesh: BodyMesh, shape: ShapeFunctions, xi: Array, eta: Array) -> Array:
+    """Return the rows (points, 2, n_dof) of the displacement of points of an element along x.
+
+    The sections of a beam with theta, or of one without any coordinate across, turn as rigid lines.
+    """
+    element, nc = mesh.plan.element, mesh.plan.element.components
+    across = element.section_kind == "interpolated"
+    S = shape(xi, eta if across else np.zeros_like(xi))
+    rows = np.zeros((len(xi), 2, element.n_dof))
+    rows[:, 0, 0::nc] = rows[:, 1, 1::nc] = S
+    if not across:
+        y = 0.5 * mesh.plan.section.height * np.asarray(eta)
+        slope = S if element.has_theta else shape(xi, np.zeros_like(xi), 1, 0)
+        rows[:, 0, (2 if element.has_theta else 1)::nc] -= y[:, None] * slope
+    return rows
+
+
+def points_over(element: ElementType) -> tuple[Array, Array]:
+    """Return xi in [0, 1] and eta in [-1, 1] of points over an element, edges included."""
+    x, y = np.linspace(0.0, 1.0, element.degree_x + 3), np.linspace(-1.0, 1.0, element.degree_y + 3)
+    return np.repeat(x, len(y)), np.tile(y, len(x))
+
+
+def boundary_forces(model: Model, stress: Stress) -> Array:
+    """Return the generalised forces (n_q,) of the tractions that a stress field exerts on ends and faces of a beam."""
+    mesh = beam(model)
+    element, half = mesh.plan.element, 0.5 * mesh.plan.section.height
+    Q = np.zeros(model.n_q)
+    y, wy = gauss(element.degree_y + 4)
+    x, wx = gauss(element.degree_x + 4)
+    eta, start = 2 * y - 1, 0.0
+    for ie, dofs in enumerate(mesh.dofs):
+        shape = mesh.classes[mesh.cls[ie]].shape
+        l = shape.l
+        for xi, side in ((0.0, -1.0), (1.0, 1.0)):
+            if ie == (0 if side < 0 else len(mesh.dofs) - 1):
+                xx, xy, _ = stress(np.full_like(eta, start + xi * l), half * eta)
+                rows = displacement_rows(mesh, shape, np.full_like(eta, xi), eta)
+                t = side * np.stack([xx, xy], axis=1) * (2 * half * wy)[:, None]
+                Q[dofs] += np.einsum("pc,pcn->n", t, rows)
+        for face in (-1.0, 1.0):
+            _, xy, yy = stress(start + l * x, np.full_like(x, face * half))
+            rows = displacement_rows(mesh, shape, x, np.full_like(x, face))
+            t = face * np.stack([xy, yy], axis=1) * (l * wx)[:, None]
+            Q[dofs] += np.einsum("pc,pcn->n", t, rows)
+        start += l
+    return Q
+
+
+def uniform(xx: float, xy: float, yy: float) -> Stress:
+    """Return a constant stress."""
+    return lambda x, y: (xx + 0 * x, xy + 0 * x, yy + 0 * x)
+
+
+def element_stiffness(model: Model, d: Array | None = None) -> Array:
+    """Return the tangents (ne, n_dof, n_dof) of all elements at displacements d, the reference by default."""
+    from ...kernels.elements import element_matrices
+
+    (group,) = model.groups
+    n, ne = mesh_size(model)
+    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
+    element_matrices(group, np.zeros(model.n_q) if d is None else d, 0, Q, K)
+    return K
+
+
+def mesh_size(model: Model) -> tuple[int, int]:
+    """Return (coordinates per element, elements)."""
+    ne, n = beam(model).dofs.shape
+    return n, ne
+
+
+def stiffness(model: Model) -> Array:
+    """Return the assembled tangent (n_q, n_q) at the reference."""
+    K = np.zeros((model.n_q, model.n_q))
+    for Ke, dofs in zip(element_stiffness(model), beam(model).dofs, strict=True):
+        K[np.ix_(dofs, dofs)] += Ke
+    return K
+
+
+def elastic(model: Model, d: Array) -> tuple[float, Array]:
+    """Return the strain energy and the elastic forces (n_q,) at displacements d."""
+    from ...kernels.elements import force
+
+    Q = np.zeros(model.n_q)
+    (group,) = model.groups
+    return float(force(group, d, Q)), Q
+
+
+def reduced(model: Model, K: Array) -> Array:
+    """Return T^T K T (n_unknowns, n_unknowns): stiffness of what the welds of pieces leave free."""
+    num = model.numbering
+    T = np.zeros((model.n_q, num.n_unknowns))
+    for k, row in enumerate(np.eye(num.n_unknowns)):
+        full = np.zeros(len(num.place))
+        num.expand(row, full)
+        T[:, k] = full[:model.n_q]
+    return T.T @ K @ T
+
+
+def compliance(model: Model, Q: Array) -> float:
+    """Return Q . d of a free beam under forces (n_q,) that balance, with K d = Q.
+
+    Motions without strain energy are left out: rigid ones, and hidden ones where there are any.
+    """
+    num = model.numbering
+    w = model.weights[num.free]
+    K = reduced(model, stiffness(model)) / np.outer(w, w)
+    values, vectors = np.linalg.eigh(0.5 * (K + K.T))
+    parts = vectors.T @ (num.reduce(Q) / w)
+    stiff = values > ZERO * values[-1]
+    return float((parts[stiff] ** 2 / values[stiff]).sum())
+
+
+# eigenvalues of K in displacements below this share of the largest are zero
+ZERO = 1e-12

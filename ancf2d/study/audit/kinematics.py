@@ -1,0 +1,174 @@
+"""Checks of basis and nodal coordinates alone: what the shape functions can and cannot do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...elements.definition import ElementType, derivative_order
+from ...elements.shape import Array, gauss
+from .fields import displacement_rows, linear_field, points_over, turned
+from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged
+from .subject import Subject
+
+# lengths over height, and Poisson ratios, over which a basis must keep its rank
+LENGTHS = (0.1, 1.0, 100.0)
+RATIOS = (0.0, 0.3, 0.49)
+WELL, SINGULAR = 1e8, 1e13
+EPSILON = 2.0**-52
+
+
+def _values(element: ElementType, length: float, nu: float, xi: Array, eta: Array, i: int = 0, j: int = 0) -> Array:
+    """Return d^(i+j) p/dxi^i deta^j of the basis at points (points, functions), lengths in half an element."""
+    terms = [p.coefficients(nu, length, 0.5) for p in element.polynomials]
+    out = np.zeros((len(xi), len(terms)))
+    for k, polynomial in enumerate(terms):
+        for (a, b), c in polynomial.items():
+            if a >= i and b >= j:
+                factor = math.perm(a, i) * math.perm(b, j) * float(c)
+                out[:, k] += factor * xi ** (a - i) * eta ** (b - j)
+    size = max(math.sqrt(float(sum(c * c for p in terms for c in p.values()))), 1e-300)
+    return out / size
+
+
+def _orthonormal(element: ElementType, length: float, nu: float) -> Array:
+    """Return R, so that basis R^-1 is orthonormal over the element."""
+    x, wx = gauss(element.degree_x + 2)
+    y, wy = gauss(element.degree_y + 2)
+    xi, eta = np.repeat(2 * x - 1, len(y)), np.tile(2 * y - 1, len(x))
+    root = np.sqrt(np.outer(wx, wy).ravel())[:, None]
+    values = _values(element, length, nu, xi, eta)
+    scale = np.linalg.norm(root * values, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.linalg.qr(root * values / scale, mode="r") * scale)
+
+
+def _condition(element: ElementType, length: float, nu: float) -> float:
+    """Return the condition number of the nodal coordinates applied to an orthonormal basis of the same span."""
+    R = _orthonormal(element, length, nu)
+    rows = []
+    for node, name in element.functionals:
+        i, j = derivative_order(name)
+        at = np.array([2.0 * element.nodes[node].at - 1.0])
+        rows.append(_values(element, length, nu, at, np.zeros(1), i, j)[0])
+    independent = np.linalg.cond(R / np.linalg.norm(R, axis=0).clip(1e-300))
+    if not independent < SINGULAR:
+        return 1.0 / EPSILON
+    A = np.linalg.solve(R.T, np.array(rows).T).T
+    return float(min(np.linalg.cond(A / np.linalg.norm(A, axis=1, keepdims=True).clip(1e-300)), 1.0 / EPSILON))
+
+
+def solvability(s: Subject) -> Finding:
+    """Examine the matrix of the nodal coordinates applied to the basis: the worst condition number."""
+    found = {(l, nu): _condition(s.element, l, nu) for l in LENGTHS for nu in RATIOS}
+    (length, nu), worst = max(found.items(), key=lambda item: item[1])
+    if s.flaw is not None or worst >= SINGULAR:
+        where = "" if s.flaw is not None else f" at nu = {nu:g}, length {length:g} h"
+        return Finding(max(worst, SINGULAR), FAIL,
+                       f"the nodal coordinates do not determine the basis{where}: "
+                       + (s.flaw or "some combination of it vanishes in all of them"))
+    if worst > WELL:
+        return Finding(worst, NOTE, f"nearly singular (nu = {nu:g}, length {length:g} h): digits are lost")
+    return Finding(worst, PASS, "the nodal coordinates determine the basis")
+
+
+def completeness(s: Subject) -> Finding:
+    """Examine whether linear fields come out of their nodal coordinates as they are."""
+    model = s.free(1.0, 1)
+    mesh, shape = model.meshes["beam"], s.shape(1.0)
+    xi, eta = points_over(s.element)
+    rows = displacement_rows(mesh, shape, xi, eta)
+    across = s.element.section_kind == "interpolated"
+    shift = (1.0, -0.5)
+    moved = turned(model, np.zeros(model.n_q), 0.0, shift)
+    worst = float(np.abs(np.einsum("pcn,n->pc", rows, moved) - np.array(shift)).max())
+    for a, b in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        G = np.zeros((2, 2))
+        G[a, b] = 1.0
+        # a rigid section does not thin, and that of a cable turns with the axis
+        if not across and (b == 1 or not s.element.has_theta):
+            G = np.array([[1.0, 0.0], [0.0, 0.0]]) if a == b else np.array([[0.0, -1.0], [1.0, 0.0]])
+        d = linear_field(model, G)
+        field = np.stack([xi, 0.5 * eta], axis=1) @ G.T
+        worst = max(worst, float(np.abs(np.einsum("pcn,n->pc", rows, d) - field).max()))
+    return judged(worst, ROUND_OFF, "holds every linear field, and so its own straight reference",
+                  "does not hold all linear fields: constant strains are not in it")
+
+
+def _change(s: Subject, along: float, across: float) -> float:
+    """Return how much of a mirrored field is outside the span: the sine of the largest angle between the two."""
+    worst = 0.0
+    x, wx = gauss(s.element.degree_x + 2)
+    y, wy = gauss(s.element.degree_y + 2)
+    xi, eta = np.repeat(2 * x - 1, len(y)), np.tile(2 * y - 1, len(x))
+    root = np.sqrt(np.outer(wx, wy).ravel())[:, None]
+    for length in (1.0, 5.0):
+        shape = s.shape(length)
+        V, R = np.linalg.qr(root * shape((1 + xi) / 2, eta))
+        W = np.linalg.solve(R.T, (root * shape((1 + along * xi) / 2, across * eta)).T).T
+        worst = max(worst, float(np.linalg.norm(W - V @ (V.T @ W), 2)))
+    return worst
+
+
+def reversal(s: Subject) -> Finding:
+    """Examine whether swapping the ends, S(xi) -> S(-xi), leads to the same space of shapes."""
+    change = _change(s, -1.0, 1.0)
+    if change <= ROUND_OFF:
+        return Finding(change, PASS, "numbered from the other end the element is the same")
+    forth, back = (_tip(s, wall) for wall in (0, 1))
+    return Finding(change, FAIL, "not symmetric: the shapes from the other end are others; the tip of a cantilever of "
+                   f"4 elements, bent far, moves by {abs(back / forth - 1):.1e} of its way")
+
+
+def _tip(s: Subject, wall: int) -> float:
+    """Return the large deflection of a cantilever of four elements, its wall at either end."""
+    from .deflections import FAR, LARGE, deflected, deflection
+
+    model, d = deflected(s, 10.0, 4, FAR / 1200.0, LARGE, wall=wall, tip=1 - wall)
+    return deflection(model, d, wall, 1 - wall)
+
+
+def mirror(s: Subject) -> Finding:
+    """Examine whether y -> -y leads to the same space of shapes."""
+    return judged(_change(s, 1.0, -1.0), ROUND_OFF, "upside down the element is the same",
+                  "not symmetric: upside down the shapes are others")
+
+
+def _jump(s: Subject, i: int, eta: Array) -> float:
+    """Return the largest jump of l^i d^i r/dx^i between neighbours, per displacement that a coordinate stands for.
+
+    Both elements have the coordinates of the shared node; all others are free.
+    """
+    length = 1.0
+    shape, weights = s.shape(length), s.free(length, 1).weights[::s.element.components]
+    ends = [shape(np.full_like(eta, x), eta, i, 0) * length**i / weights for x in (0.0, 1.0)]
+    shared = sum(node == 0 for node, _ in s.element.functionals)
+    own = np.abs(ends[0][:, :shared] - ends[1][:, -shared:]).max()
+    foreign = max(np.abs(ends[0][:, shared:]).max(initial=0.0), np.abs(ends[1][:, :-shared]).max(initial=0.0))
+    return float(max(own, foreign))
+
+
+def _across(s: Subject) -> Array:
+    return np.linspace(-1.0, 1.0, 5) if s.element.section_kind == "interpolated" else np.zeros(1)
+
+
+def position_continuity(s: Subject) -> Finding:
+    """Examine whether neighbours share the whole of their common section."""
+    jump = _jump(s, 0, _across(s))
+    axis = _jump(s, 0, np.zeros(1))
+    if jump <= ROUND_OFF:
+        return Finding(jump, PASS, "neighbours share their whole common section (conforming)")
+    where = "away from the axis" if axis <= ROUND_OFF else "on the axis too"
+    return Finding(jump, FAIL, f"nonconforming: the end faces of neighbours part {where}, by up to this much per unit "
+                   "displacement of a node")
+
+
+def slope_continuity(s: Subject) -> Finding:
+    """Examine whether r_x passes from element to element."""
+    jump, axis = _jump(s, 1, _across(s)), _jump(s, 1, np.zeros(1))
+    if jump <= ROUND_OFF:
+        return Finding(jump, PASS, "r_x is continuous over the whole common section")
+    if axis <= ROUND_OFF:
+        return Finding(jump, NOTE, "r_x is continuous on the axis, and jumps away from it")
+    return Finding(jump, NOTE, "r_x jumps between neighbours: the axis has kinks, which vanish with the mesh")

@@ -1,0 +1,188 @@
+"""Checks of forces and energies: rigid motion, constant stress on unequal elements, hidden motions without energy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...model.model import Model
+from .beams import NU
+from .deflections import tip_deflection
+from .fields import (
+    ZERO,
+    beam,
+    boundary_forces,
+    compliance,
+    elastic,
+    element_stiffness,
+    linear_field,
+    stiffness,
+    turned,
+    uniform,
+)
+from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged, percent, plural
+from .subject import Subject
+
+ANGLES = (0.3, 1.6, -2.9)
+# three pieces of unequal length
+UNEQUAL = (0.0, 0.2, 0.65, 1.0)
+# share by which a residual of constant stress may be off
+EXACT = 1e-8
+# bending error of a fine mesh that still counts as the beam's
+FINE = 1e-2
+STRAINS = {"xx": (0, 0), "yy": (1, 1), "xy": (1, 0)}
+
+
+def rigid_motion(s: Subject) -> Finding:
+    """Examine the elastic forces of finite rigid motions, per unit displacement that strains."""
+    model = s.free(3.0, 2)
+    still, w = np.zeros(model.n_q), model.weights
+    scale = float(np.abs(stiffness(model) / np.outer(w, w)).max())
+    worst = 0.0
+    for angle in (0.0, *ANGLES):
+        energy, Q = elastic(model, turned(model, still, angle, (0.7, -0.4)))
+        worst = max(worst, float(np.abs(Q / w).max()) / scale, abs(energy) / scale)
+    return judged(worst, ROUND_OFF, "translations and finite rotations make no force and no energy",
+                  "rigid motion is resisted: forces per stiffness and unit displacement")
+
+
+def objectivity(s: Subject) -> Finding:
+    """Examine energy and forces of a deformed state under superposed finite rotations."""
+    model = s.free(3.0, 2)
+    rng = np.random.default_rng(1)
+    d = 0.1 * rng.uniform(-1, 1, model.n_q) / model.weights
+    energy, Q = elastic(model, d)
+    worst = 0.0
+    for angle in ANGLES:
+        other, P = elastic(model, turned(model, d, angle, (0.7, -0.4)))
+        back = _forces_turned(model, Q, angle)
+        worst = max(worst, abs(other / energy - 1), float(np.abs(P - back).max() / np.abs(Q).max()))
+    return judged(worst, ROUND_OFF, "a superposed rotation changes no energy and turns the forces with it",
+                  "energy or forces of a deformed element depend on how it is turned")
+
+
+def _forces_turned(model: Model, Q: Array, angle: float) -> Array:
+    """Return forces whose pairs of components are turned."""
+    kinds, out = beam(model).kinds, Q.copy()
+    first = np.flatnonzero((kinds == 0) | (kinds == 3))
+    c, s = np.cos(angle), np.sin(angle)
+    out[first], out[first + 1] = c * Q[first] - s * Q[first + 1], s * Q[first] + c * Q[first + 1]
+    return out
+
+
+def isotropy(s: Subject) -> Finding:
+    """Examine whether a cantilever bends alike whichever way it points."""
+    straight = tip_deflection(s, 10.0, 4)
+    worst = max(abs(tip_deflection(s, 10.0, 4, angle=a) / straight - 1) for a in ANGLES)
+    return judged(worst, EXACT, "a beam responds alike whichever way it points",
+                  "the response depends on the direction of the beam in the plane")
+
+
+def constitutive(model: Model, K: Array, length: float) -> tuple[Array, dict[str, Array]]:
+    """Return C (3, 3) of stress = C strain (xx, yy, xy) in uniform fields, by their energies, and the fields (n_q,)."""
+    fields = {}
+    for name, (a, b) in STRAINS.items():
+        G = np.zeros((2, 2))
+        G[a, b] = 1.0
+        fields[name] = linear_field(model, G)
+    D = np.array(list(fields.values()))
+    return D @ K @ D.T / length, fields
+
+
+def _patch(s: Subject, name: str) -> tuple[float, float] | None:
+    """Return (residual, modulus) of a uniform state of one stress alone; None where the element has no such strain.
+
+    The nodal forces of the state must be those that its stress exerts on ends and faces, at every node.
+    """
+    model = s.free(3.0, 3, breaks=UNEQUAL)
+    K = stiffness(model)
+    C, fields = constitutive(model, K, 3.0)
+    k = list(STRAINS).index(name)
+    if C[k, k] <= ZERO * np.abs(C).max():
+        return None
+    strain = np.linalg.pinv(C, rcond=1e-10)[:, k]
+    d = sum(e * f for e, f in zip(strain, fields.values(), strict=True))
+    xx, yy, xy = C @ strain
+    Q = boundary_forces(model, uniform(xx, xy, yy))
+    w, num = model.weights, model.numbering
+    rest = num.reduce(K @ d - Q) / w[num.free]
+    return float(np.abs(rest).max() / np.abs(Q / w).max()), float(1.0 / strain[k])
+
+
+def _patch_finding(s: Subject, name: str, what: str, modulus: float, none: str) -> Finding:
+    found = _patch(s, name)
+    if found is None:
+        return Finding(None, NOTE, none)
+    residual, computed = found
+    if not residual <= EXACT:
+        return Finding(residual, FAIL, f"{what} on unequal elements is not exact: forces are left at the nodes where "
+                       "they meet")
+    if abs(computed / modulus - 1) > EXACT:
+        return Finding(residual, FAIL, f"{what} balances, but with a modulus {computed / modulus:.4g} times the right "
+                       "one")
+    return Finding(residual, PASS, f"{what} is exact on unequal elements")
+
+
+def patch_axial(s: Subject) -> Finding:
+    """Examine uniform tension, the section free to contract."""
+    return _patch_finding(s, "xx", "uniform tension", 1.0, "the element has no axial strain")
+
+
+def patch_transverse(s: Subject) -> Finding:
+    """Examine uniform tension across, the element free to contract along."""
+    return _patch_finding(s, "yy", "uniform tension across", 1.0, "the section keeps its height: it has no such strain")
+
+
+def patch_shear(s: Subject) -> Finding:
+    """Examine uniform shear; the shear factor is a matter of its own."""
+    return _patch_finding(s, "xy", "uniform shear", s.chosen.section.mu_k, "the element does not shear")
+
+
+def bending_compliance(s: Subject, length: float, count: int, nu: float = NU,
+                       breaks: tuple[float, ...] = (0.0, 1.0)) -> float:
+    """Return the work of a linear normal stress on both ends of a free beam over that of the beam of stiffness EI."""
+    model = s.free(length, count, nu=nu, breaks=breaks)
+    section = beam(model).plan.section
+    work = compliance(model, boundary_forces(model, lambda x, y: (-y, 0 * x, 0 * x)))
+    return work / (section.EI * length / section.E**2)
+
+
+def patch_bending(s: Subject) -> Finding:
+    """Examine pure bending of unequal elements, and whether what is missing comes with refinement."""
+    coarse = bending_compliance(s, 10.0, 3, breaks=UNEQUAL) - 1
+    fine = bending_compliance(s, 10.0, s.affordable(24, 800), breaks=UNEQUAL) - 1
+    if abs(coarse) <= EXACT:
+        return Finding(coarse, PASS, "pure bending is exact on unequal elements")
+    too = "stiff" if coarse < 0 else "soft"
+    if abs(fine) > max(FINE, EXACT) or abs(fine) > 0.5 * abs(coarse):
+        return Finding(coarse, FAIL, f"too {too} in pure bending by {percent(coarse)}, and still by {percent(fine)} on "
+                       "elements shorter than their height")
+    return Finding(coarse, NOTE, f"pure bending comes with refinement only: {percent(coarse)} too {too} on three "
+                   f"elements, {percent(fine)} off on short ones")
+
+
+def hidden_modes(model: Model, K: Array, rigid: int = 3) -> int:
+    """Return how many motions without strain energy K (n_q, n_q) has beyond the rigid ones."""
+    w = model.weights
+    values = np.linalg.eigvalsh(K / np.outer(w, w))
+    return int((values < 100 * ZERO * values[-1]).sum()) - rigid
+
+
+def zero_energy_modes(s: Subject) -> Finding:
+    """Examine the null space of the stiffness beyond rigid motion: of one element, and of four."""
+    worst, at = 0, NU
+    for nu in (NU, 0.0):
+        model = s.free(1.0, 1, nu=nu)
+        hidden = hidden_modes(model, element_stiffness(model)[0])
+        if hidden > worst:
+            worst, at = hidden, nu
+    nx, ny = s.rule.normal
+    points = f"{nx} x {ny} points" if s.rule.uniform else "this quadrature"
+    if worst <= 0:
+        return judged(float(worst), 0.0, f"every motion but the rigid ones has strain energy with {points}",
+                      "rigid motions have strain energy")
+    mesh = s.free(4.0, 4, nu=at)
+    left = hidden_modes(mesh, stiffness(mesh))
+    where = "" if at == NU else f" at nu = {at:g}"
+    return Finding(float(worst), FAIL, f"{plural(worst, 'motion')} of an element without strain energy{where} under "
+                   f"{points}, {left} left in a free mesh of four")

@@ -1,0 +1,142 @@
+"""The element under examination: its type, formulation and quadrature, and the models that are made of it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+from ...case import Source, read_definition
+from ...elements import registry
+from ...elements.definition import ElementType
+from ...elements.formulations import Formulation, Rule
+from ...elements.rigid import RIGID_TYPE
+from ...elements.shape import ShapeFunctions
+from ...errors import CaseError, Problem
+from ...model.build import build_model
+from ...model.model import Model
+from ...model.own_element import DefinitionError, own_element, undetermined
+from ...model.plan import BodyPlan, plan_bodies
+from ..run import vocabulary
+from ..variants import element_named
+from .beams import HEIGHT, NU, beam_case
+
+SUFFIXES = (".yaml", ".yml", ".json")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An element type with formulation and quadrature; ``spec`` is what the ``element`` of a body says of it.
+
+    ``plan`` is None where the nodal coordinates do not determine the basis; ``flaw`` says why.
+    """
+
+    name: str
+    element: ElementType
+    spec: dict[str, Any]
+    plan: BodyPlan | None
+    flaw: str | None = None
+
+    @property
+    def chosen(self) -> BodyPlan:
+        """Formulation, quadrature and section of an element whose shape functions exist."""
+        if self.plan is None:
+            raise ValueError(self.flaw)
+        return self.plan
+
+    @property
+    def formulation(self) -> Formulation:
+        """The formulation that is examined."""
+        return self.chosen.formulation
+
+    @property
+    def rule(self) -> Rule:
+        """The quadrature that is examined."""
+        return self.chosen.rule
+
+    def shape(self, length: float, nu: float = NU) -> ShapeFunctions:
+        """Return the shape functions of an element of this length and height 1."""
+        return ShapeFunctions(self.element, length, HEIGHT, nu)
+
+    def model(self, length: float, count: int, solver: Any = "linear_static", **scene: Any) -> Model:
+        """Return the model of a straight beam of ``count`` elements; ``scene`` as in beam_case."""
+        return build_model(beam_case(self.name, {**self.spec, "count": count}, length, solver, **scene))
+
+    def free(self, length: float, count: int, **scene: Any) -> Model:
+        """Return the model of such a beam that nothing holds."""
+        return self.model(length, count, {"type": "eigen", "modes": 1}, **scene)
+
+    def affordable(self, most: int, coordinates: int) -> int:
+        """Return at most ``most`` elements, fewer where they would have more nodal coordinates, at least 2."""
+        shared = self.element.components * sum(c != "theta" for c in self.element.nodes[0].coordinates)
+        return max(2, min(most, coordinates // max(self.element.n_dof - shared, 1)))
+
+    @property
+    def wall(self) -> dict[str, Any]:
+        """The clamp that holds a section without keeping it from contracting."""
+        hold = "breathe" if self.element.section_kind == "interpolated" else "section"
+        return {"name": "wall", "type": "clamp", "at": "beam@0", "hold": hold}
+
+    def with_formulation(self, name: str) -> Subject | None:
+        """Return the same element with another formulation and its default quadrature, None where it has none."""
+        spec = {k: v for k, v in self.spec.items() if k != "quadrature"} | {"formulation": name}
+        try:
+            return Subject(self.name, self.element, spec, _plan(self.name, spec, None))
+        except CaseError:
+            return None
+
+
+def subject(name: str, preset: str | None = None, formulation: str | None = None, quadrature: Any = None) -> Subject:
+    """Return what ``ancf2d audit NAME`` examines: a listed type, a member ``ancf[p,q]``, or a description in a file.
+
+    Raises CaseError for names, files and options that cannot be.
+    """
+    options = {"preset": preset, "formulation": formulation, "quadrature": quadrature}
+    chosen = {k: v for k, v in options.items() if v is not None}
+    if name.endswith(SUFFIXES) or os.path.isfile(name):
+        return _described(name, chosen)
+    if name == RIGID_TYPE.name:
+        raise CaseError(Problem(f"{name} has no strain: there is nothing to examine", expected="a type that deforms"))
+    try:
+        element = element_named(name)
+    except ValueError as error:
+        raise CaseError(Problem(str(error), expected="a listed type, or the file of an element of your own")) from None
+    spec: dict[str, Any] = {"type": element.name, **chosen}
+    if element.name not in registry.ELEMENTS:
+        order = element.name.removeprefix(registry.FAMILY).strip("[]").split(",")
+        spec.update(type=registry.FAMILY, order=[int(v) for v in order])
+    return Subject(element.name, element, spec, _plan(element.name, spec, None))
+
+
+def _described(path: str, chosen: dict[str, Any]) -> Subject:
+    """Return the element that a file describes."""
+    definition, source = read_definition(path, vocabulary())
+    try:
+        element = own_element(definition, path)
+    except DefinitionError as error:
+        raise CaseError([source.problem(p, message, expected) for p, message, expected in error.problems]) from None
+    spec = {"definition": os.path.abspath(path), **chosen}
+    flaw = undetermined(element)
+    return Subject(element.name, element, spec, None if flaw else _plan(element.name, spec, source), flaw)
+
+
+def _plan(name: str, spec: dict[str, Any], source: Source | None) -> BodyPlan:
+    """Return what is chosen for a body of the element. Raises CaseError in the words of its file or of the options."""
+    try:
+        plans, problems = plan_bodies(beam_case(name, {**spec, "count": 1}, 1.0, {"type": "eigen", "modes": 1}))
+    except CaseError as error:
+        plans, problems = {}, error.problems
+    if problems:
+        raise CaseError([_about(p, spec, source) for p in problems])
+    return plans["beam"]
+
+
+def _about(problem: Problem, spec: dict[str, Any], source: Source | None) -> Problem:
+    """Return a problem of the body that stands for the element, told of where its user wrote it."""
+    key = problem.path[3] if len(problem.path) > 3 else ""
+    message = problem.message.replace("bodies.beam.element.", "").replace("bodies.beam.element: ", "")
+    if key in spec:
+        return Problem(message, file=f"--{key}", expected=problem.expected, near=problem.near)
+    if source is not None:
+        return source.problem((key,), message, problem.expected, problem.near)
+    return Problem(message, expected=problem.expected, near=problem.near)
