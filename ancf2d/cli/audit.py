@@ -74,10 +74,13 @@ def report(audit: Audit) -> str:
         lines.append(f"formulation {plan.formulation.name}, {nx} x {ny} Gauss points"
                      + ("" if plan.rule.uniform else f" (shear {plan.rule.shear[0]} x {plan.rule.shear[1]})"))
     rows = [["check", "value", "verdict", "meaning"]]
-    for answer in audit.answers:
+    made = audit.made
+    for answer in made:
         f = answer.finding
         rows.append([answer.check.name, number(f.value, 4), f.verdict, f.meaning])
     lines += ["", *table(rows, left=(0, 2, 3)), ""]
-    counts = audit.counts
-    lines.append(", ".join(f"{counts[v]} {v}" for v in ("pass", "fail", "note") if v in counts))
+    verdicts = [a.finding.verdict for a in made]
+    lines.append(", ".join(f"{verdicts.count(v)} {v}" for v in ("pass", "fail", "note") if v in verdicts))
+    if len(made) < len(audit.answers):
+        lines.append(f"{len(audit.answers) - len(made)} other checks were not made: there are no shape functions")
     return "\n".join(lines)

@@ -9,6 +9,7 @@ from ..case import ElementDefinition
 from ..elements.definition import ElementType, NodeSpec, derivative_order
 from ..elements.polynomial import Polynomial, parse
 from ..elements.shape import ShapeFunctions, UnsolvableBasisError
+from .interpolation import SINGULAR, condition
 
 # length, height and nu at which a basis is tried: none of them special
 TRIAL = (1.0, 0.5, 0.3)
@@ -50,6 +51,8 @@ def undetermined(element: ElementType) -> str | None:
         ShapeFunctions(element, *TRIAL)
     except UnsolvableBasisError as error:
         return str(error)
+    if not condition(element, *TRIAL[::2]) < SINGULAR:
+        return "some combination of the basis vanishes in every nodal coordinate"
     return None
 
 

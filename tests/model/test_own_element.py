@@ -8,6 +8,7 @@ from ancf2d.case import DefinitionNode, ElementDefinition, load_case_text
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
+from ancf2d.model.interpolation import SINGULAR, condition, rank
 from ancf2d.model.own_element import DefinitionError, own_element, undetermined
 from ancf2d.study.run import vocabulary
 
@@ -65,8 +66,26 @@ def test_what_is_no_element(basis, coordinates, words):
         own_element(definition(basis, *coordinates))
 
 
-def test_coordinates_that_do_not_determine_the_basis(tmp_path):
-    basis = ["1", "x", "y", "x*y", "x^2*y^2", "x^3"]
-    assert "vanishes in every nodal coordinate" in (undetermined(own_element(definition(basis, "r", "r_x", "r_y"))) or "")
-    with pytest.raises(CaseError, match="vanishes in every nodal coordinate"):
+@pytest.mark.parametrize("basis", [
+    # x^2 y^2 vanishes in r, r_x and r_y on y = 0; r_x(0) in x^2, x^3 and x^4; x + y is no new function
+    ["1", "x", "y", "x*y", "x^2*y^2", "x^3"], ["1", "x^2", "x^3", "x^4", "y", "x*y"],
+    ["1", "x", "y", "x + y", "x*y", "x^3"]])
+def test_coordinates_that_do_not_determine_the_basis(tmp_path, basis):
+    element = own_element(definition(basis, "r", "r_x", "r_y"))
+    assert undetermined(element)
+    assert rank(element, 1.0, 0.3) == 5
+    assert condition(element, 1.0, 0.3) > SINGULAR
+    with pytest.raises(CaseError, match="basis"):
         model(tmp_path, basis=basis)
+
+
+@pytest.mark.parametrize("name", [*ELEMENTS])
+def test_listed_types_are_well_determined_at_any_length(name):
+    assert max(condition(ELEMENTS[name], length, 0.3) for length in (0.1, 1.0, 100.0)) < 1e7
+
+
+def test_the_condition_number_does_not_depend_on_how_the_basis_is_written():
+    nodes = ("r", "r_x", "r_y")
+    plain = own_element(definition(["1", "x", "y", "x*y", "x^2", "x^3"], *nodes))
+    mixed = own_element(definition(["1", "1 + x", "x - 3*y", "5*x*y", "x^2 + x^3", "x^3"], *nodes))
+    assert condition(mixed, 2.0, 0.3) == pytest.approx(condition(plain, 2.0, 0.3), rel=1e-9)

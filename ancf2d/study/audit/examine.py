@@ -61,6 +61,11 @@ class Audit:
     answers: tuple[Answer, ...]
 
     @property
+    def made(self) -> tuple[Answer, ...]:
+        """The answers to what could be asked."""
+        return tuple(a for a in self.answers if self.subject.flaw is None or a.check.name in WITHOUT_SHAPES)
+
+    @property
     def counts(self) -> dict[str, int]:
         """How many checks have each verdict."""
         return dict(Counter(a.finding.verdict for a in self.answers))

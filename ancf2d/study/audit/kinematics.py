@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from ...elements.definition import ElementType, derivative_order
 from ...elements.shape import Array, gauss
+from ...model.interpolation import SINGULAR, condition, rank
+from .beams import NU
 from .fields import displacement_rows, linear_field, points_over, turned
 from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged
 from .subject import Subject
@@ -15,59 +14,20 @@ from .subject import Subject
 # lengths over height, and Poisson ratios, over which a basis must keep its rank
 LENGTHS = (0.1, 1.0, 100.0)
 RATIOS = (0.0, 0.3, 0.49)
-WELL, SINGULAR = 1e8, 1e13
-EPSILON = 2.0**-52
-
-
-def _values(element: ElementType, length: float, nu: float, xi: Array, eta: Array, i: int = 0, j: int = 0) -> Array:
-    """Return d^(i+j) p/dxi^i deta^j of the basis at points (points, functions), lengths in half an element."""
-    terms = [p.coefficients(nu, length, 0.5) for p in element.polynomials]
-    out = np.zeros((len(xi), len(terms)))
-    for k, polynomial in enumerate(terms):
-        for (a, b), c in polynomial.items():
-            if a >= i and b >= j:
-                factor = math.perm(a, i) * math.perm(b, j) * float(c)
-                out[:, k] += factor * xi ** (a - i) * eta ** (b - j)
-    size = max(math.sqrt(float(sum(c * c for p in terms for c in p.values()))), 1e-300)
-    return out / size
-
-
-def _orthonormal(element: ElementType, length: float, nu: float) -> Array:
-    """Return R, so that basis R^-1 is orthonormal over the element."""
-    x, wx = gauss(element.degree_x + 2)
-    y, wy = gauss(element.degree_y + 2)
-    xi, eta = np.repeat(2 * x - 1, len(y)), np.tile(2 * y - 1, len(x))
-    root = np.sqrt(np.outer(wx, wy).ravel())[:, None]
-    values = _values(element, length, nu, xi, eta)
-    scale = np.linalg.norm(root * values, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.qr(root * values / scale, mode="r") * scale)
-
-
-def _condition(element: ElementType, length: float, nu: float) -> float:
-    """Return the condition number of the nodal coordinates applied to an orthonormal basis of the same span."""
-    R = _orthonormal(element, length, nu)
-    rows = []
-    for node, name in element.functionals:
-        i, j = derivative_order(name)
-        at = np.array([2.0 * element.nodes[node].at - 1.0])
-        rows.append(_values(element, length, nu, at, np.zeros(1), i, j)[0])
-    independent = np.linalg.cond(R / np.linalg.norm(R, axis=0).clip(1e-300))
-    if not independent < SINGULAR:
-        return 1.0 / EPSILON
-    A = np.linalg.solve(R.T, np.array(rows).T).T
-    return float(min(np.linalg.cond(A / np.linalg.norm(A, axis=1, keepdims=True).clip(1e-300)), 1.0 / EPSILON))
+WELL = 1e8
 
 
 def solvability(s: Subject) -> Finding:
     """Examine the matrix of the nodal coordinates applied to the basis: the worst condition number."""
-    found = {(l, nu): _condition(s.element, l, nu) for l in LENGTHS for nu in RATIOS}
-    (length, nu), worst = max(found.items(), key=lambda item: item[1])
-    if s.flaw is not None or worst >= SINGULAR:
-        where = "" if s.flaw is not None else f" at nu = {nu:g}, length {length:g} h"
-        return Finding(max(worst, SINGULAR), FAIL,
-                       f"the nodal coordinates do not determine the basis{where}: "
-                       + (s.flaw or "some combination of it vanishes in all of them"))
+    found = {(nu, l): condition(s.element, l, nu) for nu in RATIOS for l in LENGTHS}
+    (nu, length), worst = max(found.items(), key=lambda item: item[1])
+    if s.flaw is not None:
+        n = s.element.n_shape
+        return Finding(max(worst, SINGULAR), FAIL, "the nodal coordinates do not determine the basis: their matrix has "
+                       f"rank {rank(s.element, 1.0, NU)} of {n}")
+    if worst >= SINGULAR:
+        return Finding(worst, FAIL, f"the nodal coordinates do not determine the basis where nu = {nu:g} (length "
+                       f"{length:g} h)")
     if worst > WELL:
         return Finding(worst, NOTE, f"nearly singular (nu = {nu:g}, length {length:g} h): digits are lost")
     return Finding(worst, PASS, "the nodal coordinates determine the basis")
@@ -160,8 +120,7 @@ def position_continuity(s: Subject) -> Finding:
     if jump <= ROUND_OFF:
         return Finding(jump, PASS, "neighbours share their whole common section (conforming)")
     where = "away from the axis" if axis <= ROUND_OFF else "on the axis too"
-    return Finding(jump, FAIL, f"nonconforming: the end faces of neighbours part {where}, by up to this much per unit "
-                   "displacement of a node")
+    return Finding(jump, FAIL, f"nonconforming: end faces of neighbours part {where} (jump per displacement of a node)")
 
 
 def slope_continuity(s: Subject) -> Finding:

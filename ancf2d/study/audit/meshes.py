@@ -97,8 +97,6 @@ def spurious_branch(s: Subject) -> Finding:
     if before is not None and last >= FALLS * before:
         return Finding(value, PASS, "modes of the mesh lie above those of the beam, and rise as it is refined")
     power = "" if before is None else f", like n^{math.log(last / before) / math.log(counts[-1] / counts[-2]):.2f}"
-    why = f", with {percent(gaps)} of their energy in gaps between neighbours" if gaps > 0.0 else ""
-    return Finding(value, FAIL, f"modes of the mesh come down as it is refined{power}{why}; lowest over the first "
-                   f"bending mode, {counts[-1]} elements")
-
-
+    why = f", {percent(gaps)} of their energy in gaps" if gaps > 0.0 else ""
+    return Finding(value, FAIL, f"modes of the mesh come down with it{power}{why}; the lowest is {value:.3g} times the "
+                   f"first bending mode on {counts[-1]} elements")

@@ -115,8 +115,7 @@ def _patch_finding(s: Subject, name: str, what: str, modulus: float, none: str) 
         return Finding(None, NOTE, none)
     residual, computed = found
     if not residual <= EXACT:
-        return Finding(residual, FAIL, f"{what} on unequal elements is not exact: forces are left at the nodes where "
-                       "they meet")
+        return Finding(residual, FAIL, f"{what} is not exact on unequal elements: nodal forces are left")
     if abs(computed / modulus - 1) > EXACT:
         return Finding(residual, FAIL, f"{what} balances, but with a modulus {computed / modulus:.4g} times the right "
                        "one")
@@ -173,7 +172,9 @@ def zero_energy_modes(s: Subject) -> Finding:
     worst, at = 0, NU
     for nu in (NU, 0.0):
         model = s.free(1.0, 1, nu=nu)
-        hidden = hidden_modes(model, element_stiffness(model)[0])
+        K = element_stiffness(model)[0]
+        # without shape functions at this nu, which is told by another check
+        hidden = hidden_modes(model, K) if np.isfinite(K).all() else 0
         if hidden > worst:
             worst, at = hidden, nu
     nx, ny = s.rule.normal
