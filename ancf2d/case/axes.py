@@ -38,7 +38,7 @@ def read_axes(options: Sequence[str]) -> list[Axis]:
     axes: list[Axis] = []
     for text in options:
         try:
-            axis = _axis(text, problems)
+            axis = _axis(text)
         except CaseError as error:
             problems.extend(error.problems)
             continue
@@ -61,13 +61,16 @@ def _start(text: str) -> Mark:
     return Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(OPTION) + 1)
 
 
-def _axis(text: str, problems: list[Problem]) -> Axis:
+def _axis(text: str) -> Axis:
     path, equals, values = text.partition("=")
     start = _start(text)
     if not equals or not path.strip():
         raise CaseError(start.problem("not PATH=VALUE,VALUE", expected="for example bodies.beam.element.count=4,8,16"))
     # as the inside of a YAML list; its bracket stands in the place of the equals sign
-    node = compose(f"[{values}]", start.origin, 1, len(OPTION) + len(path) + 1, problems)
+    refused: list[Problem] = []
+    node = compose(f"[{values}]", start.origin, 1, len(OPTION) + len(path) + 1, refused)
+    if refused:
+        raise CaseError(refused)
     items = node.items if isinstance(node, ListNode) else []
     if not items:
         raise CaseError(start.problem("there is no value", expected="values separated by commas"))

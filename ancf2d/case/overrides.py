@@ -20,12 +20,12 @@ def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]
     """
     for text in overrides:
         try:
-            _apply(root, text, problems)
+            _apply(root, text)
         except CaseError as error:
             problems.extend(error.problems)
 
 
-def _apply(root: MapNode, text: str, problems: list[Problem]) -> None:
+def _apply(root: MapNode, text: str) -> None:
     shown = OPTION + text
     origin = Origin(shown, shown.split("\n"), numbered=False)
     path, equals, value = text.partition("=")
@@ -35,10 +35,10 @@ def _apply(root: MapNode, text: str, problems: list[Problem]) -> None:
                                       "bodies.beam.element.count=32"))
     parts = _parts(path, origin)
     column = len(OPTION) + len(path) + 2
-    before = len(problems)
-    node = compose(value, origin, 1, column, problems)
-    if len(problems) > before:
-        return
+    refused: list[Problem] = []
+    node = compose(value, origin, 1, column, refused)
+    if refused:
+        raise CaseError(refused)
     if node is None:
         node = Scalar(Mark(origin, 1, column), "", True)
     parent: Node = root

@@ -22,10 +22,19 @@ from .text import table
               "Default, where nothing else is asked for: NAME-KIND.png in the working directory.")
 @click.option("--show", is_flag=True, help="Open a window; needs a display.")
 @click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write what is drawn as a table of numbers.")
+@click.option("--animate", type=click.Path(), metavar="FILE", help="Write an animation: .gif, or .mp4 where ffmpeg is "
+              "installed (shape, fields, modes).")
+@click.option("--frames", type=click.IntRange(2), default=60, show_default=True, help="Frames of it at most.")
+@click.option("--fps", type=click.IntRange(1, 100), default=20, show_default=True, help="Frames of it a second.")
 @click.option("--list", "list_only", is_flag=True, help="List the kinds of figure that the file can be drawn as.")
-@click.option("--scale", type=float, help="Magnification of displacements (shape).")
-@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape, "
-              "difference).")
+@click.option("--scale", type=float, help="Magnification of displacements (shape, fields, snapshots).")
+@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape, fields, "
+              "section_forces, difference).")
+@click.option("--field", help="Field that is drawn: stress, strain or energy (fields).")
+@click.option("--component", help="Component of it: xx, yy, xy, or mises of stress (fields).")
+@click.option("--unrolled/--in-place", default=None, help="Draw bodies over arc length and height, or where they are; "
+              "default: unrolled where they are thin (fields).")
+@click.option("--at", metavar="T,T,...", help="Times or load factors that are drawn (snapshots).")
 @click.option("--probe", multiple=True, help="Probe that is drawn; may be given several times (curves).")
 @click.option("--quantity", multiple=True, help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s"]),
@@ -34,20 +43,20 @@ from .text import table
 @click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
               "(difference).")
 @click.option("--first", type=click.IntRange(1), help="First mode that is drawn (modes).")
-@click.option("--count", type=click.IntRange(1), help="Number of modes that are drawn at most (modes).")
+@click.option("--count", type=click.IntRange(1), help="Number of modes or moments that are drawn (modes, snapshots).")
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
               "cases have in common.")
 @quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
-            list_only: bool, title: str | None, **options: Any) -> int:
+            list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, **options: Any) -> int:
     """Draw result files; several are overlaid.
 
     KIND is shape, load_deflection, history, convergence, modes, ...; --list names those that fit a file. Without
     KIND, what tells most about the first file is drawn.
     """
-    from ..plot import KINDS, default_kind
+    from ..plot import KINDS, default_animated, default_kind
     from ..results import open_results
 
     files, kind = _split(arguments, tuple(KINDS))
@@ -57,6 +66,10 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
         if list_only:
             _list(session, results[0])
             return 0
+        if animate is not None:
+            _animate(session, results, kind or default_animated(results[0]), animate, title, frames, fps, chosen)
+            if save is None and data is None and not show:
+                return 0
         name = kind or default_kind(results[0])
         if save is None and data is None and not show:
             save = f"{_stem(files[0])}-{name}.png"
@@ -79,13 +92,26 @@ def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str
     return files, found[0] if found else None
 
 
+def _not_a_result(results: list[Any], *paths: str | None) -> None:
+    for path in paths:
+        if path is not None and any(os.path.exists(path) and os.path.samefile(path, r.path) for r in results):
+            raise ResultsError(f"'{path}' is the result file itself; choose another name")
+
+
+def _animate(session: Session, results: list[Any], kind: str, path: str, title: str | None, frames: int, fps: int,
+             options: dict[str, Any]) -> None:
+    from .. import plot
+
+    _not_a_result(results, path)
+    plot.animate(results, path, kind, length=frames, fps=fps, title=title, **options)
+    session.out(f"wrote {path} ({kind})")
+
+
 def _draw(session: Session, results: list[Any], kind: str, save: str | None, data: str | None, show: bool,
           title: str | None, options: dict[str, Any]) -> None:
     from .. import plot
 
-    for path in (save, data):
-        if path is not None and any(os.path.exists(path) and os.path.samefile(path, r.path) for r in results):
-            raise ResultsError(f"'{path}' is the result file itself; choose another name")
+    _not_a_result(results, save, data)
     if save is not None:
         plot.save(plot.draw(results, kind, title=title, **options), save)
         session.out(f"wrote {save} ({kind})")

@@ -15,6 +15,7 @@ from .motion import (
     COUNT,
     DONE,
     GRID,
+    LIMIT,
     LOST,
     OLD_ERROR,
     OLD_STEP,
@@ -221,7 +222,10 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if not fine:
             s.numbers[REJECTED] += 1.0
             s.numbers[TRIES] += 1.0
-            shrink = 0.4 if outcome != DONE else max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
+            if outcome != DONE:
+                shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
+            else:
+                shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
             s.numbers[STEP_SIZE] = shrink * h
             if not s.numbers[STEP_SIZE] >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
@@ -253,6 +257,10 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         else:
             s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
             s.numbers[STEP_SIZE] = min(plan.largest, factor * h)
+            if s.numbers[LIMIT] > 0.0:
+                # what Newton's method could not take is tried again, but not at once
+                s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
+                s.numbers[LIMIT] *= 1.05
         log = rows.log[logged]
         log[0], log[1], log[2], log[3] = s.numbers[COUNT], end, h, iterations
         log[4], log[5], log[6] = s.numbers[TRIES], relative, worst

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# numbers that go from step to step
-TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES = range(12)
-NUMBERS = 12
+# numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
+TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
+NUMBERS = 13
 
 # what a step answers
 DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)

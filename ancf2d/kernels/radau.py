@@ -280,7 +280,9 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if (step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))) and _met(m, p, w, s):
             break
-        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
+        # what is left at this rate after all iterations that are allowed
+        ahead = step * rate ** (m.max_iterations - iteration) if iteration > 3 else 0.0
+        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2) or ahead > wanted:
             return NOT_CONVERGED, iteration, 0.0, rate
     error = _error(m, p, w, s, h)
     _finish(m, p, s, h)

@@ -1,6 +1,7 @@
 """Figures from result files alone."""
 
-from ancf2d.plot.kinds import KINDS, KindInfo, default_kind, draw, list_kinds
+from ancf2d.plot.animation import animate, frames
+from ancf2d.plot.kinds import KINDS, KindInfo, default_animated, default_kind, draw, list_kinds
 from ancf2d.plot.output import data_csv, save, show
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Picture, Source
 
@@ -13,9 +14,12 @@ __all__ = [
     "Panel",
     "Picture",
     "Source",
+    "animate",
     "data_csv",
+    "default_animated",
     "default_kind",
     "draw",
+    "frames",
     "list_kinds",
     "save",
     "show",

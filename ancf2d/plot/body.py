@@ -107,6 +107,16 @@ def magnified(factor: float) -> str:
     return "" if factor == 1.0 else f", displacements magnified {factor:.6g} times"
 
 
+def even_states(t: np.ndarray, count: int) -> Sequence[int]:
+    """Return at most ``count`` states, evenly spaced in t where it only grows, else in their number."""
+    if len(t) <= count:
+        return range(len(t))
+    if np.any(np.diff(t) <= 0):
+        return np.unique(np.linspace(0, len(t) - 1, count).round().astype(int)).tolist()
+    nearest = np.abs(np.linspace(t[0], t[-1], count)[:, None] - t).argmin(axis=1)
+    return np.unique(nearest).tolist()
+
+
 def no_bodies(results: Results) -> str:
     """Say what a file lacks that holds no bodies."""
     return "" if results.bodies else "it holds no bodies"

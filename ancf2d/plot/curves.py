@@ -17,16 +17,20 @@ FAMILIES = {
     "ax": "acceleration", "ay": "acceleration",
     "N": "axial force", "Q": "shear force", "M": "bending moment",
 }
+LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
+         "linestyle": "none", "zorder": 5}
 NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
 
 
-def _names(value: str | Sequence[str] | None) -> list[str]:
+def names_of(value: str | Sequence[str] | None) -> list[str]:
+    """Return the names that an option lists, as a sequence or with commas between them."""
     if value is None:
         return []
     return value.replace(",", " ").split() if isinstance(value, str) else list(value)
 
 
-def _chosen(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
+def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
+    """Return the wanted names; ResultsError where one is none of the known."""
     for name in wanted:
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
@@ -40,8 +44,8 @@ def _values(source: Source, probes: list[str], quantities: list[str],
     """Return (probe, quantity, units, values), of all quantities that exist."""
     results = source.results
     known = list(dict.fromkeys(q for p in results.probes.values() for q in p))
-    _chosen(quantities, known, "probe quantity", results.path)
-    names = _chosen(probes, list(results.probes), "probe", results.path) or list(results.probes)
+    chosen_names(quantities, known, "probe quantity", results.path)
+    names = chosen_names(probes, list(results.probes), "probe", results.path) or list(results.probes)
     return [(name, q, results.probes[name].units.get(q, "1"), values)
             for name in names for q, values in results.probes[name].items()]
 
@@ -73,9 +77,9 @@ def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
             quantity: str | Sequence[str] | None, default: Sequence[str], axis: tuple[str, str],
             swap: bool) -> list[Panel]:
     panels: dict[str, Panel] = {}
-    quantities = _names(quantity)
+    quantities = names_of(quantity)
     for source in sources:
-        found = _values(source, _names(probe), quantities)
+        found = _values(source, names_of(probe), quantities)
         for family, entries in _families(found, quantities, default).items():
             for name, q, units, values in entries:
                 own = (family, units)
@@ -96,7 +100,24 @@ def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | N
                     quantity: str | Sequence[str] | None = None) -> Curves:
     """Build the load factor against probe quantities (default: displacements, else rotations)."""
     panels = _panels(sources, probe, quantity, ("displacement",), ("load factor", "1"), True)
+    _mark_limits(sources, panels)
     return Curves(common_title(sources), "", panels, share="y")
+
+
+def _mark_limits(sources: Sequence[Source], panels: list[Panel]) -> None:
+    """Mark the limit points that a path has passed, on every curve."""
+    for panel in panels:
+        marks: dict[str, tuple[list[float], list[float]]] = {}
+        for source in sources:
+            for point in source.results.summary.get("limit_points", []):
+                for probe, values in point["probes"].items():
+                    for quantity, value in values.items():
+                        if any(c.name == source.name(f"{probe} {quantity}") for c in panel.curves):
+                            x, y = marks.setdefault(source.name("limit points"), ([], []))
+                            x.append(value)
+                            y.append(point["factor"])
+        for name, (x, y) in marks.items():
+            panel.curves.append(Curve(name, np.array(x), np.array(y), look=dict(LIMIT)))
 
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,

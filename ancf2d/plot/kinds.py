@@ -15,16 +15,20 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.convergence import CONVERGENCE
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
+from ancf2d.plot.fields import FIELDS, SECTION_FORCES
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, STEPS
+from ancf2d.plot.phase import PHASE, TRAJECTORY
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.shape import SHAPE
+from ancf2d.plot.snapshots import SNAPSHOTS
 from ancf2d.plot.style import style
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
-KINDS: dict[str, Kind] = {k.name: k for k in (SHAPE, LOAD_DEFLECTION, CONVERGENCE, HISTORY, DIFFERENCE, MODES, ENERGY,
-                                                 STEPS)}
+KINDS: dict[str, Kind] = {k.name: k for k in (
+    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ENERGY, STEPS,
+    DIFFERENCE, CONVERGENCE)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -58,8 +62,14 @@ def default_kind(results: Results) -> str:
     return SHAPE.name
 
 
-def _options(kind: Kind) -> tuple[str, ...]:
-    parameters = inspect.signature(kind.build).parameters.values()
+def default_animated(results: Results) -> str:
+    """Return the kind that is animated where none is named: modes where there are some, else the bodies."""
+    return SHAPE.name if MODES.missing(results) else MODES.name
+
+
+def _options(kind: Kind, animated: bool = False) -> tuple[str, ...]:
+    build = kind.frames if animated and kind.frames is not None else kind.build
+    parameters = inspect.signature(build).parameters.values()
     return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
 
 
@@ -94,8 +104,9 @@ def _types(results: Results) -> str:
     return ", ".join(dict.fromkeys(found))
 
 
-def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
-    """Return the picture of one or several files as a plain value; see ``draw``."""
+def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], animated: bool = False,
+                ) -> tuple[list[Source], Kind]:
+    """Return the files with their names and the kind that is meant; ResultsError where they do not go together."""
     sources = _sources(results)
     name = kind or default_kind(sources[0].results)
     if name not in KINDS:
@@ -106,10 +117,16 @@ def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
         missing = chosen.missing(source.results)
         if missing:
             raise ResultsError(f"cannot draw '{source.results.path}' as {name}: {missing}")
+    known = _options(chosen, animated)
     for option in options:
-        if option not in _options(chosen):
-            raise ResultsError(f"{name} has no option '{option}' (it has "
-                               f"{', '.join(_options(chosen))}){_near(option, _options(chosen))}")
+        if option not in known:
+            raise ResultsError(f"{name} has no option '{option}' (it has {', '.join(known)}){_near(option, known)}")
+    return sources, chosen
+
+
+def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
+    """Return the picture of one or several files as a plain value; see ``draw``."""
+    sources, chosen = chosen_kind(results, kind, options)
     return chosen.build(sources, **options)
 
 

@@ -65,28 +65,32 @@ class Modes:
     title: str
     units: str
     modes: list[Mode]
+    box: np.ndarray | None = None
 
-    def _extent(self) -> np.ndarray:
+    def extent(self) -> np.ndarray:
+        """Return lower left and upper right corner of all modes: ``box`` where it is given."""
+        if self.box is not None:
+            return self.box
         points = np.vstack([p for m in self.modes for b in m.bodies
                             for p in (_boundary(b.moved), _boundary(b.reference))])
         return np.array([points.min(axis=0), points.max(axis=0)])
 
     @property
     def _grid(self) -> tuple[int, int]:
-        width, height = np.ptp(self._extent(), axis=0)
+        width, height = np.ptp(self.extent(), axis=0)
         columns = min(len(self.modes), 2 if height < 0.25 * width else 3 if height < width else 4)
         return -(-len(self.modes) // columns), columns
 
     @property
     def size(self) -> tuple[float, float]:
         rows, columns = self._grid
-        width, height = np.ptp(self._extent(), axis=0)
+        width, height = np.ptp(self.extent(), axis=0)
         each = 9.0 / max(columns, 2)
         return (each * columns, 0.6 + rows * (0.45 + float(np.clip(each * height / width if width else 3.0, 0.5, 3.0))))
 
     def render(self, figure: Figure) -> None:
         grid = figure.subplots(*self._grid, squeeze=False)
-        low, high = self._extent()
+        low, high = self.extent()
         pad = 0.03 * float((high - low).max())
         for axes, mode in zip(grid.ravel(), self.modes, strict=False):
             self._draw(axes, mode)
@@ -191,8 +195,23 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     return f"{kind} {int(table['number'][k])}: {rate}", kind
 
 
+def moving(sources: Sequence[Source], frames: int, *, first: int = 1, count: int = SHOWN) -> Iterator[Modes]:
+    """Yield one cycle of the modes, all in step."""
+    both = np.concatenate([_swung(sources, first, count, s).extent() for s in (-1.0, 1.0)])
+    box = np.array([both.min(axis=0), both.max(axis=0)])
+    for k in range(frames):
+        picture = _swung(sources, first, count, math.cos(2 * math.pi * k / frames))
+        picture.box = box
+        yield picture
+
+
 def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> Modes:
     """Build the grid of modes ``first``, ``first + 1``, ... of a file, at most ``count`` of them."""
+    return _swung(sources, first, count, 1.0)
+
+
+def _swung(sources: Sequence[Source], first: int, count: int, swing: float) -> Modes:
+    """Return the grid of modes, swung out by a part (-1 to 1) of how far they are drawn."""
     if len(sources) > 1:
         raise ResultsError("modes are drawn from one file at a time")
     results = sources[0].results
@@ -205,7 +224,7 @@ def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> M
     found = []
     for k in range(int(first) - 1, min(len(shapes), int(first) - 1 + int(count))):
         factor = magnification(results, base, shapes[k], extent)
-        found.append(_mode(results, k + 1, base, shapes[k], factor, *_label(results, k)))
+        found.append(_mode(results, k + 1, base, shapes[k], swing * factor, *_label(results, k)))
     return Modes(results.title, results.units.length, found)
 
 
@@ -213,4 +232,4 @@ def _missing(results: Results) -> str:
     return "" if SHAPES in results.arrays and results.bodies else "it holds no modes (solver eigen or buckling)"
 
 
-MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes)
+MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes, moving)

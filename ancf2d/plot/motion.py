@@ -1,4 +1,4 @@
-"""Dynamic runs: where the energy is, and how the steps went."""
+"""How a run went: where the energy is, and how large its steps were."""
 
 from __future__ import annotations
 
@@ -73,26 +73,32 @@ def energy(sources: Sequence[Source]) -> Curves:
 
 def _step_panels(results: Results) -> Iterator[tuple[str, Panel, np.ndarray]]:
     """Yield the panels of step sizes, iterations, error and violation, as far as there is something to show."""
-    axis, history = ("time", results.units.time), results.history
-    for name, label, units in (("dt", "step size", results.units.time), ("iterations", "iterations", "1"),
-                               ("error", "local error", "1"), ("violation", "constraint violation", "1")):
+    history = results.history
+    axis = ("time", results.units.time) if "t" in history else ("step", "1")
+    known = (("factor", "load factor", "1"), ("dt", "step size", results.units.time), ("iterations", "iterations", "1"),
+             ("error", "local error", "1"), ("violation", "constraint violation", "1"))
+    for name, label, units in known:
         values = history.get(name)
         if values is None:
             continue
         if name in ("error", "violation"):
             values = np.where(values > ROUND_OFF, values, np.nan)
         positive = values[values > 0]
-        if not positive.size:
+        if not positive.size and name != "factor":
             continue
         log = name in ("error", "violation") or (name == "dt" and positive.max() > 20 * positive.min())
         yield name, Panel(axis, (label, units), log=log, whole=name == "iterations"), values
 
 
 def steps(sources: Sequence[Source]) -> Curves:
-    """Build step sizes, Newton iterations, estimates of the local error and constraint violations over time."""
+    """Build step sizes, Newton iterations, estimates of the local error and constraint violations over time.
+
+    In statics, load factors and iterations over the number of the step.
+    """
     panels: dict[str, Panel] = {}
     for source in sources:
-        t = source.results.history["t"]
+        history = source.results.history
+        t = history["t"] if "t" in history else history["step"]
         for name, own, values in _step_panels(source.results):
             panel = panels.setdefault(name, own)
             panel.log = panel.log or own.log
@@ -106,6 +112,12 @@ def _given_up(source: Source, panels: dict[str, Panel]) -> None:
     """Mark the steps before which longer ones were given up, on the step sizes."""
     history = source.results.history
     rejected = history.get("rejected")
+    cut = history.get("cutbacks")
+    if cut is not None and (cut > 0).any() and "factor" in panels:
+        at = cut > 0
+        mark = Curve(source.name("after one given up"), history["step"][at], history["factor"][at],
+                     look={"marker": "x", "linestyle": "none"})
+        panels["factor"].curves.append(mark)
     if rejected is not None and (rejected > 0).any() and "dt" in panels:
         at = rejected > 0
         mark = Curve(source.name("after one given up"), history["t"][at], history["dt"][at],
@@ -120,10 +132,10 @@ def _no_energies(results: Results) -> str:
 
 
 def _no_steps(results: Results) -> str:
-    if "dt" not in results.history or "t" not in results.history:
-        return "it holds no steps in time; dynamic runs do"
+    if not ({"dt", "t"} <= set(results.history) or {"step", "factor"} <= set(results.history)):
+        return "it holds no steps; static and dynamic runs do"
     return "" if results.history.rows > 1 else "it holds one step only"
 
 
 ENERGY = Kind("energy", "energies over time, and how well they balance (dynamic)", _no_energies, energy)
-STEPS = Kind("steps", "step sizes, iterations and local errors over time (dynamic)", _no_steps, steps)
+STEPS = Kind("steps", "step sizes, iterations and local errors over time, or load steps", _no_steps, steps)

@@ -65,12 +65,14 @@ class Kind:
 
     ``missing(results)`` says in words what a file lacks for it (empty: nothing);
     ``build(sources, **options)`` makes the picture; its keyword arguments are the kind's options.
+    ``frames(sources, count, **options)`` yields the pictures of an animation, None where the kind stands still.
     """
 
     name: str
     doc: str
     missing: Callable[[Results], str]
     build: Callable[..., Picture]
+    frames: Callable[..., Iterator[Picture]] | None = None
 
 
 @dataclass
@@ -86,18 +88,21 @@ class Curve:
 
 @dataclass
 class Panel:
-    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something."""
+    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something;
+    ``equal``: x and y have one scale; ``zero``: where y is zero is drawn too."""
 
     x: tuple[str, str]
     y: tuple[str, str]
     curves: list[Curve] = field(default_factory=list)
     log: bool = False
     whole: bool = False
+    equal: bool = False
+    zero: bool = False
 
 
 @dataclass
 class Curves:
-    """A picture of lines, in panels one above the other or, sharing y, side by side.
+    """A picture of lines, in panels one above the other or, sharing y or nothing, side by side.
 
     ``log_base``: of the x axis where it is logarithmic, else 0; ``log_y``: whether all y axes are. Values below
     ``floor`` are not drawn on a logarithmic axis.
@@ -116,13 +121,20 @@ class Curves:
         n = len(self.panels)
         lines = max(len({c.name for p in self.panels for c in p.curves}), 1)
         room = 0.2 * min(lines, 12) / 2
-        if self.share == "y":
+        if n == 1 and self.panels[0].equal:
+            return 6.4, self._equal_height() + room
+        if self.share != "x":
             return (6.4 if n == 1 else min(3.6 * n + 0.6, 12.0), 4.2 + room)
         return (6.4, (4.2 if n == 1 else 2.4 * n + 0.6) + room)
 
+    def _equal_height(self) -> float:
+        x, y = (np.concatenate([getattr(c, k) for c in self.panels[0].curves]) for k in ("x", "y"))
+        width, height = (float(np.ptp(v[np.isfinite(v)])) for v in (x, y))
+        return float(np.clip(5.4 * height / width if width else 5.0, 1.6, 5.4)) + 1.3
+
     def render(self, figure: Figure) -> None:
         n = len(self.panels)
-        shape = (1, n) if self.share == "y" else (n, 1)
+        shape = (n, 1) if self.share == "x" else (1, n)
         grid = figure.subplots(*shape, squeeze=False, sharex=self.share == "x",
                                sharey=self.share == "y")
         names = list(dict.fromkeys(c.name for p in self.panels for c in p.curves))
@@ -134,9 +146,12 @@ class Curves:
                     looks["marker"] = ""
                 looks.update(curve.look)
                 name = f"{curve.name}{curve.note}"
+                marks = looks.pop("label", None)
                 log = self.log_y or panel.log
                 y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
-                (handles[name],) = axes.plot(curve.x, y, label=name, **looks)
+                (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
+                if marks is None:
+                    handles[name] = line
             if self.log_base:
                 axes.set_xscale("log", base=self.log_base)
                 axes.xaxis.set_major_formatter("{x:g}")
@@ -146,7 +161,12 @@ class Curves:
                 axes.yaxis.get_major_locator().set_params(integer=True)
             style.verbatim(axes.set_xlabel(style.label(*panel.x)))
             style.verbatim(axes.set_ylabel(style.label(*panel.y)))
-            axes.label_outer()
+            if panel.zero:
+                axes.axhline(0.0, color=style.REFERENCE, linewidth=0.9, zorder=1.5)
+            if panel.equal:
+                axes.set_aspect("equal", adjustable="datalim")
+            if self.share:
+                axes.label_outer()
         style.title(figure, self.title, self.note)
         style.legend(figure, list(handles.values()), list(handles))
 

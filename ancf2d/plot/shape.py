@@ -12,8 +12,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
+from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.body import Outline, bounds, check_state, chosen_scale, magnified, no_bodies, outline, when
+from ancf2d.plot.body import (
+    Outline,
+    bounds,
+    check_state,
+    chosen_scale,
+    even_states,
+    magnified,
+    no_bodies,
+    outline,
+    when,
+)
 from ancf2d.plot.picture import Kind, Source, common_title
 
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
@@ -37,8 +48,12 @@ class Shape:
     note: str
     units: str
     parts: list[Part]
+    box: np.ndarray | None = None
 
     def _bounds(self) -> np.ndarray:
+        """Return lower left and upper right corner: of ``box`` where it is given, else of what is drawn."""
+        if self.box is not None:
+            return self.box
         return bounds([o.boundary for p in self.parts for o in (p.reference, p.deformed) if o])
 
     @property
@@ -140,4 +155,26 @@ def _note(sources: Sequence[Source], state: int, factor: float) -> str:
     return when(sources[0].results, state) + magnified(factor)
 
 
-SHAPE = Kind("shape", "deformed bodies with their sections over the reference", no_bodies, shape)
+def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto") -> Iterator[Shape]:
+    """Yield the bodies in at most ``count`` states of the first file, the others at the nearest times."""
+    for source in sources:
+        if not source.results.nt:
+            raise ResultsError(f"'{source.results.path}' holds no states")
+    first = sources[0].results
+    states = even_states(first.t, count)
+    factor = chosen_scale(sources, -1, scale)
+    boxes = [bounds([outline(s.results, b, i, factor).boundary for b in s.results.bodies.values()
+                     for i in (None, *even_states(s.results.t, count))]) for s in sources]
+    box = bounds(boxes)
+    for i in states:
+        parts = []
+        for file, source in enumerate(sources):
+            results = source.results
+            k = i if results is first else int(np.abs(results.t - first.t[i]).argmin())
+            for name, body in results.bodies.items():
+                label = source.name(name if len(results.bodies) > 1 or not source.label else "")
+                parts.append(Part(label, file, outline(results, body, None, 1.0), outline(results, body, k, factor)))
+        yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, box)
+
+
+SHAPE = Kind("shape", "deformed bodies with their sections over the reference", no_bodies, shape, moving)

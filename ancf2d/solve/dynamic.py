@@ -9,6 +9,7 @@ import numpy as np
 
 from ..case import Dynamic
 from ..elements.shape import Array
+from ..errors import ComputationError
 from ..kernels.dynamics import forces
 from ..kernels.motion import COUNT, REJECTED
 from ..model.model import Model
@@ -25,6 +26,9 @@ from .stepping import LOG, Row, Stepper
 TOLERANCE = 1e-6
 # states that are stored where nothing is said
 STATES = 200
+# local errors are relative to the largest displacement so far: of the scene's size to begin with, unless a look ahead
+# over a share of the motion finds less
+BEGIN, AHEAD = 1e-3, 0.02
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
@@ -88,6 +92,8 @@ class Run:
         if kept is None:
             d, v = initial_motion(self.model)
             self.stepper.start(d, v)
+            if self.spec.tolerance is not None and self.stepper.looks_ahead:
+                self.stepper.expect(self._look_ahead(d, v))
             if self.estimate is not None:
                 self.estimate.start(d, v)
             yield self._state(self.stepper.last(), inside=False)
@@ -102,6 +108,20 @@ class Run:
                 if not ends or row.t < self.stepper.t:
                     yield self._state(row, inside, keep=last)
         yield self._end()
+
+    def _look_ahead(self, d: Array, v: Array) -> float:
+        """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""
+        size = BEGIN * self.problem.extent
+        spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
+        scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
+        try:
+            scout.start(d.copy(), v.copy())
+            scout.expect(size)
+            while not scout.done:
+                scout.run()
+        except ComputationError:
+            return 0.0
+        return min(size, scout.reached)
 
     def _state(self, row: Row, inside: bool, keep: bool = False) -> State:
         d, v, a = self.stepper.full(row, inside)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..kernels.motion import COUNT
 from ..model.points import PointRef
 from .stepping import Stepper
 
@@ -90,7 +91,7 @@ class Estimate:
         """Return the relative estimate, the order seen, and how they were found."""
         estimate, order = self._richardson()
         return {"estimate": estimate, "order": order, "of": "time steps",
-                "steps": int(sum(s.s.numbers[8] for s in self.coarse))}
+                "steps": int(sum(s.s.numbers[COUNT] for s in self.coarse))}
 
     def _richardson(self) -> tuple[float | None, float | None]:
         """Return what differences of motions with dt, 2 dt, 4 dt say of the first, and the order that they show."""

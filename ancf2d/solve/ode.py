@@ -42,6 +42,8 @@ class OdeStepper(Stepper):
     each step positions and rates move onto the constraints by the least change in the metric of the mass.
     """
 
+    looks_ahead = False
+
     def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
                  every: int = 0) -> None:
         super().__init__(model, problem, signals, spec, dt, wanted, every)

@@ -52,6 +52,9 @@ class Row:
 class Stepper:
     """A motion on its way. ``dt`` 0 steps adaptively under ``tolerance``; ``wanted`` are times of states."""
 
+    # adaptive steps begin with the size of a motion that ``expect`` is told
+    looks_ahead = True
+
     def __init__(self, model: Model, problem: Problem, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
@@ -129,6 +132,16 @@ class Stepper:
 
     def _largest(self) -> float:
         return self.spec.t_end / (50.0 if self.breaks or self.tracks else 10.0)
+
+    def expect(self, size: float) -> None:
+        """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
+        self.s.numbers[SIZE] = size
+        self.s.numbers[STEP_SIZE] = self._first_step()
+
+    @property
+    def reached(self) -> float:
+        """The displacement [m] at the time reached, the largest of all coordinates."""
+        return float(np.max(self.p.weights * np.abs(self.s.z), initial=0.0))
 
     def run(self) -> list[Row]:
         """Step for about a fifth of a second; return the states stored meanwhile. Raises ComputationError."""

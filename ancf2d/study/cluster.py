@@ -67,7 +67,8 @@ def _cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
             except CancelledError:
                 raise ComputationError(f"the scheduler at {address} was lost") from None
             except (ImportError, AttributeError, RuntimeError) as error:
-                reason = f"the cluster at {address} cannot run ancf2d: {error}"
+                first = " ".join(str(error).split()).partition(". ")[0]
+                reason = f"the cluster at {address} cannot run ancf2d: {first}"
                 raise ComputationError(reason, advice=INSTALL) from error
             finally:
                 executor.shutdown(wait=False)

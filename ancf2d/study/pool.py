@@ -125,9 +125,9 @@ def _processes(count: int) -> Iterator[Executor]:
         yield pool
     except BaseException:
         with no_interrupts():
-            pool.shutdown(wait=False, cancel_futures=True)
             for child in set(multiprocessing.active_children()) - others:
                 child.terminate()
+            pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
 
