@@ -132,3 +132,9 @@ def test_problems_of_several_and_of_the_file_come_together(vocabulary, tmp_path)
                                       "loads.00000000000000000000=1", "x.0=1", "😀=1", "=1"])
 def test_nonsense_is_refused_in_words(override, vocabulary):
     assert "error: " in refusal(vocabulary, override)
+
+
+def test_each_problem_of_several_overrides_is_told_once(vocabulary):
+    with pytest.raises(CaseError) as caught:
+        load(vocabulary, "a", "c=[1", "d=*x", "e=[2")
+    assert [p.file for p in caught.value.problems] == ["--set a", "--set c=[1", "--set d=*x", "--set e=[2"]

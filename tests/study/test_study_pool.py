@@ -64,8 +64,7 @@ if __name__ == "__main__":
     (os.killpg if how is signal.SIGINT else os.kill)(process.pid, how)
     _, said = process.communicate(timeout=20)
     assert process.returncode == code
-    # a killed process cannot clean up, which the standard library remarks on
-    assert how is signal.SIGKILL or not said
+    assert "Traceback" not in said
     until = time.monotonic() + 10
     while any(Path(f"/proc/{n}").exists() for n in children) and time.monotonic() < until:
         time.sleep(0.05)

@@ -1,0 +1,107 @@
+"""``ancf2d sweep`` as a user calls it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from commandline import BEAM, start
+
+Call = Callable[..., Result]
+CallJson = Callable[..., dict[str, Any]]
+COUNTS = ("sweep", "beam.yaml", "--over", "bodies.beam.element.count=1,2")
+# goes on for some seconds, by states that are stored often
+LONG = BEAM.replace("{type: linear_static}", "{type: dynamic, t_end: 5, dt: 1.0e-4}").replace("expected:", "#").replace(
+    "EI: 1.0e3", "EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3").replace("output:", "output:\n  every: 50")
+
+
+def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
+    found = call_json("sweep", "beam.yaml", "--over", "loads.tip.value=[0,-3],[0,-6]", "--over",
+                      "bodies.beam.element.count=1,2", "--jobs", "2", "--json")
+    assert [row["set"] for row in found["rows"]] == [
+        {"loads.tip.value": [0, f], "bodies.beam.element.count": n} for f in (-3, -6) for n in (1, 2)]
+    assert {row["status"] for row in found["rows"]} == {"converged"}
+    assert [row["goal"] for row in found["rows"]] == pytest.approx([-8e-3, -8e-3, -16e-3, -16e-3], rel=1e-9)
+    assert all(Path(row["output"]).parent == Path("beam-sweep") and Path(row["output"]).exists()
+               for row in found["rows"])
+
+
+def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
+    first = call(*COUNTS, "--out", "mine", "--csv", "t.csv")
+    assert first.exit_code == 0, first.output
+    lines = [line.split() for line in first.stdout.splitlines()]
+    assert ["count", "status", "tip", "uy", "elements", "time", "result"] in lines
+    assert "results in mine" in first.stdout
+    again = call(*COUNTS, "--out", "mine")
+    assert "results in mine; 2 of 2 rows had been computed before" in again.stdout
+    rows = csv.DictReader((folder / "t.csv").read_text().splitlines())
+    assert [row["bodies.beam.element.count"] for row in rows] == ["1", "2"]
+
+
+def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: CallJson, folder: Path) -> None:
+    result = call("sweep", "beam.yaml", "--over", "bodies.beam.section.EI=1e3,-1")
+    assert result.exit_code == 1
+    assert "refused" in result.stdout
+    assert "error: of 2 rows, 1 refused" in result.stderr
+    before = sorted(os.listdir(folder))
+    result = call("sweep", "beam.yaml", "--over", "bodies.beam.elemnt.count=1,2", "--over", "loads.5.value=[0,1]")
+    assert result.exit_code == 2
+    assert "did you mean 'element'?" in result.stderr
+    assert "--over loads.5.value=[0,1]: error: 'loads' has 1 item" in result.stderr
+    assert call("sweep", "beam.yaml").exit_code == 2
+    assert sorted(os.listdir(folder)) == before
+    assert call_json("sweep", "beam.yaml", "--over", "a", "--json")["status"] == "failed"
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (("--csv", "beam.yaml"), "is the case itself"), (("--csv", "nowhere/t.csv"), "does not exist"),
+    (("--scheduler", "here"), "no address of a scheduler"),
+    (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "2"), "--jobs is for processes of this machine")],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")
+def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, folder: Path, arguments: tuple[str, ...],
+                                                            said: str) -> None:
+    result = call(*COUNTS, *arguments)
+    assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
+    assert os.listdir(folder) == ["beam.yaml"]
+    assert (folder / "beam.yaml").read_text() == BEAM
+
+
+def test_convergence_has_the_same_options(call: Call) -> None:
+    arguments = ("convergence", "beam.yaml", "--elements", "1,2", "--scheduler")
+    assert "no address of a scheduler" in call(*arguments, "here").stderr
+    assert "--jobs is for processes" in call(*arguments, "tcp://127.0.0.1:1", "--jobs", "2").stderr
+
+
+@pytest.mark.slow
+def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(LONG)
+    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,5,5.1", "--jobs", "2", "--csv", "t.csv", "--json"]
+    process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    until = time.monotonic() + 60
+    # one row is finished, the others are under way
+    while not (list(folder.glob("beam-sweep/*.h5")) and len(list(folder.glob("beam-sweep/*.part"))) == 2):
+        assert time.monotonic() < until
+        assert process.poll() is None
+        time.sleep(0.01)
+    time.sleep(1.2)  # states are flushed every second
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.split("\n")[-3:-1] == ["interrupted", "1 of 3 rows are finished, with results in beam-sweep; the same "
+                                      "command goes on from there"]
+    found = json.loads(out)
+    assert found["status"] == "interrupted"
+    assert [row["status"] for row in found["rows"]] == ["converged", "waiting", "waiting"]
+    assert len((folder / "t.csv").read_text().splitlines()) == 2
+    done = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    rows = json.loads(done.communicate(timeout=120)[0])["rows"]
+    assert [(row["status"], row["reused"]) for row in rows] == [("converged", True), *[("converged", False)] * 2]

@@ -1,0 +1,113 @@
+"""The same jobs on a Dask scheduler with its workers, all on the loopback interface."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+from jobs import die, square
+
+from ancf2d.errors import ComputationError
+from ancf2d.study import cluster
+from ancf2d.study.pool import Workers, run_jobs
+
+pytest.importorskip("distributed")
+HERE = Path(__file__).parent
+
+
+@contextmanager
+def dask(folder: Path, *arguments: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run ``dask`` with the jobs of these tests importable, and end it."""
+    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, **more}
+    with (folder / "dask.log").open("ab") as log:
+        process = subprocess.Popen([sys.executable, "-m", "dask", *arguments], env=environment, stdout=log,
+                                   stderr=log, cwd=folder)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def scheduler(folder: Path) -> Iterator[str]:
+    """Give the address of a scheduler."""
+    file = folder / "scheduler.json"
+    # by default, a job is tried on three more workers before it is held to be what kills them
+    with dask(folder, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
+              "--scheduler-file", str(file), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0"):
+        until = time.monotonic() + 30
+        while not (file.exists() and file.stat().st_size):
+            assert time.monotonic() < until, (folder / "dask.log").read_text()
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"]
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a scheduler with a worker of two threads."""
+    folder = tmp_path_factory.mktemp("dask")
+    with ExitStack() as stack:
+        found = stack.enter_context(scheduler(folder))
+        stack.enter_context(dask(folder, "worker", found, "--nthreads", "2", "--no-dashboard", "--local-directory",
+                                 str(folder)))
+        yield found
+
+
+def minus(job: float) -> float:
+    return -job
+
+
+def test_results_keep_the_order_of_the_jobs(address: str) -> None:
+    found: dict[int, float] = {}
+    assert run_jobs(square, [3.0, 1.0, 2.0], Workers(scheduler=address), minus, found.__setitem__) == [9.0, 1.0, 4.0]
+    assert found == {0: 9.0, 1: 1.0, 2: 4.0}
+
+
+def test_another_version_on_a_worker_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "program", lambda: "0.0.1")
+    with pytest.raises(ComputationError, match=r"a worker has ancf2d .*, this is 0\.0\.1"):
+        run_jobs(square, [1.0], Workers(scheduler=address), minus)
+
+
+def test_functions_that_workers_do_not_have_are_told(address: str, tmp_path: Path,
+                                                     monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "only_here.py").write_text("def same(x):\n    return x\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    from only_here import same
+
+    with pytest.raises(ComputationError, match=r"cannot run ancf2d: .*deserialization"):
+        run_jobs(same, [1.0], Workers(scheduler=address), minus)
+
+
+def test_death_of_a_worker_is_the_end_of_its_job_alone(address: str) -> None:
+    assert run_jobs(die, [2], Workers(scheduler=address), minus) == [-2]
+    assert run_jobs(die, [0, 1], Workers(scheduler=address), minus) == [0, 1]
+
+
+@pytest.mark.parametrize(("begin", "said"), [
+    (lambda address: "tcp://127.0.0.1:1", "there is no Dask scheduler at tcp://127.0.0.1:1"),
+    (lambda address: address, "has no workers")], ids=["no scheduler", "no workers"])
+def test_what_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: Callable[[str], str],
+                                   said: str) -> None:
+    monkeypatch.setattr(cluster, "CONNECT", 2.0)
+    monkeypatch.setattr(cluster, "WORKERS", 0.5)
+    with scheduler(tmp_path) as lonely, pytest.raises(ComputationError, match=said):
+        run_jobs(square, [1.0], Workers(scheduler=begin(lonely)), minus)
+
+
+def test_files_are_named_so_that_workers_elsewhere_find_them() -> None:
+    assert Workers(scheduler="tcp://127.0.0.1:8786").file("a.h5") == str(Path.cwd() / "a.h5")
+    assert Workers(2).file("a.h5") == "a.h5"

@@ -1,0 +1,242 @@
+"""All combinations of some values of a case: rows, results by content, what is computed again and what is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ancf2d.case.axes import combinations, read_axes
+from ancf2d.errors import CaseError, ResultsError
+from ancf2d.results import open_results
+from ancf2d.study import identity, sweep
+from ancf2d.study.pool import ALONE
+from ancf2d.study.sweep import Sweep, plan, run_sweep
+from ancf2d.study.sweep_table import short_names, write_csv
+
+# uy = F L^3/(3 E I) of the tip, exactly, in linear statics
+BEAM = """\
+title: Cantilever
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}
+    element: {type: cable, count: 2}
+boundary_conditions:
+  - {name: root, type: clamp, at: beam@0}
+loads:
+  - {name: tip, type: force, at: beam@1, value: [0, -3]}
+solver: {type: linear_static}
+output:
+  probes:
+    tip: beam@1
+"""
+GOAL = "goal: {probe: tip, quantity: uy}\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "beam.yaml").write_text(BEAM + GOAL)
+    return tmp_path
+
+
+def swept(*over: str, overrides: tuple[str, ...] = (), force: bool = False) -> Sweep:
+    found = plan("beam.yaml", read_axes(over), overrides, Path("out"), ALONE, "ancf2d sweep", force)
+    run_sweep(found, ALONE)
+    return found
+
+
+# ---------------------------------------------------------------------------- values
+
+@pytest.mark.parametrize(("text", "values"), [
+    ("a=1,2,1e3", [1, 2, 1000.0]), ("a=[2,2],[3,2]", [[2, 2], [3, 2]]), ("a=[1,2]", [[1, 2]]),
+    ("a={type: cable, count: 2},{type: ancf, order: [2, 1]}",
+     [{"type": "cable", "count": 2}, {"type": "ancf", "order": [2, 1]}]),
+    ("a='x,y',\"z\"", ["x,y", "z"]), ("a=beam@0.5,null,true", ["beam@0.5", None, True]), ("a=1,1.0,1e0", [1.0]),
+    ("a= 1 , 2 ", [1, 2])])
+def test_values_are_those_of_yaml(text: str, values: list[Any]) -> None:
+    axis, = read_axes([text])
+    assert (axis.path, list(axis.values)) == ("a", values)
+
+
+def test_combinations_change_the_last_axis_fastest() -> None:
+    assert list(combinations(read_axes(["a=1,2", "b=x,y"]))) == [(1, "x"), (1, "y"), (2, "x"), (2, "y")]
+
+
+def test_everything_wrong_with_the_axes_is_told_at_once() -> None:
+    with pytest.raises(CaseError) as found:
+        read_axes(["a", "b=", "c=[1,2", "d=1,,2", "e=1,*x", "f=1", "f=2", "=3"])
+    assert [p.file for p in found.value.problems] == sorted(
+        f"--over {t}" for t in ("a", "b=", "c=[1,2", "d=1,,2", "e=1,*x", "f=2", "=3"))
+
+
+def test_too_many_combinations_are_told_before_they_are_made() -> None:
+    many = ",".join(map(str, range(1000)))
+    with pytest.raises(CaseError, match="1000000 combinations"):
+        read_axes([f"a={many}", f"b={many}"])
+
+
+# ---------------------------------------------------------------------------- rows
+
+def test_every_combination_is_a_row_with_its_exact_answer() -> None:
+    found = swept("loads.tip.value=[0,-3],[0,-6]", "bodies.beam.section.EI=1e3,2e3")
+    assert [row.status for row in found.rows] == ["converged"] * 4
+    assert [row.goal for row in found.rows] == pytest.approx([-8e-3, -4e-3, -16e-3, -8e-3], rel=1e-9)
+    assert found.rows[2].set == {"loads.tip.value": [0, -6], "bodies.beam.section.EI": 1000.0}
+    for row in found.rows:
+        assert row.output is not None
+        with open_results(row.output) as r:
+            assert r.summary["probes"]["tip"]["uy"] == row.goal
+    assert found.as_json()["status"] == "converged"
+    assert found.as_json()["rows"][0]["goal"] == found.rows[0].goal
+
+
+def test_without_a_goal_a_row_tells_probes_modes_or_load_factors(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(BEAM)
+    assert list(swept("bodies.beam.element.count=2").rows[0].values) == ["tip.ux", "tip.uy"]
+    modes = swept("solver={type: eigen, modes: 2}").rows[0].values
+    assert list(modes) == ["omega 1", "omega 2"]
+    # (1.8751/L)^2 sqrt(EI/rhoA)
+    assert modes["omega 1"] == pytest.approx((1.8751041 / 2)**2 * 1e3**0.5, rel=1e-2)
+    assert list(swept("solver={type: buckling, modes: 1}", overrides=("loads.tip.value=[-1, 0]",)).rows[0].values) == [
+        "load factor 1"]
+
+
+def test_what_is_refused_or_fails_is_a_row() -> None:
+    found = swept("bodies.beam.section.EI=1e3,-1", "solver={type: linear_static},{type: static, max_iterations: 1}",
+                  overrides=("loads.tip.value=[0, -1e5]",))
+    assert [row.status for row in found.rows] == ["converged", "failed", "refused", "refused"]
+    assert "must be > 0" in found.rows[2].reason
+    assert found.rows[1].reason
+    assert found.as_json()["status"] == "failed"
+    # seen only when the model is built
+    loose = swept("boundary_conditions.root.type=clamp,pin")
+    assert [row.status for row in loose.rows] == ["converged", "refused"]
+    assert "mechanism" in loose.rows[1].reason
+
+
+def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("no")
+    monkeypatch.setattr(sweep, "run_case", broken)
+    row, = swept("bodies.beam.element.count=2").rows
+    assert (row.status, row.reason) == ("failed", "internal error, please report: ZeroDivisionError: no")
+
+
+def test_paths_that_do_not_exist_are_told_at_once_and_nothing_is_computed() -> None:
+    with pytest.raises(CaseError) as found:
+        swept("bodies.beam.elemnt.count=4,8", "bodies.beam.section.EJ=1,2", "loads.3.value=[0,1]")
+    assert sorted(p.file for p in found.value.problems) == [
+        "--over bodies.beam.elemnt.count=4,8", "--over bodies.beam.section.EJ=1,2", "--over loads.3.value=[0,1]"]
+    assert not Path("out").exists()
+
+
+def test_a_case_that_only_the_axes_complete_is_none_that_is_wrong(folder: Path) -> None:
+    (folder / "beam.yaml").write_text(BEAM.replace(", count: 2", ""))
+    assert [row.status for row in swept("bodies.beam.element.count=1,2").rows] == ["converged"] * 2
+
+
+def test_folder_in_the_way_of_which_is_a_file_is_told(folder: Path) -> None:
+    (folder / "out").write_text("mine")
+    with pytest.raises(ResultsError, match="cannot make the folder 'out'"):
+        swept("bodies.beam.element.count=1")
+
+
+# ---------------------------------------------------------------------------- results by content
+
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list that grows with the output of every run."""
+    found: list[str] = []
+    run_case = sweep.run_case
+
+    def counted(loaded: Any, out: str, **options: Any) -> Any:
+        found.append(out)
+        return run_case(loaded, out, **options)
+    monkeypatch.setattr(sweep, "run_case", counted)
+    return found
+
+
+def test_what_is_there_is_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = runs(monkeypatch)
+    first = swept("bodies.beam.element.count=1,2")
+    again = swept("bodies.beam.element.count=2,3,1")
+    assert len(count) == 3
+    assert [row.reused for row in again.rows] == [True, False, True]
+    assert again.rows[0].goal == first.rows[1].goal
+    assert again.rows[0].wall_s == first.rows[1].wall_s
+    swept("bodies.beam.element.count=1,2", force=True)
+    assert len(count) == 5
+
+
+def test_equal_cases_are_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = runs(monkeypatch)
+    found = swept("loads.tip.value=[0,-3],[0.0,-3.0]", "title=A")
+    assert len(count) == 1
+    assert [row.status for row in found.rows] == ["converged"] * len(found.rows)
+
+
+def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    count = runs(monkeypatch)
+    swept("bodies.beam.element.count=1")
+    swept("bodies.beam.element.count=1", overrides=("bodies.beam.section.EI=2e3",))
+    assert len(count) == 2
+    monkeypatch.setattr(identity, "program", lambda: "another")
+    swept("bodies.beam.element.count=1")
+    assert len(count) == 3
+    text = "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, {at: 1, "
+    (folder / "own.yaml").write_text(text + "coordinates: [r, r_x]}]\n")
+    own = "bodies.beam.element={definition: own.yaml, count: 2}"
+    swept(own)
+    swept(own)
+    assert len(count) == 4
+    (folder / "own.yaml").write_text(text + "coordinates: [r, r_x]}]\nquadrature: [6, 1]\n")
+    swept(own)
+    assert len(count) == 5
+
+
+def test_a_file_that_is_not_what_its_name_says_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = swept("bodies.beam.element.count=1,2").rows
+    assert one.output is not None
+    assert two.output is not None
+    Path(one.output).write_bytes(Path(two.output).read_bytes())
+    again = swept("bodies.beam.element.count=1").rows[0]
+    assert (again.reused, again.elements) == (False, 1)
+    Path(one.output).write_bytes(b"\x89HDF\r\n\x1a\n cut off")
+    row = swept("bodies.beam.element.count=1").rows[0]
+    # what ancf2d did not write is replaced by force only
+    assert (row.status, "--force" in row.reason) == ("failed", True)
+    assert swept("bodies.beam.element.count=1", force=True).rows[0].status == "converged"
+
+
+def test_the_state_that_a_motion_starts_from_is_part_of_its_name(folder: Path) -> None:
+    motion = {"overrides": ("solver={type: dynamic, t_end: 1e-3, dt: 1e-3}", "initial={from: start.h5}")}
+    (folder / "beam.yaml").write_text(BEAM)
+    names = []
+    for load in (-3, -4):
+        row = swept(f"loads.tip.value=[0,{load}]").rows[0]
+        (folder / "start.h5").write_bytes(Path(str(row.output)).read_bytes())
+        found = swept("bodies.beam.element.count=2", **motion).rows[0]  # type: ignore[arg-type]
+        assert found.status == "converged", found.reason
+        names.append(found.output)
+    assert names[0] != names[1]
+
+
+# ---------------------------------------------------------------------------- tables
+
+def test_columns_have_the_shortest_names_that_tell_them_apart() -> None:
+    assert short_names(["bodies.a.element.count", "loads.0.value"]) == ["count", "value"]
+    assert short_names(["bodies.a.element.count", "bodies.b.element.count", "title"]) == [
+        "a.element.count", "b.element.count", "title"]
+    assert short_names(["bodies.a.section.height", "bodies.a.section.width"]) == ["height", "width"]
+
+
+def test_csv_has_a_line_per_row_at_full_precision(folder: Path) -> None:
+    found = swept("bodies.beam.section.EI=1e3,-1", "loads.tip.value=[0,-3]")
+    write_csv(found, "table.csv")
+    head, one, two = (folder / "table.csv").read_text().splitlines()
+    assert head == "bodies.beam.section.EI,loads.tip.value,status,tip uy,elements,dofs,wall_s,estimate,output,reason"
+    assert one.startswith(f'1000,"[0, -3]",converged,{found.rows[0].goal!r},2,12,')
+    assert two.startswith('-1,"[0, -3]",refused,,,,,,,"bodies.beam.section.EI must be > 0')
+    assert sorted(p.name for p in folder.iterdir()) == ["beam.yaml", "out", "table.csv"]
