@@ -6,40 +6,18 @@
 from __future__ import annotations
 
 import os
-import platform
 from datetime import date
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import dynamics
 import eigen
 import startup
 import static_cantilever
+from stamp import machine, versions
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "speed.md"
 TYPES = ["reissner2", "reissner3", "kerkkanen", "vallejo"]
 SIZES = [1000, 10_000]
-
-
-def machine() -> str:
-    """Return the processor's name."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        name = platform.processor() or "unknown processor"
-    return f"{name}, {os.cpu_count()} cores"
-
-
-def versions() -> str:
-    """Return the versions that the figures belong to."""
-    found = []
-    for package in ("ancf2d", "numpy", "scipy", "numba", "exudyn"):
-        try:
-            found.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            found.append(f"no {package}")
-    return f"Python {platform.python_version()}, " + ", ".join(found)
 
 
 def start_table() -> list[str]:
@@ -74,7 +52,7 @@ def main() -> None:
     """Write the page."""
     text = f"""# Speed
 
-Measured by `python scripts/bench/report.py` on {date.today()}: {machine()}; {versions()}. Medians of runs made in turn
+Measured by `python scripts/bench/report.py` on {date.today()}: {machine()}; {versions("exudyn")}. Medians of runs made in turn
 on a shared machine: trust the ratios more than the seconds.
 
 ## Start

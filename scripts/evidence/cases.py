@@ -1,0 +1,148 @@
+"""Every case of cases/dynamic against its reference, over the whole motion, and against finer runs of itself."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf2d.elements.shape import Array
+from ancf2d.study.run import load
+
+from .runs import ROOT, Motion, distance, follow, small, table
+
+sys.path.append(str(ROOT / "tests" / "verification"))
+import motion_references
+
+CASES = ROOT / "cases" / "dynamic"
+
+
+def _as_is(motion: Motion, probe: str) -> Array:
+    return motion.place(probe)
+
+
+def _in_hub(motion: Motion, probe: str) -> Array:
+    """Return a probe in the frame that turns with the hub of the spin-up."""
+    angle = np.array([motion_references.spin(t, 6, 15)[0] for t in motion.t])
+    x, y = motion.place(probe).T
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * x + s * y, c * y - s * x], axis=1)
+
+
+@dataclass(frozen=True)
+class Exact:
+    """A case with a geometrically exact reference: its motion in ``motion_references`` and probes in that order.
+
+    ``wanted`` [m] of the largest distance; ``frame`` : in which places are compared.
+    """
+
+    motion: str
+    probes: tuple[str, ...]
+    wanted: float
+    overrides: tuple[str, ...] = ()
+    frame: Callable[[Motion, str], Array] = _as_is
+
+
+EXACT = {
+    "pendulum1_reissner3": Exact("pendulum_1", ("tip",), 2e-5),
+    "pendulum1_cable": Exact("pendulum_1", ("tip",), 2e-5),
+    "pendulum2_reissner3": Exact("pendulum_2", ("tip",), 5e-5),
+    "slider_crank_reissner3": Exact("slider_crank", ("middle",), 3e-4),
+    "slider_crank_rigid": Exact("slider_crank_rigid", ("middle",), 3e-4),
+    "spin_up": Exact("spin_up", ("tip",), 1e-3, ("solver.t_end=10",), frame=_in_hub),
+    "four_bar": Exact("four_bar", ("middle",), 1e-4),
+    "double_pendulum": Exact("double_pendulum", ("elbow", "tip"), 1e-4),
+    "free_rod": Exact("free_rod", ("lower", "upper"), 1e-3),
+}
+# case: (probe, [(time, place, how far off it may be), ...], where the values are from)
+GIVEN = {
+    "pendulum1_cable": ("tip", [(0.5, (0.991498, -1.502307), 2e-5), (1.0, (-1.685664, -0.631293), 2e-5),
+                                (1.5, (-1.774687, -0.300800), 2e-5)], "another Euler-Bernoulli cable"),
+    "pendulum2_reissner3": ("tip", [(0.25, (1.171603, -0.308758), 5e-5), (0.5, (0.354320, -1.307083), 5e-5)],
+                            "another geometrically exact beam"),
+    "pendulum2_continuum": ("tip", [(0.25, (1.16778, -0.31014), 5e-3), (0.5, (0.33044, -1.29864), 5e-3)],
+                            "another Green-Lagrange continuum"),
+    "slider_crank_reissner3": ("middle", [(0.1, (None, 0.0674), 3e-4), (0.2, (None, -0.0251), 3e-4),
+                                          (0.3, (None, 0.1219), 3e-4)], "another geometrically exact beam"),
+    "spin_up": ("tip", [(5.0, (None, -0.4685), 1e-3), (7.5, (None, -0.5591), 1e-3), (10.0, (None, -0.3628), 1e-3)],
+                "Simo & Vu-Quoc 1986, across in the hub's frame"),
+}
+GREEN = (0.33044, -1.29864)
+
+
+def finer(name: str) -> list[str]:
+    """Return the overrides of a case with twice the elements of every flexible body and a hundredth of the tolerance."""
+    loaded = load(CASES / f"{name}.yaml").case
+    out = [f"bodies.{b}.element.count={2 * body.element.count}" for b, body in loaded.bodies.items()
+           if body.element.type != "rigid"]
+    return [*out, f"solver.tolerance={loaded.solver.tolerance / 100:g}"]
+
+
+def moved(name: str, *overrides: str) -> Motion:
+    """Return the motion of a case. Raises ComputationError where it fails."""
+    motion = follow(load(CASES / f"{name}.yaml", overrides))
+    if motion.outcome.failure is not None:
+        raise motion.outcome.failure
+    return motion
+
+
+def exact() -> str:
+    """Return the table of cases with a reference over the whole motion."""
+    rows = []
+    for name, e in EXACT.items():
+        motion, fine = moved(name, *e.overrides), moved(name, *e.overrides, *finer(name))
+        times = motion.t[1:].tolist()
+        reference = motion_references.MOTIONS[e.motion](times)
+        off = max(distance(e.frame(motion, p)[1:], reference[:, 2 * k:2 * k + 2]) for k, p in enumerate(e.probes))
+        own = max(distance(e.frame(motion, p), e.frame(fine, p)) for p in e.probes)
+        model = max(distance(e.frame(fine, p)[1:], reference[:, 2 * k:2 * k + 2]) for k, p in enumerate(e.probes))
+        rows.append([f"[{name}](../cases/dynamic/{name}.yaml)", ", ".join(e.probes), f"{motion.t[-1]:g} s",
+                     f"{max(motion.extent(p) for p in e.probes):.3g} m", small(off), small(e.wanted), small(own),
+                     small(model), str(motion.summary["steps"]), met(off <= e.wanted)])
+    return table(["case", "probe", "to", "moves", "off the reference [m]", "wanted", "off the finer run [m]",
+                  "finer run off the reference [m]", "steps", ""], rows)
+
+
+def met(good: bool) -> str:
+    """Return how a wanted value was met."""
+    return "ok" if good else "MISSED"
+
+
+def given() -> str:
+    """Return the table of values given by others."""
+    rows = []
+    for name, (probe, values, source) in GIVEN.items():
+        e = EXACT.get(name, Exact("", (probe,), 0.0))
+        motion = moved(name, *e.overrides)
+        places = e.frame(motion, probe)
+        for t, known, wanted in values:
+            found = places[int(np.argmin(np.abs(motion.t - t)))]
+            off = max(abs(a - b) for a, b in zip(found, known, strict=True) if b is not None)
+            rows.append([name, f"{probe}, t = {t:g} s", _pair(known), _pair(
+                a if b is not None else None for a, b in zip(found, known, strict=True)), small(off),
+                small(wanted), met(off <= wanted), source])
+    return table(["case", "where", "given", "computed", "off by [m]", "wanted", "", "source"], rows)
+
+
+def _pair(values: Iterable[float | None]) -> str:
+    shown = [f"{v:.7g}" for v in values if v is not None]
+    return f"({', '.join(shown)})" if len(shown) > 1 else shown[0]
+
+
+def paper() -> str:
+    """Return the table of the paper's elements at the end of each motion, beside both limits."""
+    rows = []
+    for file in sorted(CASES.glob("*_2d?n_*.yaml"), key=lambda f: (f.stem.rsplit("_", 1)[0], int(f.stem.split("_")[-1]))):
+        name = file.stem
+        loaded = load(file).case
+        beam = load(CASES / f"{name.split('_2d')[0]}_reissner3.yaml").case
+        motion = moved(name)
+        end = motion.place(loaded.goal.probe)[-1]
+        exact = [next(c.value for c in beam.expected if (c.probe, c.quantity) == (loaded.goal.probe, q)) for q in "xy"]
+        green = small(math.dist(end, GREEN)) if name.startswith("pendulum2") else ""
+        rows.append([name, f"({end[0]:.5f}, {end[1]:.5f})", small(math.dist(end, exact)), green,
+                     met(all(c["met"] for c in motion.summary["checks"]))])
+    return table(["case", "at the end [m]", "off the beam [m]", "off the continuum [m]", "as expected"], rows)

@@ -1,0 +1,101 @@
+"""Steps that are far too long: the true error of pendulum (1) beside the estimate that the run reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf2d.errors import CaseError
+from ancf2d.solve.schemes import INTEGRATORS
+
+from .runs import Motion, case, distance, follow, small, table
+
+PENDULUM = """
+title: Pendulum (1)
+bodies:
+  rod:
+    geometry: {{type: line, start: [0, 0], end: [1.8, 0]}}
+    section: {{height: 0.008, width: 0.03125}}
+    material: {{E: 2.07e11, nu: 0.3, rho: 2766.67}}
+    element: {{type: {element}, count: {count}}}
+boundary_conditions: [{{type: pin, at: rod@0}}]
+loads: [{{type: gravity, value: [0, -9.81]}}]
+solver: {{type: dynamic, t_end: 1.5, {solver}}}
+output: {{interval: 0.01, probes: {{tip: rod@1}}}}
+"""
+METHODS = [m.name for m in INTEGRATORS.values() if m.scipy is None]
+ELEMENTS = ("reissner3", "cable", "vallejo")
+# an estimate holds where the truth is at most so many times as large
+COVERS = 10.0
+
+
+@dataclass(frozen=True)
+class Trap:
+    """A run with long steps: its true and its estimated error, relative to what the tip moves, and what it said."""
+
+    element: str
+    method: str
+    dt: float
+    count: int
+    code: int
+    truth: float | None = None
+    estimate: float | None = None
+    cut: int = 0
+    said: str = ""
+
+    @property
+    def honest(self) -> bool:
+        """Whether it failed, cut its steps, or estimated an error that covers the true one."""
+        if self.code or self.cut:
+            return True
+        return self.estimate is not None and self.truth is not None and self.truth <= COVERS * self.estimate
+
+
+def motion(element: str, count: int, solver: str) -> Motion:
+    """Return a motion of pendulum (1)."""
+    return follow(case(PENDULUM.format(element=element, count=count, solver=solver)))
+
+
+def trap(element: str, method: str, dt: float, count: int, fine: Motion) -> Trap:
+    """Return what a method makes of steps dt, beside the fine motion of the same mesh."""
+    try:
+        found = motion(element, count, f"method: {method}, dt: {dt}")
+    except CaseError as error:
+        return Trap(element, method, dt, count, 2, said=error.problems[0].message.removeprefix("solver.method: "))
+    cut = int(found.summary.get("rejected", 0))
+    if found.outcome.failure is not None:
+        return Trap(element, method, dt, count, 1, cut=cut, said=found.summary["reason"])
+    truth = distance(found.place("tip"), fine.place("tip")) / fine.extent("tip")
+    said = "warns" if any("steps are too large" in w for w in found.outcome.warnings) else ""
+    return Trap(element, method, dt, count, 0, truth, found.summary["accuracy"]["estimate"], cut, said)
+
+
+def traps(steps: tuple[float, ...], count: int) -> Iterator[Trap]:
+    """Yield what all methods and types make of too long steps."""
+    for element in ELEMENTS:
+        fine = motion(element, count, "method: radau9, tolerance: 1e-9")
+        for method in METHODS:
+            for dt in steps:
+                yield trap(element, method, dt, count, fine)
+
+
+def report() -> str:
+    """Return the table for dt = 0.01, and what other steps and meshes add to it."""
+    rows, more = [], []
+    for t in traps((0.01,), 8):
+        numbers = ["" if x is None else small(x) for x in (t.truth, t.estimate)]
+        rows.append([t.element, t.method, *numbers, str(t.cut) if t.code != 2 else "", str(t.code), t.said,
+                     "ok" if t.honest else "MISLEADS"])
+        more.append(t)
+    for count in (4, 16):
+        more += list(traps((0.02, 0.01, 0.005), count))
+    ran = [t for t in more if t.code != 2]
+    plain = [t for t in ran if not t.code and not t.cut and t.truth is not None]
+    worst = max((t.truth / t.estimate for t in plain if t.truth and t.estimate), default=np.nan)
+    text = (f"With dt = 0.005, 0.01 and 0.02 s and 4, 8 and 16 elements, {len(ran)} runs: {len(plain)} passed without a "
+            f"cut step, the true error at most {worst:.1f} times the estimate; "
+            f"{sum(not t.honest for t in ran)} mislead.")
+    return table(["type", "method", "true error", "estimate", "attempts given up", "exit code", "says", ""],
+                 rows) + f"\n\n{text}"
