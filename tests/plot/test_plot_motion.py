@@ -93,10 +93,19 @@ def test_what_tells_most_about_a_motion(tmp_path: Path) -> None:
         assert plot.default_kind(r) == "history"
 
 
-@pytest.mark.parametrize(("kind", "word"), [("energy", "no energies"), ("steps", "no steps in time")])
-def test_a_static_run_has_neither(tmp_path: Path, kind: str, word: str) -> None:
-    with open_results(bent_beam(tmp_path / "a.h5")) as r, pytest.raises(ResultsError, match=word):
-        plot.draw(r, kind)
+def test_a_static_run_has_no_energies_over_time(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5")) as r, pytest.raises(ResultsError, match="no energies"):
+        plot.draw(r, "energy")
+
+
+def test_load_steps_are_drawn_by_their_number(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5", steps=5)) as r:
+        figure = plot.draw(r, "steps")
+        factor, iterations = figure.axes
+        assert (factor.get_ylabel(), iterations.get_ylabel(), iterations.get_xlabel()) == (
+            "load factor", "iterations", "step")
+        np.testing.assert_allclose(factor.lines[0].get_xydata(), [(k, k / 5) for k in range(6)])
+        np.testing.assert_array_equal(iterations.lines[0].get_ydata(), np.full(6, 3))
 
 
 def test_very_many_steps_are_drawn_by_their_extremes() -> None:

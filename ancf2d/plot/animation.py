@@ -1,0 +1,75 @@
+"""Animations: the pictures of many states, or of one cycle of each mode, as GIF or MP4."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot.kinds import KINDS, Input, chosen_kind
+from ancf2d.plot.picture import Picture
+from ancf2d.plot.style import style
+
+# the one place where a format is added
+WRITERS: dict[str, type[AbstractMovieWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
+FRAMES, RATE, DPI = 60, 20, 100
+SMALLEST = 2  # frames that make an animation
+
+
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        raise ResultsError(f"cannot write '{path}': animations are {' or '.join(WRITERS)} files")
+    if not WRITERS[suffix].isAvailable():
+        raise ResultsError(f"cannot write '{path}': it takes the program ffmpeg, which is not installed; "
+                           "install it, or write a .gif file")
+    return WRITERS[suffix](fps=fps)
+
+
+def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, title: str | None = None,
+           **options: Any) -> Iterator[Picture]:
+    """Yield the pictures of an animation, all with the same axes; see ``animate``."""
+    sources, chosen = chosen_kind(results, kind, options, animated=True)
+    if chosen.frames is None:
+        moving = ", ".join(k.name for k in KINDS.values() if k.frames is not None)
+        raise ResultsError(f"{chosen.name} stands still; what can be animated is {moving}")
+    if length < SMALLEST:
+        raise ResultsError(f"an animation has at least {SMALLEST} frames, not {length}")
+    for picture in chosen.frames(sources, length, **options):
+        if title is not None:
+            picture.title = title
+        yield picture
+
+
+def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
+            fps: int = RATE, title: str | None = None, **options: Any) -> Path:
+    """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
+
+    States are evenly spaced in time. Raises ResultsError where the kind stands still or the file cannot be written.
+    """
+    path = Path(path)
+    writer, pictures = _writer(path, fps), frames(results, kind, length=length, title=title, **options)
+    first = next(pictures)
+    half = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        with style():
+            figure = Figure(figsize=first.size)
+            FigureCanvasAgg(figure)
+            with writer.saving(figure, str(half), DPI):
+                for picture in (first, *pictures):
+                    figure.clear()
+                    figure.set_layout_engine("constrained")
+                    picture.render(figure)
+                    writer.grab_frame()
+        half.replace(path)
+    except OSError as error:
+        raise ResultsError(f"cannot write '{path}': {error.strerror or error}") from error
+    finally:
+        half.unlink(missing_ok=True)
+    return path

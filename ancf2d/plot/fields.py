@@ -1,0 +1,314 @@
+"""Fields over the bodies: stress, strain or energy density as colour, section forces along the axis as lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot import style
+from ancf2d.plot.body import (
+    Outline,
+    bounds,
+    check_state,
+    chosen_scale,
+    even_states,
+    magnified,
+    no_states,
+    outline,
+    when,
+)
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.results import FieldRecord, Results
+
+COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
+ACROSS = 9  # points drawn across a body
+MAX_ELEMENTS = 2000  # drawn per body; of more, some
+FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
+ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
+FORCES = ("N", "Q", "M")
+NAMES = {"N": "axial force N", "Q": "shear force Q", "M": "bending moment M"}
+Formula = Callable[[np.ndarray], np.ndarray]
+
+
+def _mises(s: np.ndarray) -> np.ndarray:
+    xx, yy, xy = s[..., 0], s[..., 1], s[..., 2]
+    return np.sqrt(np.maximum(xx**2 - xx * yy + yy**2 + 3.0 * xy**2, 0.0))
+
+
+# what can be drawn beside the stored components, by field
+DERIVED: dict[str, dict[str, Formula]] = {"stress": {"mises": _mises}}
+SYMBOLS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "stress across the axis, σ_yy",
+           ("stress", "xy"): "shear stress, σ_xy", ("stress", "mises"): "von Mises stress",
+           ("strain", "xx"): "strain along the axis, ε_xx", ("strain", "yy"): "strain across the axis, ε_yy",
+           ("strain", "xy"): "shear strain, 2 ε_xy", ("energy", "energy"): "strain energy density"}
+
+
+def _even(n: int, at: np.ndarray) -> np.ndarray:
+    """Return weights (len(at), n) of the polynomial through n evenly spaced values, at fractions in [0, 1]."""
+    x, powers = np.linspace(-1.0, 1.0, n), np.arange(n)
+    return ((2 * at - 1)[:, None] ** powers) @ np.linalg.inv(x[:, None] ** powers)
+
+
+@dataclass
+class Surface:
+    """One body with values: points (ne, nx, ny, 2) and values (ne, nx, ny); reference outline; arclength (ne, nx).
+
+    ``height`` is that of the section.
+    """
+
+    name: str
+    points: np.ndarray
+    values: np.ndarray
+    reference: Outline
+    s: np.ndarray
+    height: float
+
+    def along(self, unrolled: bool) -> np.ndarray:
+        """Return the points that are drawn: in the plane, or over arclength and distance from the axis."""
+        if not unrolled:
+            return self.points
+        y = self.height * np.linspace(-0.5, 0.5, self.points.shape[2])
+        return np.stack(np.broadcast_arrays(self.s[..., None], y), axis=-1)
+
+
+@dataclass
+class Fields:
+    """The picture of one field over all bodies of one file in one state."""
+
+    title: str
+    note: str
+    units: str
+    what: tuple[str, str]
+    surfaces: list[Surface]
+    unrolled: bool
+    limits: tuple[float, float] | None = None
+    box: np.ndarray | None = field(default=None, repr=False)
+
+    def bounds(self) -> np.ndarray:
+        """Return lower left and upper right corner of what is drawn in the plane."""
+        if self.box is not None:
+            return self.box
+        return bounds([p.reshape(-1, 2) for s in self.surfaces for p in (s.points, s.reference.boundary)])
+
+    @property
+    def size(self) -> tuple[float, float]:
+        if self.unrolled:
+            return 6.4, 1.3 + 1.5 * len(self.surfaces) + 0.5
+        width, height = np.ptp(self.bounds(), axis=0)
+        return 6.4, float(np.clip(5.6 * height / width if width else 5.0, 1.4, 5.2)) + 2.0
+
+    def range(self) -> tuple[float, float]:
+        """Return the values at both ends of the colours: evenly about zero where there are both signs."""
+        if self.limits is not None:
+            return self.limits
+        low = min(float(np.nanmin(s.values)) for s in self.surfaces)
+        high = max(float(np.nanmax(s.values)) for s in self.surfaces)
+        top = max(abs(low), abs(high))
+        if low < -1e-6 * top and high > 1e-6 * top:
+            return -top, top
+        return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+    def render(self, figure: Figure) -> None:
+        rows = len(self.surfaces) if self.unrolled else 1
+        grid = figure.subplots(rows, 1, squeeze=False)[:, 0]
+        low, high = self.range()
+        mesh: Any = None
+        for k, surface in enumerate(self.surfaces):
+            mesh = self._surface(grid[k if self.unrolled else 0], surface, low, high)
+        for k, axes in enumerate(grid):
+            if self.unrolled:
+                self._strip(axes, self.surfaces[k], k == rows - 1)
+            else:
+                self._plane(axes)
+            axes.grid(False)
+        bar = figure.colorbar(mesh, ax=list(grid), location="bottom", aspect=40, fraction=0.06, pad=0.04)
+        style.verbatim(bar.ax.set_xlabel(style.label(*self.what)))
+        style.title(figure, self.title, self.note)
+
+    def _surface(self, axes: Axes, surface: Surface, low: float, high: float) -> QuadMesh:
+        if not self.unrolled:
+            axes.add_patch(Polygon(surface.reference.boundary, facecolor="none", edgecolor=style.REFERENCE,
+                                   linestyle="--", linewidth=0.8))
+        mesh: Any = None
+        points = surface.along(self.unrolled)
+        for p, values in zip(points, surface.values, strict=True):
+            # colours as an image within vector figures: thousands of triangles would be slow and show seams
+            mesh = axes.pcolormesh(p[..., 0], p[..., 1], values, shading="gouraud", cmap=COLORS, vmin=low, vmax=high,
+                                   rasterized=True, zorder=2)
+        edge = np.concatenate([points[:, :, 0].reshape(-1, 2), points[-1, -1], points[::-1, ::-1, -1].reshape(-1, 2),
+                               points[0, 0, ::-1]])
+        axes.add_patch(Polygon(edge, facecolor="none", edgecolor="0.25", linewidth=0.6, zorder=3))
+        return mesh
+
+    def _plane(self, axes: Axes) -> None:
+        low, high = self.bounds()
+        pad = 0.04 * float((high - low).max()) or 1.0
+        axes.update_datalim([low - pad, high + pad])
+        axes.margins(0)
+        axes.autoscale_view()
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(style.label("x", self.units))
+        axes.set_ylabel(style.label("y", self.units))
+
+    def _strip(self, axes: Axes, surface: Surface, last: bool) -> None:
+        axes.margins(0)
+        axes.set_yticks([-0.5 * surface.height, 0.0, 0.5 * surface.height])
+        axes.yaxis.set_major_formatter("{x:.3g}")
+        name = f"{surface.name}: y" if len(self.surfaces) > 1 else "y, across"
+        style.verbatim(axes.set_ylabel(style.label(name, self.units)))
+        if last:
+            axes.set_xlabel(style.label("arc length", self.units))
+
+    def header(self) -> list[str]:
+        unit = f" [{self.units}]"
+        return ["body", "element", f"s{unit}", f"x{unit}", f"y{unit}", f"{self.what[0]} [{self.what[1]}]"]
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        for surface in self.surfaces:
+            for ie in range(len(surface.values)):
+                for k, values in enumerate(surface.values[ie].tolist()):
+                    for (x, y), value in zip(surface.points[ie, k].tolist(), values, strict=True):
+                        yield surface.name, ie, float(surface.s[ie, k]), x, y, value
+
+
+def _component(results: Results, record: FieldRecord, component: str | None) -> tuple[str, Formula]:
+    formulas: dict[str, Formula] = {c: (lambda v, k=k: v[..., k]) for k, c in enumerate(record.components)}
+    formulas.update(DERIVED.get(record.name, {}))
+    name = component or next(iter(formulas))
+    if name not in formulas:
+        raise ResultsError(f"{record.name} has no component '{name}' (it has {', '.join(formulas)})")
+    return name, formulas[name]
+
+
+def _surface(results: Results, name: str, record: FieldRecord, formula: Formula, state: int, scale: float) -> Surface:
+    body = results.body(name)
+    ne = len(body.dofs)
+    some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_ELEMENTS)).astype(int))
+    faces = results.faces(name, state, scale=scale, elements=some)
+    across = _even(3, np.linspace(0, 1, ACROSS))
+    points = np.einsum("ya,emac->emyc", across, np.stack([faces[k] for k in ("bottom", "axis", "top")], axis=2))
+    values = formula(results.field(name, record.name, state)[some])
+    values = np.einsum("xi,yj,eij->exy", _even(len(record.xi), body.sample_xi),
+                       _even(len(record.eta), np.linspace(0, 1, ACROSS)), values)
+    lengths = body.lengths[body.classes]
+    s = (np.cumsum(lengths) - lengths)[some, None] + lengths[some, None] * body.sample_xi
+    return Surface(name, points, values, outline(results, body, None, 1.0), s, body.height)
+
+
+def _wanted(results: Results, wanted: str | None) -> str:
+    """Return the field that is drawn: the one asked for, else the first of ORDER that is stored over the height."""
+    known = list(dict.fromkeys(n for fields in results.fields.values() for n, f in fields.items() if len(f.eta) > 1))
+    if wanted is None:
+        return min(known, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER))
+    if wanted in FORCES:
+        raise ResultsError(f"{wanted} is known along the axis only; draw it as section_forces")
+    if wanted not in known:
+        raise ResultsError(f"'{results.path}' has no field '{wanted}' (it has {', '.join(known)}; output: fields: in "
+                           "the case names those that are stored)")
+    return wanted
+
+
+def fields(sources: Sequence[Source], *, field: str | None = None, component: str | None = None,
+           scale: float | str = "auto", state: int = -1, unrolled: bool | None = None) -> Fields:
+    """Build one field over the bodies of one file.
+
+    ``field``: stress, strain or energy (default: the first that is stored); ``component``: xx, yy, xy, or mises of
+    stress; ``unrolled``: over arclength and height instead of in the plane (default: where bodies are thin).
+    """
+    if len(sources) > 1:
+        raise ResultsError("fields are drawn from one file at a time")
+    results = sources[0].results
+    check_state(results, state)
+    name = _wanted(results, field)
+    records = {body: found[name] for body, found in results.fields.items() if name in found}
+    first = next(iter(records.values()))
+    part, formula = _component(results, first, component)
+    factor = chosen_scale(sources, state, scale)
+    surfaces = [_surface(results, body, record, formula, state, factor) for body, record in records.items()]
+    extent = float(np.ptp(bounds([s.points.reshape(-1, 2) for s in surfaces]), axis=0).max())
+    flat = max(s.height for s in surfaces) < FLAT * extent if unrolled is None else unrolled
+    what = (SYMBOLS.get((name, part), f"{name} {part}"), first.units)
+    note = when(results, state) + ("" if flat else magnified(factor))
+    return Fields(results.title, note, results.units.length, what, surfaces, flat)
+
+
+def moving(sources: Sequence[Source], count: int, *, field: str | None = None, component: str | None = None,
+           scale: float | str = "auto", unrolled: bool | None = None) -> Iterator[Fields]:
+    """Yield one field in at most ``count`` states, with the same axes and colours."""
+    options: dict[str, Any] = {"field": field, "component": component}
+    states = even_states(sources[0].results.t, count)
+    options["scale"] = chosen_scale(sources, -1, scale)
+    every = [fields(sources, state=i, unrolled=unrolled, **options) for i in states]
+    ranges = np.array([f.range() for f in every])
+    box = bounds([f.bounds() for f in every])
+    for picture in every:
+        picture.limits = (float(ranges[:, 0].min()), float(ranges[:, 1].max()))
+        picture.box, picture.unrolled = box, every[-1].unrolled
+        yield picture
+
+
+def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] | None = None,
+                   state: int = -1) -> Curves:
+    """Build N, Q and M along the axis of each body, over its arclength in the reference."""
+    asked = quantity.replace(",", " ").split() if isinstance(quantity, str) else list(quantity or FORCES)
+    for name in asked:
+        if name not in FORCES:
+            raise ResultsError(f"section_forces draws {', '.join(FORCES)}, not '{name}'")
+    units = sources[0].results.units
+    panels = {name: Panel(("arc length", units.length), (NAMES[name], ""), zero=True) for name in asked}
+    for source in sources:
+        results = source.results
+        check_state(results, state)
+        for body, found in results.fields.items():
+            lengths = results.body(body).lengths[results.body(body).classes]
+            for name in asked:
+                if name not in found:
+                    continue
+                record = found[name]
+                s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * record.xi
+                values = results.field(body, name, state)[..., 0, 0]
+                label = source.name(body if len(results.fields) > 1 or not source.label else "")
+                panels[name].y = (NAMES[name], record.units)
+                panels[name].curves.append(Curve(label, s.ravel(), values.ravel(), look={"marker": ""}))
+    drawn = [p for p in panels.values() if p.curves]
+    if not drawn:
+        raise ResultsError(f"'{sources[0].results.path}' does not hold {' or '.join(asked)}")
+    _flatten(drawn)
+    return Curves(common_title(sources), when(sources[0].results, state), drawn, share="x")
+
+
+def _flatten(panels: list[Panel]) -> None:
+    """Draw as zero what is round-off beside the other forces: its axis would show noise."""
+    length = max(float(c.x.max()) for p in panels for c in p.curves)
+    sizes = [max(float(np.abs(c.y).max()) for c in p.curves) / (length if p.y[0] == NAMES["M"] else 1.0)
+             for p in panels]
+    for panel, size in zip(panels, sizes, strict=True):
+        if size < 1e-6 * max(sizes):
+            for curve in panel.curves:
+                curve.y = np.zeros_like(curve.y)
+
+
+def _no_surface(results: Results) -> str:
+    if no_states(results):
+        return no_states(results)
+    known = any(len(f.eta) > 1 for found in results.fields.values() for f in found.values())
+    return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores it)"
+
+
+def _no_forces(results: Results) -> str:
+    if no_states(results):
+        return no_states(results)
+    known = any(name in FORCES for found in results.fields.values() for name in found)
+    return "" if known else "it holds no section forces (output: fields: [N, Q, M] in the case stores them)"
+
+
+FIELDS = Kind("fields", "stress, strain or energy density over the bodies, as colour", _no_surface, fields, moving)
+SECTION_FORCES = Kind("section_forces", "N, Q and M along the bodies", _no_forces, section_forces)
