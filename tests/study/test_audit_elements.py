@@ -1,0 +1,110 @@
+"""Sound elements pass the examination, broken ones are found out, and every listed one goes through it."""
+
+import audits
+import pytest
+
+from ancf2d.elements.registry import ELEMENTS
+from ancf2d.errors import CaseError
+from ancf2d.study.audit.examine import CHECKS, audit
+from ancf2d.study.audit.subject import subject
+
+TYPES = [*ELEMENTS, "ancf[1,1]", "ancf[2,2]", "ancf[3,1]"]
+CUBIC = ["1", "x", "y", "x*y", "x^2", "x^3"]
+BASES_LOCK = {"poisson_locking_of_basis": "fail"}
+
+
+@pytest.mark.parametrize(("name", "others"), [
+    ("vallejo", {"slope_continuity": "note", **BASES_LOCK}),
+    ("reissner2", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"), "note")),
+    ("reissner3", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"), "note")),
+    ("cable", dict.fromkeys(("patch_transverse", "patch_shear", "shear_factor", "shear_in_bending",
+                             "poisson_locking_of_basis"), "note")),
+    ("ancf[2,2]", {"slope_continuity": "note"})])
+def test_sound_elements_pass_but_for_what_they_have_not(name, others):
+    found = audits.verdicts(subject(name))
+    assert {k: v for k, v in found.items() if v != "pass"} == others
+
+
+def test_an_element_of_twelve_coordinates_described_in_a_file(tmp_path):
+    """vallejo's basis with the nodes elsewhere: the same element."""
+    file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2", "x^2*y"], "r", "r_y", places=(0.0, 0.4, 1.0),
+                          formulation="enhanced")
+    found = audits.find(file)
+    assert {k: f.verdict for k, f in found.items() if f.verdict != "pass"} == {"slope_continuity": "note", **BASES_LOCK}
+    assert found["order_eigen"].value == pytest.approx(4.0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_every_listed_type_goes_through(name):
+    done = []
+    found = audit(subject(name), done=lambda share, check: done.append((share, check)))
+    assert [a.check for a in found.answers] == list(CHECKS)
+    assert done[0] == (0.0, CHECKS[0].name)
+    assert done[-1] == (1.0, "")
+    for answer in found.answers:
+        assert answer.finding.verdict in ("pass", "fail", "note")
+        assert "\n" not in answer.finding.meaning
+        assert "cannot be computed" not in answer.finding.meaning
+
+
+def test_dependent_coordinates_are_found_out(tmp_path):
+    file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2*y^2", "x^3"], "r", "r_x", "r_y")
+    found = audits.find(file)
+    assert found["solvability"].verdict == "fail"
+    assert found["solvability"].value >= 1e13
+    assert "rank 5 of 6" in found["solvability"].meaning
+    assert {f.verdict for k, f in found.items() if k != "solvability"} == {"note"}
+
+
+def test_a_basis_that_is_lost_at_one_nu_is_found_out(tmp_path):
+    found = audits.find(audits.written(tmp_path, [*CUBIC[:4], "nu*x^2", "x^3"], "r", "r_x", "r_y"),
+                        "solvability")["solvability"]
+    assert found.verdict == "fail"
+    assert "nu = 0" in found.meaning
+
+
+def test_a_missing_xy_is_found_out(tmp_path):
+    """Sections that turn like x^2 inside an element have 4/3 of the bending energy, however fine the mesh."""
+    file = audits.written(tmp_path, ["1", "x", "y", "x^2*y", "x^2", "x^3"], "r", "r_x", "r_y")
+    found = audits.find(file, "patch_bending", "reversal_symmetry", "order_static", "patch_axial")
+    assert {k: f.verdict for k, f in found.items()} == {
+        "patch_bending": "fail", "reversal_symmetry": "fail", "order_static": "fail", "patch_axial": "pass"}
+    assert "elsewhere" in found["order_static"].meaning
+
+
+def test_reduced_quadrature_that_leaves_hourglass_modes_is_found_out(tmp_path):
+    file = audits.written(tmp_path, CUBIC, "r", "r_x", "r_y", quadrature=[2, 2])
+    found = audits.find(file, "zero_energy_modes", "spurious_branch", "thickness_locking", "order_static")
+    assert found["zero_energy_modes"].value == 2
+    assert (found["spurious_branch"].value, found["spurious_branch"].verdict) == (0.0, "fail")
+    full = audits.find(file, "zero_energy_modes", quadrature=[3, 2])
+    assert full["zero_energy_modes"].verdict == "pass"
+
+
+def test_an_element_that_has_no_linear_field_is_found_out(tmp_path):
+    file = audits.written(tmp_path, ["1", "x + x^2", "y", "x*y"], "r", "r_y")
+    assert audits.find(file, "completeness")["completeness"].verdict == "fail"
+
+
+def test_an_element_that_is_another_upside_down_is_found_out(tmp_path):
+    file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2 + x^2*y", "x^3"], "r", "r_x", "r_y")
+    assert audits.find(file, "mirror_symmetry")["mirror_symmetry"].verdict == "fail"
+
+
+def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
+    file = audits.written(tmp_path, ["1", "x^^2", "y", "sin(x)"], "r", "r_y")
+    with pytest.raises(CaseError) as caught:
+        subject(file)
+    assert [(p.file, p.path, p.line) for p in caught.value.problems] == [
+        (file, ("basis", 1), 1), (file, ("basis", 3), 1)]
+
+
+@pytest.mark.parametrize(("name", "options", "words"), [
+    ("rigid", {}, "rigid has no strain"), ("2d2m", {}, "did you mean '2d2n'"), ("ancf", {}, "orders along and across"),
+    ("vallejo", {"preset": "paper"}, "--preset: error: the paper has no vallejo"),
+    ("2d2n", {"formulation": "enhanced"}, "--formulation: error: 2d2n has no formulation enhanced"),
+    ("cable", {"quadrature": "exact"}, "--quadrature: error: no finite rule"),
+    ("missing.yaml", {}, "cannot read the file")])
+def test_what_cannot_be_examined_is_refused_in_the_words_of_the_command_line(name, options, words):
+    with pytest.raises(CaseError, match=words):
+        subject(name, **options)
