@@ -34,6 +34,14 @@ def observed_order(n: np.ndarray, error: np.ndarray) -> float:
     return float(order) if order >= LEVEL else np.nan
 
 
+def pareto(work: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return which points (n,) no other beats in both, those with least work first."""
+    order = np.lexsort((error, work))
+    best = np.minimum.accumulate(error[order])
+    first = np.append(True, best[1:] < best[:-1])
+    return order[first]
+
+
 def _groups(table: Table) -> dict[str, np.ndarray]:
     """Return the rows of each element type; formulations tell apart what the type does not."""
     elements = [str(e) for e in table["element"]]
@@ -75,6 +83,25 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
     notes += [f"errors of zero are drawn at {ROUND_OFF:g}"] if zeros else []
     return Curves(common_title(sources), "; ".join(n for n in notes if n), [panel],
                   log_base=2 if against == "elements" else 10, log_y=not values)
+
+
+def work_precision(sources: Sequence[Source]) -> Curves:
+    """Build the error against the measured time, a line per element type, and the front that nothing beats."""
+    curves = []
+    for source in sources:
+        table = source.results.tables["convergence"]
+        for name, rows in _groups(table).items():
+            curves.append(Curve(source.name(name), *_points(table, rows, "wall_s", "error")))
+    curves = [Curve(c.name, c.x, np.maximum(c.y, ROUND_OFF), c.note) for c in curves if len(c.x)]
+    if not curves:
+        raise ResultsError("the convergence table holds no finite error to draw")
+    x, y = (np.concatenate([getattr(c, k) for c in curves]) for k in ("x", "y"))
+    front = pareto(x, y)
+    curves.append(Curve("best for their time", x[front], y[front],
+                        look={"color": "0.55", "linewidth": 5, "alpha": 0.45, "linestyle": "-", "marker": "",
+                              "drawstyle": "steps-post", "zorder": 1.5}))
+    panel = Panel(("wall time", "s"), _y_axis(sources, "error"), curves)
+    return Curves(common_title(sources), _against(sources), [panel], log_base=10, log_y=True)
 
 
 def _points(table: Table, rows: np.ndarray, against: str, column: str) -> tuple[np.ndarray, np.ndarray]:
@@ -120,5 +147,12 @@ def _no_table(results: Results) -> str:
     return ""
 
 
+def _no_times(results: Results) -> str:
+    missing = _no_table(results)
+    return missing or ("" if "wall_s" in results.tables["convergence"] else "its table holds no times")
+
+
+WORK_PRECISION = Kind("work_precision", "error of the goal against the measured time, and the best of all",
+                      _no_times, work_precision)
 CONVERGENCE = Kind("convergence", "error of the goal, or its values, against the number of elements",
                    _no_table, convergence)

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.convergence import CONVERGENCE
+from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS, SECTION_FORCES
@@ -28,7 +28,7 @@ from ancf2d.results import Results
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ENERGY, STEPS,
-    DIFFERENCE, CONVERGENCE)}
+    DIFFERENCE, CONVERGENCE, WORK_PRECISION)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -108,7 +108,7 @@ def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], an
                 ) -> tuple[list[Source], Kind]:
     """Return the files with their names and the kind that is meant; ResultsError where they do not go together."""
     sources = _sources(results)
-    name = kind or default_kind(sources[0].results)
+    name = kind or (default_animated if animated else default_kind)(sources[0].results)
     if name not in KINDS:
         raise ResultsError(f"unknown kind of figure '{name}' (known: {', '.join(KINDS)})"
                            f"{_near(name, list(KINDS))}")

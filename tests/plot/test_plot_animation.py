@@ -1,0 +1,71 @@
+"""Animations: as many frames as asked for, with still axes; refusals in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.animation import FFMpegWriter
+from PIL import Image
+from synthetic import bent_beam, mechanism
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot import animate, frames
+from ancf2d.plot.body import even_states
+from ancf2d.results import open_results
+
+
+def test_a_gif_has_the_frames_and_their_rate(tmp_path: Path) -> None:
+    with open_results(mechanism(tmp_path / "a.h5")) as results:
+        path = animate(results, tmp_path / "a.gif", length=5, fps=10)
+    with Image.open(path) as image:
+        assert image.n_frames == 5
+        assert image.info["duration"] == 100
+        assert image.info["loop"] == 0
+    assert [p.name for p in tmp_path.glob("*part*")] == []
+
+
+def test_all_frames_show_the_same_part_of_the_plane(tmp_path: Path) -> None:
+    with open_results(mechanism(tmp_path / "a.h5")) as results:
+        pictures = list(frames(results, length=5))
+        assert [p.note for p in pictures] == [f"t = {t:g} s" for t in np.linspace(0, 1, 5)]
+        for picture in pictures:
+            np.testing.assert_array_equal(picture.box, pictures[0].box)
+            for part in picture.parts:
+                inside = part.deformed.boundary
+                assert (picture.box[0] <= inside.min(axis=0)).all()
+                assert (inside.max(axis=0) <= picture.box[1]).all()
+        rod = pictures[2].parts[1].deformed
+        np.testing.assert_array_equal(rod.axis, results.faces("rod", 20)["axis"].reshape(-1, 2))
+
+
+def test_states_are_even_in_time_and_in_number_where_a_path_turns_back() -> None:
+    assert list(even_states(np.array([0.0, 0.1, 0.2, 0.9, 1.0]), 3)) == [0, 2, 4]
+    assert list(even_states(np.array([0.0, 2.0, 1.0, 3.0, 4.0]), 3)) == [0, 2, 4]
+    assert list(even_states(np.arange(3.0), 10)) == [0, 1, 2]
+
+
+def test_what_cannot_be_animated_is_said(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5")) as results:
+        with pytest.raises(ResultsError, match="history stands still; what can be animated is shape, fields, modes"):
+            animate(results, tmp_path / "a.gif", "history")
+        with pytest.raises(ResultsError, match=r"animations are \.gif or \.mp4 files"):
+            animate(results, tmp_path / "a.avi")
+        with pytest.raises(ResultsError, match="shape has no option 'state'"):
+            animate(results, tmp_path / "a.gif", "shape", state=3)
+        with pytest.raises(ResultsError, match="cannot write"):
+            animate(results, tmp_path / "none" / "a.gif", "shape", length=2)
+
+
+def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with open_results(bent_beam(tmp_path / "a.h5")) as results:
+        with pytest.raises(ResultsError, match=r"ffmpeg.*write a \.gif"):
+            animate(results, tmp_path / "a.mp4")
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
+def test_mp4_is_written_where_ffmpeg_is(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5")) as results:
+        assert animate(results, tmp_path / "a.mp4", length=3).read_bytes()[4:8] == b"ftyp"
