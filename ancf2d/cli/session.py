@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import shlex
 import sys
 from collections.abc import Callable
@@ -11,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import click
+
+from ..plain import json_text
 
 
 @dataclass
@@ -58,20 +58,3 @@ class Session:
     def shows_progress(self) -> bool:
         """Whether a progress bar may be drawn: on a terminal only."""
         return not self.quiet and sys.stderr is not None and sys.stderr.isatty()
-
-
-def json_text(value: Any) -> str:
-    """Return a value as JSON; numbers that JSON has no word for become null."""
-    return json.dumps(_plain(value), indent=2, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, str | int | float | bool | None) else str(value)

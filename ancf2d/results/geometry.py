@@ -10,6 +10,7 @@ from numpy.polynomial.legendre import legvander
 from ancf2d.results.records import BodyRecord
 
 DEGREE = 12  # along the element: no basis has a higher power
+STEP = 1e-30  # its square is nothing beside any coordinate
 BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape functions
 
 
@@ -26,7 +27,7 @@ def _offset(axis: np.ndarray, normal: np.ndarray, height: float) -> tuple[np.nda
 def _tangent(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
     axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
     r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
-    length = np.hypot(r_x[..., 0], r_x[..., 1])
+    length = np.sqrt(r_x[..., 0]**2 + r_x[..., 1]**2)
     length[length == 0] = 1.0
     normal = np.stack([-r_x[..., 1], r_x[..., 0]], -1) / length[..., None]
     return _offset(axis, normal, body.height)
@@ -52,7 +53,7 @@ def body_faces(body: BodyRecord, e: np.ndarray,
     """
     chosen = np.arange(len(body.dofs))[elements if elements is not None else slice(None)]
     shape = (len(chosen), len(body.sample_xi), 2)
-    faces = {name: np.empty(shape) for name in ("bottom", "axis", "top")}
+    faces = {name: np.empty(shape, np.result_type(e, float)) for name in ("bottom", "axis", "top")}
     for start in range(0, len(chosen), BLOCK):
         part = chosen[start:start + BLOCK]
         x = e[body.dofs[part]].reshape(len(part), -1, body.components)
@@ -60,6 +61,14 @@ def body_faces(body: BodyRecord, e: np.ndarray,
         for name, values in zip(faces, points, strict=True):
             faces[name][start:start + len(part)] = values
     return faces
+
+
+def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
+               elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the rates of the points of ``body_faces`` where the nodal coordinates change by v (nq,) per unit."""
+    # a complex step: what is real is not touched, so that the derivative is exact to round-off for any section
+    moved = body_faces(body, e + 1j * STEP * v, elements)
+    return {name: values.imag / STEP for name, values in moved.items()}
 
 
 def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -26,8 +26,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         with private.open("rb") as stream:
             os.fsync(stream.fileno())
         os.replace(private, path)
-    except OSError as error:
-        raise ResultsError(f"cannot write '{path}': {error.strerror or error}") from error
+    except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
+        raise ResultsError(f"cannot write '{path}': {getattr(error, 'strerror', None) or error}") from error
     finally:
         with suppress(OSError):
             private.unlink()

@@ -1,0 +1,36 @@
+"""``ancf2d export``: results in other formats."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+from .options import debug_option, json_option, quiet_option
+from .progress import Bar
+from .session import Session
+
+
+@click.command(epilog="Examples: 'ancf2d export beam.h5 beam.vtkhdf' for ParaView, 'ancf2d export beam.h5 tip.csv', "
+                      "'ancf2d export beam.h5 beam.json'.")
+@click.argument("source", type=click.Path(), metavar="OUT.h5")
+@click.argument("file", type=click.Path(), metavar="FILE")
+@click.option("--force", is_flag=True, help="Replace FILE where it exists.")
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, source: str, file: str, force: bool) -> int:
+    """Write results in the format that FILE's suffix names.
+
+    .vtkhdf: the bodies with their sections over time, for ParaView. .csv: the probes, a line per stored value. .json:
+    everything small: origin, summary, probes, steps, tables.
+    """
+    session.subject = {"file": source, "output": file}
+    from ..results.export import export
+
+    with Bar("writing", session.shows_progress) as bar:
+        chosen = export(source, file, force, bar.update)
+    session.print_json({**session.subject, "status": "written", "bytes": os.path.getsize(file)})
+    session.out(f"wrote {file} ({chosen.holds})")
+    return 0

@@ -1,0 +1,66 @@
+"""Results in other formats, from the result file alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from ancf2d.errors import ResultsError
+from ancf2d.results.reader import Results, open_results
+from ancf2d.results.replace import replacing
+from ancf2d.results.target import check_folder
+
+Done = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: what its files hold, and the module here whose ``write(results, path, done)`` writes one."""
+
+    suffix: str
+    holds: str
+    module: str
+
+    def write(self, results: Results, path: Path, done: Done) -> None:
+        """Write a new file; ``done`` is told the share that is written. Raises ResultsError."""
+        import_module(f"{__name__}.{self.module}").write(results, path, done)
+
+
+# the one place where a format is added
+FORMATS = {f.suffix: f for f in (
+    Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf"),
+    Format(".csv", "the probes over time or load factor", "probes"),
+    Format(".json", "everything small: where it came from, summary, probes, steps, tables", "small"),
+)}
+
+
+def format_of(path: str | os.PathLike[str]) -> Format:
+    """Return the format that a file's suffix names. Raises ResultsError with those that there are."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        what = f"unknown suffix '{suffix}'" if suffix else "no suffix"
+        raise ResultsError(f"cannot write '{path}': {what} (known: {', '.join(FORMATS)})")
+    return FORMATS[suffix]
+
+
+def export(source: str | os.PathLike[str], path: str | os.PathLike[str], force: bool = False,
+           done: Done = lambda share: None) -> Format:
+    """Write a result file in the format that ``path`` names; return that format.
+
+    The file appears when it is complete. Raises ResultsError for an unknown suffix, for a file that holds nothing of
+    the kind, and where ``path`` exists, unless ``force``.
+    """
+    path = Path(path)
+    chosen = format_of(path)
+    check_folder(path)
+    with open_results(source) as results:
+        if path.exists() and os.path.samefile(path, source):
+            raise ResultsError(f"'{path}' is the result file itself; choose another name")
+        if os.path.lexists(path) and not force:
+            raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
+        with replacing(path) as private:
+            chosen.write(results, private, done)
+    return chosen
