@@ -151,8 +151,8 @@ def reduced(model: Model, K: Array) -> Array:
     return T.T @ K @ T
 
 
-def compliance(model: Model, Q: Array) -> float:
-    """Return Q . d of a free beam under forces (n_q,) that balance, with K d = Q.
+def response(model: Model, Q: Array) -> Array:
+    """Return displacements (n_q,) of a free beam under forces (n_q,) that balance, K d = Q.
 
     Motions without strain energy are left out: rigid ones, and hidden ones where there are any.
     """
@@ -162,7 +162,21 @@ def compliance(model: Model, Q: Array) -> float:
     values, vectors = np.linalg.eigh(0.5 * (K + K.T))
     parts = vectors.T @ (num.reduce(Q) / w)
     stiff = values > ZERO * values[-1]
-    return float((parts[stiff] ** 2 / values[stiff]).sum())
+    full = np.zeros(len(num.place))
+    num.expand((vectors[:, stiff] @ (parts[stiff] / values[stiff])) / w, full)
+    return full[:model.n_q]
+
+
+def compliance(model: Model, Q: Array) -> float:
+    """Return Q . d of a free beam under forces (n_q,) that balance."""
+    return float(Q @ response(model, Q))
+
+
+def work_inside(model: Model, d: Array) -> float:
+    """Return d . K d of the elements of the middle half of a beam, which the ends do not disturb."""
+    dofs, K = beam(model).dofs, element_stiffness(model)
+    inner = slice(len(dofs) // 4, len(dofs) - len(dofs) // 4)
+    return float(np.einsum("ea,eab,eb->", d[dofs[inner]], K[inner], d[dofs[inner]]))
 
 
 # eigenvalues of K in displacements below this share of the largest are zero
