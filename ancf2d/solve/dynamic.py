@@ -83,9 +83,9 @@ class Run:
         kind = OdeStepper if spec.method in SCHEMES else Stepper
         self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
         self.balance = Balance(model, self.stepper)
-        # SciPy's methods keep their local errors below a tolerance: dt is only their longest step
-        fixed = spec.dt is not None and spec.method not in SCHEMES
-        self.estimate = Estimate(self) if fixed and spec.estimate else None
+        # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
+        beside = spec.method not in SCHEMES and not (every and spec.dt is None)
+        self.estimate = Estimate(self) if beside and spec.estimate else None
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""

@@ -1,7 +1,8 @@
-"""The error of fixed steps: motions with steps of 2 dt and 4 dt run beside, and their differences extrapolate."""
+"""The error of steps in time: coarser motions run beside, and their differences extrapolate."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,42 +16,51 @@ from .stepping import Stepper
 if TYPE_CHECKING:
     from .dynamic import Run
 
-FACTORS = (2, 4)
+LEVELS = 2
+# between levels: of fixed steps, or of the tolerance of adaptive ones
+DOUBLE, TENFOLD = 2.0, 10.0
 # added to what two differences extrapolate to (Roache's grid convergence index for three levels)
 SAFETY = 1.25
+# differences that grow by less between levels are no asymptotic sequence
+ASYMPTOTIC = 2.0**0.5
 
 
 class Estimate:
     """Differences between a motion and coarser ones at stored times, over all probes (all nodes where there are none).
 
-    ``largest`` (levels, probes): of the differences between neighbouring levels; ``moved`` (probes,): of the
-    displacements.
+    Fixed steps: levels of 2 dt and 4 dt, errors like dt^order. Adaptive ones: 10 and 100 times the tolerance, errors
+    like the tolerance. ``largest`` (levels, probes): of the differences between neighbouring levels; ``moved``
+    (probes,): of the displacements.
     """
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        self.order = run.stepper.method.order
+        fixed = run.stepper.dt > 0.0
+        self.factor, self.order = (DOUBLE, run.stepper.method.order) if fixed else (TENFOLD, 1)
         model = run.model
         probes = [model.point(p.at) for p in model.case.output.probes.values()]
         self.columns = [_rows(p) for p in probes] or _nodes(run)
-        self.largest = np.zeros((len(FACTORS), len(self.columns)))
+        self.largest = np.zeros((LEVELS, len(self.columns)))
         self.moved = np.zeros(len(self.columns))
         self.failed = ""
-        self.coarse: list[Stepper] = []
-        self.queues: list[list[Any]] = [[] for _ in FACTORS]
-        if not run.stepper.every:
-            self.coarse = [Stepper(model, run.problem, run.signals, run.spec, f * run.stepper.dt, run.times)
-                           for f in FACTORS]
-        else:
+        self.queues: list[list[Any]] = [[] for _ in range(LEVELS)]
+        self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
+
+    def _level(self, factor: float) -> Stepper:
+        """Return the motion with longer steps."""
+        run, times = self.run, self.run.times
+        if run.stepper.every:
             times = np.arange(1, int(run.spec.t_end / run.stepper.dt) + 1) * run.stepper.dt * run.stepper.every
             times = times[times < run.spec.t_end * (1.0 - 1e-12)]
-            self.coarse = [Stepper(model, run.problem, run.signals, run.spec, f * run.stepper.dt, times)
-                           for f in FACTORS]
+        spec = run.spec if run.stepper.dt > 0.0 else replace(run.spec, tolerance=factor * run.stepper.tolerance)
+        return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, times)
 
     def start(self, d: Array, v: Array) -> None:
         """Begin where the motion begins."""
         for stepper in self.coarse:
             stepper.start(d, v)
+            if stepper.dt == 0.0:
+                stepper.expect(self.run.stepper.size)
 
     def take(self, t: float, d: Array) -> None:
         """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
@@ -58,7 +68,7 @@ class Estimate:
             return
         here = self._places(d)
         self.moved = np.maximum(self.moved, np.hypot(*here))
-        for k in range(len(FACTORS)):
+        for k in range(LEVELS):
             there = self._coarse_places(k, t)
             if there is None:
                 return
@@ -71,7 +81,7 @@ class Estimate:
 
     def _coarse_places(self, level: int, t: float) -> Array | None:
         stepper, queue = self.coarse[level], self.queues[level]
-        near = 1e-9 * self.run.stepper.dt
+        near = 1e-9 * self.run.stepper.dt or 1e-12 * self.run.spec.t_end
         try:
             while not queue or queue[-1].t < t - near:
                 if stepper.done:
@@ -79,7 +89,8 @@ class Estimate:
                     break
                 queue += stepper.run()
         except ComputationError as error:
-            self.failed = f"with steps of {stepper.dt:g} s the motion could not be followed ({error.failure.reason})"
+            how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
+            self.failed = f"with {how} the motion could not be followed ({error.failure.reason})"
             return None
         while queue and queue[0].t < t - near:
             queue.pop(0)
@@ -88,34 +99,38 @@ class Estimate:
         return self._places(stepper.full(queue[0], inside=True)[0])
 
     def report(self) -> dict[str, Any]:
-        """Return the relative estimate, the order seen, and how they were found."""
+        """Return the relative estimate, the order seen of fixed steps, and how they were found."""
         estimate, order = self._richardson()
-        return {"estimate": estimate, "order": order, "of": "time steps",
+        return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
                 "steps": int(sum(s.s.numbers[COUNT] for s in self.coarse))}
 
     def _richardson(self) -> tuple[float | None, float | None]:
-        """Return what differences of motions with dt, 2 dt, 4 dt say of the first, and the order that they show."""
+        """Return what the differences of three levels say of the first, and the order that they show."""
         if self.failed:
             return None, None
         size = np.where(self.moved > 0.0, self.moved, np.inf)
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
         if fine == 0.0:
             return 0.0, None
-        order = float(np.log2(rough / fine)) if rough > 0.0 else 0.0
-        if order < 0.5:
+        order = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        if self.factor ** order < ASYMPTOTIC:
             # differences that do not shrink tell no more than their size
             return max(fine, rough), order
-        return SAFETY * fine / (2.0 ** min(order, self.order) - 1.0), order
+        return SAFETY * fine / (self.factor ** min(order, self.order) - 1.0), order
 
     def warnings(self) -> list[str]:
         """Return what is to be said of an estimate that cannot be trusted."""
         if self.failed:
-            return [f"no error estimate: {self.failed}; smaller steps"]
+            return [f"no error estimate: {self.failed}; {self._finer}"]
         estimate, order = self._richardson()
-        if estimate is not None and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
+        if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
             return [f"the steps are too large for this motion: differences to runs with longer steps show order "
                     f"{order:.1f} in place of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
         return []
+
+    @property
+    def _finer(self) -> str:
+        return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
 
     # ------------------------------------------------------------------ going on later
 

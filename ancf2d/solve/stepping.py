@@ -139,6 +139,11 @@ class Stepper:
         self.s.numbers[STEP_SIZE] = self._first_step()
 
     @property
+    def size(self) -> float:
+        """The displacement [m] that local errors are relative to."""
+        return float(self.s.numbers[SIZE])
+
+    @property
     def reached(self) -> float:
         """The displacement [m] at the time reached, the largest of all coordinates."""
         return float(np.max(self.p.weights * np.abs(self.s.z), initial=0.0))

@@ -112,8 +112,8 @@ class Dynamic:
         "0 all of it (generalized_alpha; hht from 0.5; default 0.8)", default=None)
     newton: str = key(Choice("reuse", "full"), "A tangent for every Newton iteration (full), or the last one while it "
                       "serves (reuse)", default="reuse")
-    estimate: bool = key(Flag(), "With fixed steps: an error estimate, by runs with steps of 2 dt and 4 dt beside",
-                         default=True)
+    estimate: bool = key(Flag(), "An error estimate, by runs beside with steps of 2 dt and 4 dt, or 10 and 100 times "
+                         "the tolerance", default=True)
 
     def check(self) -> Iterator[Issue]:
         """Yield a step that is given twice, or is longer than the motion."""
