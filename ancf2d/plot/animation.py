@@ -17,7 +17,7 @@ from ancf2d.plot.picture import Picture
 from ancf2d.plot.style import style
 
 # the one place where a format is added
-WRITERS: dict[str, type[AbstractMovieWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
+WRITERS: dict[str, type[PillowWriter] | type[FFMpegWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
 FRAMES, RATE, DPI = 60, 20, 100
 SMALLEST = 2  # frames that make an animation
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,10 @@ ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
 FORCES = ("N", "Q", "M")
 NAMES = {"N": "axial force N", "Q": "shear force Q", "M": "bending moment M"}
 Formula = Callable[[np.ndarray], np.ndarray]
+
+
+def _one(s: np.ndarray, k: int) -> np.ndarray:
+    return s[..., k]
 
 
 def _mises(s: np.ndarray) -> np.ndarray:
@@ -180,7 +185,7 @@ class Fields:
 
 
 def _component(results: Results, record: FieldRecord, component: str | None) -> tuple[str, Formula]:
-    formulas: dict[str, Formula] = {c: (lambda v, k=k: v[..., k]) for k, c in enumerate(record.components)}
+    formulas: dict[str, Formula] = {c: partial(_one, k=k) for k, c in enumerate(record.components)}
     formulas.update(DERIVED.get(record.name, {}))
     name = component or next(iter(formulas))
     if name not in formulas:

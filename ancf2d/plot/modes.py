@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -184,7 +184,7 @@ def _mode(results: Results, number: int, base: np.ndarray, shape: np.ndarray, fa
 
 def _label(results: Results, k: int) -> tuple[str, str]:
     """Return what mode k is called, and its kind."""
-    table = results.tables.get("modes", {})
+    table: Mapping[str, Any] = results.tables.get("modes", {})
     if "load_factor" in table:
         return f"load factor {table['load_factor'][k]:.6g}", "bending"
     if "kind" not in table:

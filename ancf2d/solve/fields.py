@@ -111,6 +111,6 @@ def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, et
             yield from ((f, getattr(everything, str(f.part))) for f in over)
         if forces is not None:
             values = forces(state)
-            yield from ((f, values[:, :, None, f.part, None]) for f in along)
+            yield from ((f, values[:, :, None, int(f.part), None]) for f in along)
 
     return lambda state: dict(found(state))

@@ -1,0 +1,54 @@
+"""``ancf2d view``: an interactive page."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from ..errors import ResultsError
+from .options import debug_option, quiet_option
+from .session import Session
+
+
+@click.command(epilog="Examples: 'ancf2d view pendulum.h5', 'ancf2d view pendulum.h5 --save pendulum.html'.")
+@click.argument("file", type=click.Path(), metavar="OUT.h5")
+@click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page as one file that can be mailed, "
+              "instead of serving it.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
+@click.option("--no-browser", is_flag=True, help="Open no browser; print the address only.")
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, file: str, save: str | None, port: int, no_browser: bool) -> int:
+    """Look at a result: bodies in motion, modes, probes, in the browser.
+
+    The page needs nothing from the network. Long runs are thinned so that it stays below 5 MB; the file itself
+    keeps everything.
+    """
+    from ..results import open_results
+    from ..view import make_page, serve
+
+    with open_results(file) as results:
+        if save is not None and os.path.exists(save) and os.path.samefile(save, results.path):
+            raise ResultsError(f"'{save}' is the result file itself; choose another name")
+        page = make_page(results)
+    if save is not None:
+        content = page.html.encode()
+        try:
+            Path(save).write_bytes(content)
+        except OSError as error:
+            raise ResultsError(f"cannot write '{save}': {error.strerror}") from error
+        session.out(f"wrote {save} ({len(content) / 1e6:.1f} MB; {page.remark})")
+        return 0
+
+    def ready(address: str) -> None:
+        session.out(f"{file} is shown at {address} until Ctrl-C ({page.remark})")
+        if not no_browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(page.html, port, ready)
+    return 0

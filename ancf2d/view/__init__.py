@@ -1,0 +1,6 @@
+"""Interactive pages from result files alone."""
+
+from ancf2d.view.page import Page, make_page
+from ancf2d.view.server import serve
+
+__all__ = ["Page", "make_page", "serve"]

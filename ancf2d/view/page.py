@@ -1,0 +1,43 @@
+"""One self-contained page: markup, style, script and data in a single text."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+
+from ancf2d.results import Results
+from ancf2d.view.scene import BUDGET, LARGEST_CODE, scene
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page, and in words what it holds less than the file."""
+
+    html: str
+    remark: str
+
+
+def _part(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def make_page(results: Results, budget: int = BUDGET) -> Page:
+    """Return the page of a result file; ``budget`` bounds the bytes of its states. Raises ResultsError."""
+    data = scene(results, budget)
+    # a title with a tag in it is no tag
+    text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    script = _part("scene.js") + _part("controls.js")
+    parts = {"TITLE": _escaped(data["title"]), "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
+    html = _part("page.html")
+    for name, content in parts.items():
+        head, mark, tail = html.partition("{{" + name + "}}")
+        assert mark, f"the page has no place for {name}"
+        html = head + content + tail
+    shown, what = len(data["t"]), "modes" if data["kind"] == "modes" else "states"
+    some = f"{shown} of {data['stored']} {what}" if shown < data["stored"] else f"all {shown} {what}"
+    return Page(html, f"{some}, displacements to 1/{LARGEST_CODE} of the largest")

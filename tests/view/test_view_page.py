@@ -1,0 +1,239 @@
+"""The interactive page: its data are the states, it needs nothing from elsewhere, it stays small, a browser runs it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import threading
+import urllib.error
+import urllib.request
+from http.server import ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body
+
+import ancf2d.view.server as server_module
+from ancf2d.errors import ResultsError
+from ancf2d.results import ResultWriter, open_results
+from ancf2d.study.run import load, run_case
+from ancf2d.view import make_page, serve
+
+CASES = Path(__file__).parents[2] / "cases"
+BROWSER = next((b for b in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if b), None)
+
+
+def embedded(html: str) -> dict[str, Any]:
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)
+    return json.loads(text)
+
+
+def decoded(data: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the reference (points, 2) and displacements (frames, points, 2) of a page's data."""
+    reference = np.frombuffer(base64.b64decode(data["reference"]), "<f4").reshape(-1, 2)
+    moves = np.frombuffer(base64.b64decode(data["moves"]), "<i2").reshape(len(data["t"]), -1, 2)
+    return reference, moves * data["step"]
+
+
+def test_the_data_are_the_states_of_the_file(tmp_path: Path) -> None:
+    with open_results(mechanism(tmp_path / "a.h5")) as results:
+        data = embedded(make_page(results).html)
+        reference, moves = decoded(data)
+        assert data["t"] == pytest.approx(results.t)
+        assert [b["name"] for b in data["bodies"]] == ["crank", "rod"]
+        largest = np.abs(moves).max()
+        for body in data["bodies"]:
+            half = body["elements"] * body["samples"]
+            for i in (0, 17, 40):
+                faces = results.faces(body["name"], i)
+                where = [faces["bottom"].reshape(-1, 2), faces["top"].reshape(-1, 2), results.nodes(body["name"], i)]
+                wanted = np.concatenate(where)
+                found = (reference + moves[i])[body["first"]:body["first"] + 2 * half + body["nodes"]]
+                np.testing.assert_allclose(found, wanted, atol=largest / 32767 + 1e-6)
+
+
+def test_probes_come_with_the_row_of_each_state(tmp_path: Path) -> None:
+    with open_results(mechanism(tmp_path / "a.h5")) as results:
+        probes = {(p["probe"], p["quantity"]): p for p in embedded(make_page(results).html)["probes"]}
+    found = probes["end", "uy"]
+    values = np.frombuffer(base64.b64decode(found["values"]), "<f8")
+    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(found["rows"]), "<f4"), np.arange(41))
+    with open_results(tmp_path / "a.h5") as results:
+        np.testing.assert_array_equal(values, results.probes["end"]["uy"])
+        assert found["units"] == "m"
+
+
+def test_a_displacement_too_small_to_see_is_magnified_by_a_power_of_ten(tmp_path: Path) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5", angle=1e-5)) as results:
+        data = embedded(make_page(results).html)
+    assert data["magnify"] == 1e4
+    _, moves = decoded(data)
+    assert np.abs(moves[-1]).max() == pytest.approx(1e-5, rel=1e-3)  # what is stored is not magnified
+
+
+def test_modes_are_animated_with_their_names(tmp_path: Path) -> None:
+    run_case(load(CASES / "paper" / "table3_2d2n.yaml", ["solver.modes=3"]), str(tmp_path / "m.h5"))
+    with open_results(tmp_path / "m.h5") as results:
+        data = embedded(make_page(results).html)
+    assert data["kind"] == "modes"
+    assert data["modes"][0] == "bending 1: 93.4003 rad/s (14.865 Hz)"
+    _, moves = decoded(data)
+    np.testing.assert_allclose(np.linalg.norm(moves, axis=-1).max(axis=1), 0.12 * data["extent"], rtol=1e-3)
+
+
+def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path) -> None:
+    header = {"title": "</script><script>alert(1)</script> & more"}
+    with open_results(bent_beam(tmp_path / "a.h5", header=header)) as results:
+        html = make_page(results).html
+    assert not re.search(r"(src|href)=[\"'](?!data:)|@import|https?://", html)
+    assert html.count("</script>") == 2
+    assert "default-src 'none'" in html
+    assert embedded(html)["title"] == header["title"]
+    assert "{{" not in html.split('id="data"')[0]
+
+
+def long_run(path: Path, states: int, ne: int) -> Path:
+    x = np.linspace(0, 2, ne + 1)
+    e0 = coordinates("tangent", x, 0.0)
+    with ResultWriter(path, {**HEADER, "solver": "dynamic"}, [tangent_body("beam", ne, 2.0, 0.1)], e0) as w:
+        for k in range(states):
+            w.append(k / states, coordinates("tangent", x, k / states) - e0, None, {"tip": {"uy": k / states}})
+        return w.finish({})
+
+
+@pytest.mark.parametrize(("states", "ne"), [(3000, 40), (40, 20_000)])
+def test_a_page_stays_below_five_megabytes_and_says_what_was_left_out(tmp_path: Path, states: int, ne: int) -> None:
+    with open_results(long_run(tmp_path / "a.h5", states, ne)) as results:
+        page = make_page(results)
+    assert len(page.html) < 5e6
+    data = embedded(page.html)
+    _, moves = decoded(data)
+    assert data["t"][-1] == pytest.approx(1 - 1 / states)
+    assert len(moves) == len(data["t"]) >= 40
+    shown = len(data["t"])
+    assert page.remark.startswith(f"{shown} of {states} states" if shown < states else f"all {states} states")
+
+
+def test_a_file_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
+    said = pytest.raises(ResultsError, match="holds no states to look at")
+    with open_results(table_file(tmp_path / "a.h5", {"2d2n": 2})) as results, said:
+        make_page(results)
+
+
+# ---------------------------------------------------------------------- served
+
+
+def test_the_page_is_served_on_this_machine_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    servers: list[ThreadingHTTPServer] = []
+    monkeypatch.setattr(server_module, "ThreadingHTTPServer",
+                        lambda *a: servers.append(ThreadingHTTPServer(*a)) or servers[-1])
+    addresses, ready = [], threading.Event()
+    thread = threading.Thread(target=serve, args=("<p>ä</p>", 0, lambda a: (addresses.append(a), ready.set())))
+    thread.start()
+    assert ready.wait(5)
+    try:
+        with urllib.request.urlopen(addresses[0], timeout=5) as answer:
+            assert answer.read().decode() == "<p>ä</p>"
+        with pytest.raises(urllib.error.HTTPError, match="404") as caught:
+            urllib.request.urlopen(addresses[0] + "other", timeout=5)
+        caught.value.close()
+        assert servers[0].server_address[0] == "127.0.0.1"
+        with pytest.raises(ResultsError, match=r"cannot serve on port \d+.*--port"):
+            serve("", servers[0].server_port, print)
+    finally:
+        servers[0].shutdown()
+        thread.join(5)
+
+
+# ---------------------------------------------------------------------- in a browser
+
+PROBE = """<script>
+const seen = {};
+window.addEventListener("error", (e) => { document.title = "ERROR " + e.message; });
+try {
+  BODY
+  document.title = "SEEN " + JSON.stringify(seen);
+} catch (e) { document.title = "ERROR " + e; }
+</script>"""
+
+
+def in_browser(html: str, script: str, folder: Path) -> dict[str, Any]:
+    """Run a script at the end of a page in a headless browser; return what it put into ``seen``."""
+    page = folder / "page.html"
+    page.write_text(html.replace("</body>", PROBE.replace("BODY", script) + "</body>"), encoding="utf-8")
+    command = [str(BROWSER), "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}",
+               "--window-size=1000,700", "--virtual-time-budget=500", "--dump-dom", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
+    (title,) = re.findall(r"<title>(.*?)</title>", done.stdout, re.S)
+    assert title.startswith("SEEN "), title + done.stderr[-500:]
+    return json.loads(title[5:].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+def test_a_browser_shows_the_states_at_their_times(tmp_path: Path) -> None:
+    with open_results(mechanism(tmp_path / "a.h5")) as results:
+        html = make_page(results).html
+        middle = 0.5 * (results.faces("rod", 20)["top"] + results.faces("rod", 21)["top"]).reshape(-1, 2)
+    seen = in_browser(html, """
+      go(0.5125);
+      seen.ready = document.documentElement.dataset.ready;
+      seen.readout = el("readout").textContent;
+      seen.value = el("value").textContent;
+      seen.points = Array.from(points);
+      const ink = pen.getImageData(0, 0, stage.width, stage.height).data;
+      seen.painted = ink.some((v) => v > 0);
+      step(1);
+      seen.next = el("readout").textContent;
+      const scale = state.view.scale;
+      zoom(2, 400, 300);
+      seen.zoom = state.view.scale / scale;
+      theme(true);
+      seen.dark = getComputedStyle(document.body).backgroundColor;
+      play(true);
+      seen.playing = el("play").textContent;
+    """, tmp_path)
+    assert seen["ready"] == "yes"
+    assert seen["readout"] == "t = 0.5125 s"
+    assert seen["next"] == "t = 0.525 s"
+    assert seen["painted"]
+    assert seen["zoom"] == pytest.approx(2)
+    assert (seen["dark"], seen["playing"]) == ("rgb(18, 22, 28)", "pause")
+    data = embedded(html)
+    rod = data["bodies"][1]
+    first = rod["first"] + rod["elements"] * rod["samples"]
+    drawn = np.array(seen["points"]).reshape(-1, 2)[first:first + len(middle)]
+    np.testing.assert_allclose(drawn, middle, atol=1e-3)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+def test_a_browser_swings_modes_and_follows_a_path_that_turns_back(tmp_path: Path) -> None:
+    run_case(load(CASES / "paper" / "table3_2d2n.yaml", ["solver.modes=3"]), str(tmp_path / "m.h5"))
+    with open_results(tmp_path / "m.h5") as results:
+        modal = make_page(results).html
+    seen = in_browser(modal, """
+      choose(1); state.phase = 0; draw(); const out = Array.from(points);
+      state.phase = Math.PI / 2; draw(); seen.rest = Math.max(...points.map((p, i) => Math.abs(p - reference[i])));
+      seen.out = Math.max(...out.map((p, i) => Math.abs(p - reference[i])));
+      seen.readout = el("readout").textContent; seen.side = el("side").hidden;
+    """, tmp_path)
+    assert seen["out"] > 1e3 * seen["rest"]
+    assert seen["readout"].startswith("axial 1: 279.053 rad/s")
+    assert seen["side"]
+    e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
+    with ResultWriter(tmp_path / "p.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
+        for factor, u in ((0.0, 0.0), (2.0, 0.1), (1.0, 0.2), (3.0, 0.3)):
+            w.append(factor, e0 * u, None, {"p": {"uy": u}})
+        w.finish({})
+    with open_results(tmp_path / "p.h5") as results:
+        path = make_page(results).html
+    seen = in_browser(path, """
+      go(2); seen.readout = el("readout").textContent; seen.value = el("value").textContent;
+      go(3); seen.end = el("readout").textContent; seen.last = el("value").textContent;
+    """, tmp_path)
+    assert (seen["readout"], seen["value"]) == ("load factor 1", "p uy = 0.2 m")
+    assert (seen["end"], seen["last"]) == ("load factor 3", "p uy = 0.3 m")
