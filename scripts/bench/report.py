@@ -50,9 +50,10 @@ def eigen_table() -> list[str]:
 
 def main() -> None:
     """Write the page."""
+    tools = versions("exudyn")
     text = f"""# Speed
 
-Measured by `python scripts/bench/report.py` on {date.today()}: {machine()}; {versions("exudyn")}. Medians of runs made in turn
+Measured by `python scripts/bench/report.py` on {date.today()}: {machine()}; {tools}. Medians of runs made in turn
 on a shared machine: trust the ratios more than the seconds.
 
 ## Start

@@ -11,10 +11,9 @@ from .runs import Motion, case, distance, follow, small, table
 
 METHODS = {"radau5": "tolerance: 1e-6", "generalized_alpha": "dt: 5e-4, estimate: false",
            "energy_momentum": "dt: 5e-4, estimate: false"}
-SOFT = "section: {height: 0.02, width: 0.05}, material: {E: 2e7, nu: 0.3, rho: 1000}"
-# bodies of the scenes, each of them 1 m or more
-ROD = "{{geometry: {{type: line, start: {start}, end: {end}}}, " + SOFT.replace("{", "{{").replace("}", "}}") + (
-    ", element: {{type: {element}, count: 2}}}}")
+# bodies of the scenes
+ROD = ("{{geometry: {{type: line, start: {start}, end: {end}}}, section: {{height: 0.02, width: 0.05}}, "
+       "material: {{E: {E}, nu: 0.3, rho: 1000}}, element: {{type: {element}, count: 2}}}}")
 BAR = "{{geometry: {{type: line, start: {start}, end: {end}}}, element: {{type: rigid, mass: 1, inertia: 0.1}}}}"
 
 
@@ -29,9 +28,9 @@ class Joint:
     off: Callable[[Motion], float] | None
 
 
-def rod(element: str, start: list[float], end: list[float]) -> str:
-    """Return a soft rod as YAML."""
-    return ROD.format(element=element, start=start, end=end)
+def rod(element: str, start: list[float], end: list[float], E: float = 2e7) -> str:
+    """Return a rod as YAML; one that is soft unless said otherwise."""
+    return ROD.format(element=element, start=start, end=end, E=E)
 
 
 def bar(start: list[float], end: list[float]) -> str:
@@ -78,7 +77,8 @@ ENDS = {"one": "a@1", "two": "b@0"}
 JOINTS = (
     Joint("pin, two rods", {"a": rod("cable", A, B), "b": rod("cable", B, C)}, _between("pin"), ENDS, _apart),
     Joint("pin, rod and rigid bar", {"a": rod("vallejo", A, B), "b": bar(B, C)}, _between("pin"), ENDS, _apart),
-    Joint("weld, one type", {"a": rod("cable", A, B), "b": rod("cable", B, [1.6, 0.8])}, _between("weld"), ENDS, _welded),
+    Joint("weld, one type", {"a": rod("cable", A, B), "b": rod("cable", B, [1.6, 0.8])}, _between("weld"), ENDS,
+          _welded),
     Joint("weld, two types", {"a": rod("cable", A, B), "b": rod("vallejo", B, [1.6, 0.8])}, _between("weld"), ENDS,
           _welded),
     Joint("weld, rod and rigid bar", {"a": rod("vallejo", A, B), "b": bar(B, [1.6, 0.8])}, _between("weld"), ENDS,
@@ -90,8 +90,8 @@ JOINTS = (
           f"{PIN}joints: [{{type: prismatic, point: b@0.5, on: a}}]\n", {"one": "b@0.5"}, None),
     Joint("rigid bar's length", {"a": bar(A, B), "b": bar(B, C)}, _between("pin"), {"one": "b@0", "two": "b@1"},
           _stretched),
-    Joint("prescribed angle, theta", {"a": rod("reissner3", A, B)}, TURN, {"one": "a@0"}, _off_signal),
-    Joint("prescribed angle, direction", {"a": rod("vallejo", A, B)}, TURN, {"one": "a@0"}, _off_signal),
+    Joint("prescribed angle, theta", {"a": rod("reissner3", A, B, 2e9)}, TURN, {"one": "a@0"}, _off_signal),
+    Joint("prescribed angle, direction", {"a": rod("vallejo", A, B, 2e9)}, TURN, {"one": "a@0"}, _off_signal),
     Joint("prescribed angle, rigid bar", {"a": bar(A, B)}, TURN, {"one": "a@0"}, _off_signal),
 )
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from make_docs import markdown_table
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.shape import Array
@@ -116,8 +117,7 @@ def distance(a: Array, b: Array) -> float:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table."""
-    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
-    return "\n".join([lines[0], "|" + " --- |" * len(head), *lines[1:]])
+    return markdown_table([head, *rows])
 
 
 def small(value: float) -> str:
