@@ -60,9 +60,9 @@ def test_what_cannot_be_animated_is_said(tmp_path: Path) -> None:
 
 def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
-    with open_results(bent_beam(tmp_path / "a.h5")) as results:
-        with pytest.raises(ResultsError, match=r"ffmpeg.*write a \.gif"):
-            animate(results, tmp_path / "a.mp4")
+    said = pytest.raises(ResultsError, match=r"ffmpeg.*write a \.gif")
+    with open_results(bent_beam(tmp_path / "a.h5")) as results, said:
+        animate(results, tmp_path / "a.mp4")
 
 
 @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
