@@ -27,6 +27,9 @@ def _offset(axis: np.ndarray, normal: np.ndarray, height: float) -> tuple[np.nda
 def _tangent(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
     axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
     r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
+    # by its larger component first, so that no square is too large; a plain root, for ``body_rates``
+    largest = np.abs(r_x.real).max(axis=-1, keepdims=True)
+    r_x /= np.where(largest == 0, 1.0, largest)
     length = np.sqrt(r_x[..., 0]**2 + r_x[..., 1]**2)
     length[length == 0] = 1.0
     normal = np.stack([-r_x[..., 1], r_x[..., 0]], -1) / length[..., None]
