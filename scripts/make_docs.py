@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
+import audit_table
 import reproduce_paper
 
 from ancf2d.case import markdown_reference
@@ -128,6 +129,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
     "benchmarks": benchmarks,
     "paper": paper,
+    "audit-verdicts": audit_table.verdicts,
+    "audit-failures": audit_table.failures,
 }
 
 
