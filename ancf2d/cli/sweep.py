@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -117,12 +117,12 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 
 def report(sweep: Sweep) -> str:
     """Return a sweep as people read it: a row per combination, then where the results are."""
-    from ..study.sweep_table import short_names, value_names
+    from ..study.sweep_table import short_names, shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
     head = [*short_names(paths), "status", *names, "elements", "time", *(["error"] if estimated else []), "result", ""]
-    rows = [[*(_shown(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
+    rows = [[*(shown(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
              "-" if row.elements is None else str(row.elements), "-" if row.wall_s is None else duration(row.wall_s),
              *(["-" if row.estimate is None else f"{row.estimate:.1e}"] if estimated else []),
              "-" if row.output is None else Path(row.output).name, _remark(row)] for row in sweep.rows]
@@ -141,9 +141,3 @@ def _remark(row: Row) -> str:
 
 def _numbers(sweep: Sweep, path: str) -> bool:
     return all(isinstance(row.set[path], int | float) for row in sweep.rows)
-
-
-def _shown(value: Any) -> str:
-    from ..case.emit import flow
-
-    return flow(value)

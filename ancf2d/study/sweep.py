@@ -132,7 +132,8 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
 
 def _reason(error: CaseError) -> str:
     first = error.problems[0]
-    return first.message + (f"; expected {first.expected}" if first.expected else "")
+    hint = f"; did you mean '{first.near}'?" if first.near else f"; expected {first.expected}" if first.expected else ""
+    return first.message + hint
 
 
 def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:

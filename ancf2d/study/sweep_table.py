@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Sequence
+from typing import Any
 
 from ..case.emit import flow
 from ..results.replace import replacing
@@ -14,6 +15,11 @@ from .sweep import Sweep
 def value_names(sweep: Sweep) -> list[str]:
     """Return the names of the computed values of any row."""
     return list(dict.fromkeys(name for row in sweep.rows for name in row.values))
+
+
+def shown(value: Any) -> str:
+    """Return a value as it is read in a table: texts as they are, all else as YAML has it."""
+    return value if isinstance(value, str) else flow(value)
 
 
 def short_names(paths: Sequence[str]) -> list[str]:
@@ -39,5 +45,5 @@ def write_csv(sweep: Sweep, path: str | os.PathLike[str]) -> None:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*paths, "status", *names, "elements", "dofs", "wall_s", "estimate", "output", "reason"])
         for row in sweep.finished:
-            writer.writerow([*(flow(row.set[p]) for p in paths), row.status, *(row.values.get(n) for n in names),
+            writer.writerow([*(shown(row.set[p]) for p in paths), row.status, *(row.values.get(n) for n in names),
                              row.elements, row.dofs, row.wall_s, row.estimate, row.output, row.reason])

@@ -13,7 +13,7 @@ from ancf2d.results import open_results
 from ancf2d.study import identity, sweep
 from ancf2d.study.pool import ALONE
 from ancf2d.study.sweep import Sweep, plan, run_sweep
-from ancf2d.study.sweep_table import short_names, write_csv
+from ancf2d.study.sweep_table import short_names, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 BEAM = """\
@@ -230,6 +230,15 @@ def test_columns_have_the_shortest_names_that_tell_them_apart() -> None:
     assert short_names(["bodies.a.element.count", "bodies.b.element.count", "title"]) == [
         "a.element.count", "b.element.count", "title"]
     assert short_names(["bodies.a.section.height", "bodies.a.section.width"]) == ["height", "width"]
+
+
+def test_reasons_name_what_was_meant() -> None:
+    row = swept("bodies.beam.element.type=cable,cabel").rows[1]
+    assert row.reason == "bodies.beam.element.type: 'cabel' is not known; did you mean 'cable'?"
+
+
+def test_values_are_shown_as_they_are_read() -> None:
+    assert [shown(v) for v in ("2d2n", 1000.0, [2, 1.5], True, None)] == ["2d2n", "1000", "[2, 1.5]", "true", "null"]
 
 
 def test_csv_has_a_line_per_row_at_full_precision(folder: Path) -> None:
