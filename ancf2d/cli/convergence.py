@@ -43,6 +43,18 @@ def _meshes(ctx: click.Context, parameter: click.Parameter, value: str | None) -
     return found
 
 
+def _steps(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    if value is None:
+        return None
+    try:
+        found = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        found = (0.0,)
+    if not all(0.0 < x < math.inf for x in found):
+        raise click.BadParameter(f"'{value}' is no list of positive numbers; expected for example 4e-3,2e-3,1e-3.")
+    return found
+
+
 def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
     if value == "auto":
         return None
@@ -61,6 +73,10 @@ def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> fl
 @click.option("--elements", "meshes", callback=_meshes, metavar="N,N,...",
               help="Numbers of elements of the whole model, shared by its bodies in the proportions of the case. "
                    "Default: five meshes, doubling from the case's own.")
+@click.option("--dt", "dts", callback=_steps, metavar="DT,...",
+              help="Of a motion: fixed time steps to refine by, on the case's mesh, instead of meshes.")
+@click.option("--tolerance", "tolerances", callback=_steps, metavar="TOL,...",
+              help="Of a motion: tolerances of adaptive steps to refine by, instead of meshes.")
 @click.option("--element", "types", metavar="TYPE,...",
               help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
                    "Default: the case's own.")
@@ -78,22 +94,27 @@ def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> fl
 @click.pass_obj
 def command(session: Session, case: str, meshes: list[int] | None, types: str | None, formulation: str | None,
             reference: float | None, jobs: int | None, scheduler: str | None, output: str | None,
-            overrides: tuple[str, ...], force: bool) -> int:
-    """Refine the mesh and see the goal of a case converge.
+            overrides: tuple[str, ...], force: bool, dts: tuple[float, ...] | None,
+            tolerances: tuple[float, ...] | None) -> int:
+    """Refine the mesh, or time steps, and see the goal of a case converge.
 
-    Prints value, error and observed order for each mesh, and the limit of each element type with an error
-    bar after the grid convergence index.
+    Prints value, error and observed order for each level, and the limit of each element type with an error
+    bar after the grid convergence index. Errors of a motion are the largest over its stored times.
     """
     session.subject = {"case": case}
-    from ..study.convergence import convergence
+    from ..study.convergence import Steps, convergence
     from ..study.run import load
+
+    if dts and tolerances:
+        raise click.UsageError("--dt and --tolerance are both given: one of them refines.")
+    steps = Steps("dt", dts) if dts else Steps("tolerance", tolerances) if tolerances else None
 
     variants, who = _variants(types, formulation), workers(jobs, scheduler, default=1)
     loaded = load(case, overrides)
     if output is not None and os.path.exists(output) and os.path.samefile(output, case):
         raise ResultsError(f"'{output}' is the case itself; choose another output file with -o")
     with Bar("solving", session.shows_progress) as bar:
-        study = convergence(loaded, variants, meshes, reference, who, compiling(session), bar.update)
+        study = convergence(loaded, variants, meshes, reference, who, compiling(session), bar.update, steps)
     for text in study.warnings:
         session.warn(text)
     result = study.as_json()
@@ -126,19 +147,23 @@ def _variants(types: str | None, formulation: str | None) -> list[Variant]:
 def report(study: Convergence) -> str:
     """Return a study as people read it: the table, then a line for each element type."""
     lines = [study.title] if study.title else []
-    lines += [f"{study.goal} over meshes", ""]
+    timed = study.over != "elements"
+    lines += [f"{study.goal} over {'time steps' if timed else 'meshes'}", ""]
     several = len({s.formulation for s in study.series}) > 1
-    rows = [["element", *(["formulation"] if several else []), "elements", "coordinates", study.goal, "error", "order",
-             "time", ""]]
+    rows = [["element", *(["formulation"] if several else []), "elements", "coordinates",
+             *([study.over] if timed else []), study.goal, "error", "order", "time", ""]]
     for row in study.rows:
         order = "-" if row.order is None else f"{row.order:.2f}"
         wall = "-" if row.wall_s is None else duration(row.wall_s)
         rows.append([row.element, *([row.formulation] if several else []), str(row.elements),
-                     "-" if row.dofs is None else str(row.dofs), number(row.value, 10),
+                     "-" if row.dofs is None else str(row.dofs), *([number(row.step, 6)] if timed else []),
+                     number(row.value, 10),
                      "-" if row.error is None else f"{row.error:.1e}", order, wall,
                      f"failed: {row.reason}" if row.reason else ""])
-    lines += [*table(rows, left=(0, 1, 8) if several else (0, 7)), ""]
-    lines += [_limit(s, several) for s in study.series]
+    last = len(rows[0]) - 1
+    lines += [*table(rows, left=(0, 1, last) if several else (0, last)), ""]
+    limits = [_limit(s, several) for s in study.series]
+    lines += [line.replace("finer meshes", "smaller steps") if timed else line for line in limits]
     if study.reference is None and any(s.reference is not None for s in study.series):
         lines += ["", "errors are against the limit of each type and formulation itself; how far that is from the beam "
                   "or continuum it stands for, they do not tell"]

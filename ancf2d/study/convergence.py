@@ -1,55 +1,74 @@
-"""Mesh refinement: the goal of a case over meshes and element types, with errors, orders and limits."""
+"""Refinement: the goal of a case over meshes or time steps and element types, with errors, orders and limits."""
 
 from __future__ import annotations
 
 import itertools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from ..case import LoadedCase, load_case_text
+from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
 from ..errors import CaseError, ComputationError, Problem
-from .goal import error_scale, smallest_scale
+from .answer import Answer, sequence, solve_for_goal
+from .goal import error_scale
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
-from .run import Progress, describe_goal, prepare, quantity, run_case, vocabulary
-from .variants import Variant, default_meshes, distribute, overrides_for, proportional
+from .run import describe_goal, prepare, vocabulary
+from .variants import Variant, count_of, default_meshes, distribute, flexible, overrides_for, proportional
 from .warmup import warm_up
 
 
 @dataclass(frozen=True)
+class Steps:
+    """Time steps to refine by, instead of the mesh: ``key`` of the solver (dt or tolerance) and its values."""
+
+    key: str
+    values: tuple[float, ...]
+
+
+def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
+    """Return a case of a motion that takes fixed steps ``dt``, or adaptive ones under a ``tolerance``."""
+    solver = replace(loaded.case.solver, **{"dt": None, "tolerance": None, key: value})
+    return replace(loaded, case=replace(loaded.case, solver=solver))
+
+
+@dataclass(frozen=True)
 class Job:
-    """One mesh of one variant: everything that another process needs to solve it."""
+    """One mesh, and time step, of one variant: everything that another process needs to solve it."""
 
     text: str
     file: str
     overrides: tuple[str, ...]
     variant: Variant
     elements: int
+    key: str = ""
+    step: float | None = None
 
     def load(self) -> LoadedCase:
-        """Return the case with this element type and mesh. Raises CaseError."""
-        return load_case_text(self.text, self.file, self.overrides, vocabulary(), os.path.dirname(self.file))
+        """Return the case with this element type, mesh and step. Raises CaseError."""
+        loaded = load_case_text(self.text, self.file, self.overrides, vocabulary(), os.path.dirname(self.file))
+        return loaded if self.step is None else with_step(loaded, self.key, self.step)
 
     @property
     def row(self) -> Row:
-        """The row of this mesh before it is solved."""
-        return Row(self.variant.element, self.variant.formulation or "", self.elements)
+        """The row of this level before it is solved."""
+        return Row(self.variant.element, self.variant.formulation or "", self.elements, self.step)
 
 
 @dataclass
 class Row:
-    """The goal on one mesh.
+    """The goal on one mesh, or with one time ``step`` (dt [s], or tolerance).
 
-    ``error`` is relative to the reference, or to ``smallest`` where that is larger; ``order`` is the observed
-    one between this mesh and the coarser ones. ``status`` is converged, or failed with a ``reason``.
+    ``error`` is relative (see ``Answer``), in motion the largest over time; ``order`` is the observed one between
+    this row and the coarser ones. ``status`` is converged, or failed with a ``reason``.
     """
 
     element: str
     formulation: str
     elements: int
+    step: float | None = None
     dofs: int | None = None
     value: float | None = None
     error: float | None = None
@@ -57,11 +76,12 @@ class Row:
     wall_s: float | None = None
     status: str = "converged"
     reason: str = ""
-    smallest: float = field(default=0.0, repr=False)
+    answer: Answer | None = field(default=None, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints of the row."""
-        return {k: v for k, v in asdict(self).items() if k != "smallest" and (k != "reason" or v)}
+        named = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "answer"}
+        return {k: v for k, v in named.items() if v not in ("", None) or k not in ("reason", "step")}
 
 
 @dataclass
@@ -99,6 +119,7 @@ class Convergence:
     reference: float | None
     series: list[Series]
     warnings: list[str]
+    over: str = "elements"
 
     @property
     def rows(self) -> list[Row]:
@@ -115,7 +136,7 @@ class Convergence:
         limits = [{"element": s.element, "formulation": s.formulation, **s.as_json()} for s in self.series]
         alone = self.series[0].as_json() if len(self.series) == 1 else dict.fromkeys(self.series[0].as_json())
         out = {"case": self.case, "title": self.title, "status": "converged" if self.converged else "failed",
-               "goal": self.goal, "reference": "auto" if self.reference is None else self.reference,
+               "goal": self.goal, "reference": "auto" if self.reference is None else self.reference, "over": self.over,
                "rows": [row.as_json() for row in self.rows], **alone, "elements": limits, "warnings": self.warnings}
         if not self.converged:
             out.update(reason=self.rows[0].reason, at={"elements": self.rows[0].elements})
@@ -125,28 +146,41 @@ class Convergence:
 def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), meshes: Sequence[int] | None = None,
                 reference: float | None = None, workers: Workers = ALONE,
                 compiling: Callable[[], None] = lambda: None, done: Callable[[float], None] = lambda share: None,
-                ) -> Convergence:
-    """Solve a case on a sequence of meshes for each element type, and judge the goal's convergence.
+                steps: Steps | None = None) -> Convergence:
+    """Solve a case on a sequence of meshes, or with a sequence of time steps, and judge the goal's convergence.
 
-    ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own);
-    ``reference`` is what errors are against, None for each type's own limit. Raises CaseError for a case
-    without a goal, or one that no variant can solve; a mesh that fails is a row that says so.
+    ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``steps``
+    keep the case's mesh; ``reference`` is what errors are against, None for each type's own limit. Raises CaseError
+    for a case without a goal, or one that no variant can solve; a level that fails is a row that says so.
     """
     if loaded.case.goal is None:
         raise CaseError(loaded.source.problem((), "the case has no goal: nothing is named that should converge",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
+    if steps is not None and not isinstance(loaded.case.solver, Dynamic):
+        raise CaseError(loaded.source.problem(("solver", "type"), "there are no time steps to refine",
+                                              expected="solver: {type: dynamic}, or meshes to refine"))
     if any(v == Variant(formulation=v.formulation) for v in variants):
         prepare(loaded)
-    counts, warnings = _meshes(loaded, sorted(set(meshes or default_meshes(loaded.case))))
-    jobs = [[_job(loaded, v, c, workers) for c in counts] for v in variants]
+    own = sum(count_of(b) for b in flexible(loaded.case).values())
+    default = default_meshes(loaded.case) if steps is None else [own]
+    counts, warnings = _meshes(loaded, sorted(set(meshes or default)))
+    if steps is not None and len(counts) > 1:
+        raise CaseError(loaded.source.problem(("solver",), "several meshes and several time steps at once",
+                                              expected="one mesh with several time steps, or several meshes"))
+    jobs = [[_job(loaded, v, c, workers, steps, x) for c in counts for x in _values(steps)] for v in variants]
     _warm_up([group[0] for group in jobs], compiling)
     flat = [job for group in jobs for job in group]
     count = itertools.count(1)
     rows = run_jobs(solve_job, flat, workers, _lost, lambda i, row: done(next(count) / len(flat)))
-    k = len(counts)
+    k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
-                       warnings)
+                       warnings, "elements" if steps is None else steps.key)
+
+
+def _values(steps: Steps | None) -> list[float | None]:
+    """Return the time steps, coarse to fine; one None for those of the case."""
+    return [None] if steps is None else sorted(set(steps.values), reverse=True)
 
 
 def _meshes(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, int]], list[str]]:
@@ -166,9 +200,11 @@ def _meshes(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, i
     return counts, warnings
 
 
-def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int], workers: Workers) -> Job:
+def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int], workers: Workers, steps: Steps | None,
+         value: float | None) -> Job:
     overrides = (*loaded.overrides, *overrides_for(loaded.case, variant, counts))
-    return Job(loaded.text, workers.file(loaded.source.file), overrides, variant, sum(counts.values()))
+    key = "" if steps is None else steps.key
+    return Job(loaded.text, workers.file(loaded.source.file), overrides, variant, sum(counts.values()), key, value)
 
 
 def _warm_up(first: Sequence[Job], compiling: Callable[[], None]) -> None:
@@ -212,35 +248,25 @@ def _lost(job: Job) -> Row:
 
 
 def _solve(job: Job, row: Row) -> None:
-    loaded = job.load()
-    goal = loaded.case.goal
-    states: list[Any] = [None]
-    outcome = run_case(loaded, progress=Progress(state=lambda state: states.__setitem__(0, state)))
-    model, summary = outcome.model, outcome.summary
-    plans = [m.plan for m in model.meshes.values()]
+    found = solve_for_goal(job.load())
+    plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
     row.element = "+".join(dict.fromkeys(p.element.name for p in plans))
     row.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))
-    row.elements, row.dofs = model.n_elements, model.n_q
-    if outcome.failure is not None:
-        raise outcome.failure
-    row.wall_s = summary["wall_s"]
-    row.value = None if goal is None else quantity(goal, summary)
-    if goal is None or row.value is None:
-        raise ComputationError(f"the solver gives no value of {describe_goal(goal)}")
-    row.smallest = smallest_scale(goal, summary, model, states[0].d[:model.n_q])
+    row.elements, row.dofs = found.model.n_elements, found.model.n_q
+    row.wall_s, row.answer, row.value = found.summary["wall_s"], found.answer, found.answer.value
 
 
 def _judge(rows: list[Row], reference: float | None) -> Series:
     """Fill in errors and orders of the rows of one element type; return them with their limit."""
-    good = [row for row in rows if row.value is not None]
-    n, f = [float(row.elements) for row in good], [float(row.value) for row in good if row.value is not None]
-    smallest = good[-1].smallest if good else 0.0
-    scale = error_scale(f[-1], smallest) if good else 1.0
+    good = [row for row in rows if row.answer is not None]
+    answers = [row.answer for row in good if row.answer is not None]
+    n = [float(row.elements) if row.step is None else 1.0 / row.step for row in good]
+    f, scale = sequence(answers), answers[-1].size if answers else 1.0
     found = estimate(n, f, scale)
-    against = found.value if reference is None else reference
-    for row in good:
-        if against is not None and row.value is not None and (reference is not None or len(good) > 1):
-            row.error = abs(row.value - against) / error_scale(against, smallest)
+    limit = _limit(answers, found, reference)
+    for row, answer in zip(good, answers, strict=True):
+        if limit is not None and (reference is not None or len(good) > 1):
+            row.error = answer.distance(limit) / limit.size
     settled = round_off_level(f, scale)
     for i, row in enumerate(good):
         if reference is not None:
@@ -248,4 +274,23 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
             row.order = order_from_errors(n[i - 1:i + 1], errors) if i >= 1 else None
         elif i >= 2 and (settled is None or i <= settled):
             row.order = observed_order(n[i - 2:i + 1], f[i - 2:i + 1])
-    return Series(rows, found, against)
+    value = None if found.value is None or limit is None else found.value if reference is not None else limit.value
+    return Series(rows, replace(found, value=value), None if limit is None else limit.value)
+
+
+def _limit(answers: Sequence[Answer], found: Estimate, reference: float | None) -> Answer | None:
+    """Return what errors are against: the reference, or what the sequence tends to."""
+    if not answers:
+        return None
+    last = answers[-1]
+    if reference is not None:
+        # of a motion its value at the end
+        size = last.size if last.course is not None else error_scale(reference, last.smallest)
+        return Answer(reference, size)
+    if found.value is None:
+        return None
+    if last.course is None:
+        return Answer(found.value, error_scale(found.value, last.smallest))
+    gap = last.distance(answers[-2]) if len(answers) > 1 else 0.0
+    # the pseudo-sequence of distances approaches its limit from one side: the share that is left of the last one
+    return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last

@@ -8,7 +8,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError
-from ancf2d.study.convergence import Convergence, convergence
+from ancf2d.study.convergence import Convergence, Steps, convergence
 from ancf2d.study.goal import error_scale, smallest_scale
 from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
@@ -187,3 +187,49 @@ def test_element_of_the_users_own_is_refined_too(tmp_path: Path) -> None:
     study = convergence(loaded, meshes=[2, 4])
     assert study.rows[0].element == "mine"
     assert values(study) == pytest.approx([BENDING] * 2, rel=1e-9)
+
+
+SWING = """
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {height: 0.1, width: 0.05}
+    material: {E: 1e6, nu: 0.3, rho: 1000}
+    element: {type: cable, count: 2}
+boundary_conditions: [{type: pin, at: rod@0}]
+loads: [{type: gravity, value: [0, -9.81]}]
+initial: {rotation_rate: {omega: 1, about: [0, 0]}}
+solver: {type: dynamic, t_end: 0.3, tolerance: 1e-7}
+goal: {probe: tip, quantity: y}
+output: {interval: 0.02, probes: {tip: rod@1}}
+"""
+
+
+def test_motion_converges_over_time_steps_by_the_order_of_its_integrator() -> None:
+    study = convergence(load_case_text(SWING + "\n", vocabulary=vocabulary(), overrides=(
+        "solver.method=generalized_alpha",)), steps=Steps("dt", (2e-3, 1e-3, 5e-4, 2.5e-4)))
+    assert study.over == "dt"
+    assert [row.step for row in study.rows] == [2e-3, 1e-3, 5e-4, 2.5e-4]
+    assert study.rows[-1].order == pytest.approx(2.0, abs=0.1)
+    # errors are the largest over time, relative to the largest displacement, against the extrapolated course
+    fine = convergence(load_case_text(SWING, vocabulary=vocabulary()), steps=Steps("tolerance", (1e-11,))).rows[0]
+    assert fine.answer is not None
+    for row in study.rows:
+        assert row.answer is not None
+        assert row.error == pytest.approx(row.answer.distance(fine.answer) / fine.answer.size, rel=0.1)
+
+
+def test_motion_converges_over_meshes() -> None:
+    study = convergence(load_case_text(SWING, vocabulary=vocabulary()), meshes=[2, 4, 8, 16])
+    errors = [row.error for row in study.rows]
+    # the start is sudden: waves of all lengths keep the order below the four of smooth motion
+    assert all(coarse > 5 * fine for coarse, fine in zip(errors, errors[1:], strict=False))
+    assert study.rows[-1].order > 2.5
+    assert len(study.rows[0].answer.course) == 16
+
+
+def test_steps_of_a_case_that_does_not_move_are_refused() -> None:
+    text = SWING.replace("{type: dynamic, t_end: 0.3, tolerance: 1e-7}", "{type: static}").replace(
+        "initial: {rotation_rate: {omega: 1, about: [0, 0]}}\n", "").replace("interval: 0.02, ", "")
+    with pytest.raises(CaseError, match="no time steps to refine"):
+        convergence(load_case_text(text, vocabulary=vocabulary()), steps=Steps("dt", (1e-3,)))
