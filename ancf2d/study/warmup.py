@@ -98,7 +98,7 @@ def _unlocked(descriptor: int | None) -> None:
 
 
 def _touch(model: Model) -> None:
-    from ..kernels.elements import element_matrices, force, force_tangent, tangent_action
+    from ..kernels.elements import element_matrices, force, force_noise, force_tangent, tangent_action
     from ..kernels.matrix import scatter_patches
     from ..solve.linear import make_matrix
     from ..solve.post import asks_for_forces
@@ -122,6 +122,7 @@ def _touch(model: Model) -> None:
         linear = isinstance(model.case.solver, LinearStatic)
         if not linear:
             force(none, d, d)
+            force_noise(none, d, d)
         if model.moves or linear:
             tangent_action(none, d, d, d)
         if isinstance(model.case.solver, Eigen | Buckling):

@@ -33,3 +33,13 @@ def wait_with_note(folder: str) -> int:
     (Path(folder) / str(os.getpid())).touch()
     time.sleep(60)
     return 0
+
+
+def compile_alone(job: tuple[str, str]) -> tuple[float, float]:
+    """Return when a process began and ended what no other may do at the same time."""
+    from ancf2d.study.warmup import _alone
+
+    with _alone(Path(job[0]), job[1]):
+        began = time.time()
+        time.sleep(0.3)
+        return began, time.time()

@@ -1,0 +1,74 @@
+"""Kernels that several processes need at once are compiled by one of them."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+import pytest
+from jobs import compile_alone
+
+from ancf2d.case import load_case_text
+from ancf2d.study.pool import Workers, run_jobs
+from ancf2d.study.run import vocabulary
+from ancf2d.study.warmup import _alone, kernels_of
+
+CASE = """\
+title: Cantilever
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}
+    element: {type: cable, count: 2}
+boundary_conditions:
+  - {name: root, type: clamp, at: beam@0}
+loads:
+  - {name: tip, type: force, at: beam@1, value: [0, -3]}
+solver: {type: static}
+"""
+
+
+def kernels(*overrides: str) -> str:
+    return kernels_of(load_case_text(CASE, overrides=overrides, vocabulary=vocabulary()).case)
+
+
+def test_words_of_a_case_select_its_kernels_and_numbers_do_not() -> None:
+    one = kernels()
+    assert one == kernels("bodies.beam.element.count=32", "loads.tip.value=[3, 1e7]", "title=Another",
+                          "bodies.beam.section.EI=5")
+    others = [kernels(o) for o in ("bodies.beam.element.type=reissner2", "solver={type: linear_static}",
+                                   "bodies.beam.element.formulation=green", "solver={type: dynamic, t_end: 1, dt: 0.1}",
+                                   "solver={type: dynamic, t_end: 1, tolerance: 0.1}", "loads.tip.type=follower_force")]
+    assert len({one, *others}) == 1 + len(others)
+
+
+def test_no_two_processes_compile_at_the_same_time(tmp_path: Path) -> None:
+    """Different kernels, too: the index of a function's kernels is one file."""
+    spans = run_jobs(compile_alone, [(str(tmp_path), "a"), (str(tmp_path), "b")], Workers(2), lambda job: (0.0, 0.0))
+    (first, end), (second, _) = sorted(spans)
+    assert 0.0 < first < end <= second
+
+
+def test_what_was_compiled_before_is_not_waited_for(tmp_path: Path) -> None:
+    with _alone(tmp_path, "kernels"):
+        pass
+    lock = os.open(tmp_path / "lock", os.O_RDWR)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    started = time.monotonic()
+    with _alone(tmp_path, "kernels"), _alone(None, "others"):
+        assert time.monotonic() - started < 1.0
+    os.close(lock)
+
+
+def test_what_could_not_be_compiled_is_not_held_to_be_there(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), _alone(tmp_path, "kernels"):
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.iterdir()] == ["lock"]
+
+
+def test_a_cache_that_cannot_be_locked_is_used_without(tmp_path: Path) -> None:
+    with _alone(tmp_path / "none", "kernels"):
+        pass
+    assert list(tmp_path.iterdir()) == []
