@@ -4,7 +4,7 @@ Cases beside their references, what is kept over a million steps and a thousand 
 orders, and runs that are killed; about a quarter of an hour. References and scenes are those of the tests: install
 with ``pip install -e ".[test]"``.
 
-    python scripts/motion_evidence.py [--parts cases,joints] [--steps 1000000] [--turns 1000] [--kills 50]
+    python scripts/motion_evidence.py [--tables cases,joints] [--steps 1000000] [--turns 1000] [--kills 50]
 """
 
 from __future__ import annotations
@@ -20,27 +20,22 @@ from bench.stamp import machine, versions
 from evidence import cases, conservation, joints, kills, orders, traps
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "motion.md"
-MARKED = r"(<!-- measured: {name} -->\n).*?(\n<!-- end -->)"
-# parts, each with the tables that it fills
-Parts = dict[str, dict[str, Callable[[], str]]]
+MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
 
 
-def parts(steps: int, turns: float, count: int) -> Parts:
-    """Return the tables by part and name."""
+def tables(steps: int, turns: float, count: int) -> dict[str, Callable[[], str]]:
+    """Return what measures each table, by the name of its place on the page."""
     return {
-        "cases": {"cases": cases.exact, "given": cases.given, "paper": cases.paper, "apart": cases.apart},
-        "conservation": {"drift": lambda: conservation.drifts(steps), "steady": lambda: conservation.steadies(turns),
-                         "turned": conservation.turned},
-        "traps": {"traps": traps.report},
-        "joints": {"joints": joints.report},
-        "orders": {"orders": orders.report},
-        "kills": {"kills": lambda: kills.report(count)},
+        "cases": cases.exact, "given": cases.given, "paper": cases.paper, "apart": cases.apart,
+        "drift": lambda: conservation.drifts(steps), "steady": lambda: conservation.steadies(turns),
+        "turned": conservation.turned, "traps": traps.report, "tolerances": traps.tolerances, "joints": joints.report,
+        "orders": orders.report, "kills": lambda: kills.report(count),
     }
 
 
 def stamp() -> str:
     """Return when and on what the tables were measured."""
-    return (f"Measured by `python scripts/motion_evidence.py` on {date.today()}: {machine()}; {versions()}.")
+    return f"Measured by `python scripts/motion_evidence.py` on {date.today()}: {machine()}; {versions()}."
 
 
 def write(name: str, found: str) -> None:
@@ -49,27 +44,26 @@ def write(name: str, found: str) -> None:
     place = re.compile(MARKED.format(name=re.escape(name)), re.S)
     if not place.search(text):
         raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: m[1] + found + m[2], text), encoding="utf-8")
+    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
 
 
 def main() -> None:
     """Measure the parts that are asked for, and write each as it is done."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", default=",".join(parts(0, 0.0, 0)), help="some of %(default)s")
+    parser.add_argument("--tables", default=",".join(tables(0, 0.0, 0)), help="some of %(default)s")
     parser.add_argument("--steps", type=int, default=1_000_000, help="of the freely flying rod")
     parser.add_argument("--turns", type=float, default=1000.0, help="of the rods in steady rotation")
     parser.add_argument("--kills", type=int, default=50, help="of running cases")
     args = parser.parse_args()
-    known = parts(args.steps, args.turns, args.kills)
-    wanted = args.parts.split(",")
+    known = tables(args.steps, args.turns, args.kills)
+    wanted = args.tables.split(",")
     if unknown := [name for name in wanted if name not in known]:
-        parser.error(f"no part {', '.join(unknown)}; there are {', '.join(known)}")
-    for part in wanted:
-        for name, measure in known[part].items():
-            began = time.perf_counter()
-            found = measure()
-            write(name, found)
-            print(f"{name} ({time.perf_counter() - began:.0f} s)\n\n{found}\n", flush=True)
+        parser.error(f"no table {', '.join(unknown)}; there are {', '.join(known)}")
+    for name in wanted:
+        began = time.perf_counter()
+        found = known[name]()
+        write(name, found)
+        print(f"{name} ({time.perf_counter() - began:.0f} s)\n\n{found}\n", flush=True)
     write("stamp", stamp())
 
 

@@ -37,13 +37,12 @@ class Trap:
 
     element: str
     method: str
-    dt: float
-    count: int
     code: int
     truth: float | None = None
     estimate: float | None = None
     cut: int = 0
     said: str = ""
+    steps: int = 0
 
     @property
     def honest(self) -> bool:
@@ -58,39 +57,40 @@ def motion(element: str, count: int, solver: str) -> Motion:
     return follow(case(PENDULUM.format(element=element, count=count, solver=solver)))
 
 
-def trap(element: str, method: str, dt: float, count: int, fine: Motion) -> Trap:
-    """Return what a method makes of steps dt, beside the fine motion of the same mesh."""
+def trap(element: str, method: str, solver: str, count: int, fine: Motion) -> Trap:
+    """Return what a method makes of steps, or a tolerance, beside the fine motion of the same mesh."""
     try:
-        found = motion(element, count, f"method: {method}, dt: {dt}")
+        found = motion(element, count, f"method: {method}, {solver}")
     except CaseError as error:
-        return Trap(element, method, dt, count, 2, said=error.problems[0].message.removeprefix("solver.method: "))
+        return Trap(element, method, 2, said=error.problems[0].message.removeprefix("solver.method: "))
     cut = int(found.summary.get("rejected", 0))
     if found.outcome.failure is not None:
-        return Trap(element, method, dt, count, 1, cut=cut, said=found.summary["reason"])
+        return Trap(element, method, 1, cut=cut, said=found.summary["reason"])
     truth = distance(found.place("tip"), fine.place("tip")) / fine.extent("tip")
     said = "warns" if any("steps are too large" in w for w in found.outcome.warnings) else ""
-    return Trap(element, method, dt, count, 0, truth, found.summary["accuracy"]["estimate"], cut, said)
+    steps = int(found.summary["steps"])
+    return Trap(element, method, 0, truth, found.summary["accuracy"]["estimate"], cut, said, steps)
 
 
-def traps(steps: tuple[float, ...], count: int) -> Iterator[Trap]:
+def traps(solvers: tuple[str, ...], count: int) -> Iterator[Trap]:
     """Yield what all methods and types make of too long steps."""
     for element in ELEMENTS:
         fine = motion(element, count, "method: radau9, tolerance: 1e-9")
         for method in METHODS:
-            for dt in steps:
-                yield trap(element, method, dt, count, fine)
+            for solver in solvers:
+                yield trap(element, method, solver, count, fine)
 
 
 def report() -> str:
     """Return the table for dt = 0.01, and what other steps and meshes add to it."""
     rows, more = [], []
-    for t in traps((0.01,), 8):
+    for t in traps(("dt: 0.01",), 8):
         numbers = ["" if x is None else small(x) for x in (t.truth, t.estimate)]
         rows.append([t.element, t.method, *numbers, str(t.cut) if t.code != 2 else "", str(t.code), t.said,
                      "ok" if t.honest else "MISLEADS"])
         more.append(t)
     for count in (4, 16):
-        more += list(traps((0.02, 0.01, 0.005), count))
+        more += list(traps(("dt: 0.02", "dt: 0.01", "dt: 0.005"), count))
     ran = [t for t in more if t.code != 2]
     plain = [t for t in ran if not t.code and not t.cut and t.truth is not None]
     worst = max((t.truth / t.estimate for t in plain if t.truth and t.estimate), default=np.nan)
@@ -99,3 +99,16 @@ def report() -> str:
             f"{sum(not t.honest for t in ran)} mislead.")
     return table(["type", "method", "true error", "estimate", "attempts given up", "exit code", "says", ""],
                  rows) + f"\n\n{text}"
+
+
+def tolerances() -> str:
+    """Return the table of what tolerances of adaptive steps bring."""
+    rows, count, wanted = [], 8, ("1e-3", "1e-4", "1e-5", "1e-6", "1e-7")
+    fine = {e: motion(e, count, "method: radau9, tolerance: 1e-10") for e in ("reissner3", "vallejo")}
+    for method in METHODS:
+        element = "vallejo" if INTEGRATORS[method].conserves else "reissner3"
+        found = [trap(element, method, f"tolerance: {t}", count, fine[element]) for t in wanted]
+        for what, cells in (("true", [t.truth for t in found]), ("estimated", [t.estimate for t in found])):
+            rows.append([method if what == "true" else "", what, *("" if x is None else small(x) for x in cells)])
+        rows.append(["", "steps", *(str(t.steps) for t in found)])
+    return table(["method", "error", *(f"tolerance {t}" for t in wanted)], rows)

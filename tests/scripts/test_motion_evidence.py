@@ -1,0 +1,75 @@
+"""What docs/motion.md measures, in small: conservation, steady rotation, too long steps, joints."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import motion_evidence
+from evidence import conservation, joints, runs, traps
+
+
+@pytest.mark.parametrize("element", ["vallejo", "cable"])
+def test_ten_thousand_steps_keep_energy_and_momentum(element: str) -> None:
+    found = conservation.drift(element, 10_000)
+    assert found["strain"] > 0.05
+    assert found["energy"] < 1e-11
+    assert found["linear"] < 1e-12
+    assert found["angular"] < 1e-11
+
+
+def test_steady_rotation_keeps_its_strain_energy() -> None:
+    element, solver = conservation.WAYS[0]
+    change, steps, _ = conservation.steady(element, solver, 20)
+    assert steps > 20_000
+    assert change < 1e-10
+
+
+@pytest.mark.parametrize("element", ["omar", "2d2n", "vallejo", "cable", "reissner3"])
+def test_a_thousand_turns_strain_nothing(element: str) -> None:
+    assert conservation.turned_strain(element, 1000 + 1 / 3) < 3e-14
+
+
+@pytest.fixture(scope="module")
+def fine() -> runs.Motion:
+    return traps.motion("reissner3", 8, "method: radau9, tolerance: 1e-9")
+
+
+@pytest.mark.parametrize("method", traps.METHODS)
+def test_steps_that_are_too_long_do_not_pass_for_good_ones(method: str, fine: runs.Motion) -> None:
+    found = traps.trap("reissner3", method, "dt: 0.01", 8, fine)
+    assert found.honest
+    assert found.code in (0, 2)
+    if found.code == 0:
+        assert found.truth is not None
+        assert found.estimate is not None
+        assert 1e-7 < found.truth < 1e-2
+        assert found.truth < traps.COVERS * found.estimate
+
+
+def test_an_estimate_far_below_the_truth_misleads() -> None:
+    def said(**more: object) -> bool:
+        return traps.Trap("cable", "hht", **{"code": 0, "truth": 1e-2, "estimate": 5e-4, **more}).honest
+    assert not said()
+    assert not said(estimate=None)
+    assert said(estimate=2e-3)
+    assert said(cut=1)
+    assert said(code=1, truth=None, estimate=None)
+
+
+@pytest.mark.parametrize("joint", joints.JOINTS, ids=lambda j: j.name)
+def test_joints_hold_by_their_log_and_by_their_probes(joint: joints.Joint) -> None:
+    log, seen = joints.hold(joint, "method: generalized_alpha, dt: 1e-3, estimate: false")
+    assert log < 1e-13
+    assert seen is None or seen < 1e-12
+
+
+def test_every_table_has_its_place_on_the_page() -> None:
+    text = motion_evidence.PAGE.read_text(encoding="utf-8")
+    names = motion_evidence.tables(1, 1.0, 1)
+    assert sorted(re.findall(r"<!-- measured: (\S+) -->", text)) == sorted([*names, "stamp"])
+    assert re.findall(r"<!-- measured: (\S+) -->\n<!-- end -->", text) == []
