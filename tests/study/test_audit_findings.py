@@ -102,3 +102,20 @@ def test_linear_elements_with_full_quadrature_lock_in_shear():
     assert found.verdict == "fail"
     assert found.value > 0.99
     assert "shear" in found.meaning
+
+
+@pytest.mark.parametrize("kind", ["reissner2", "kerkkanen"])
+def test_what_shear_takes_is_not_blamed_on_nu(kind):
+    """Locking in shear depends on nu by G, but goes with the mesh."""
+    formulation = {"reissner2": None, "kerkkanen": "structural"}[kind]
+    found = audits.find(kind, "shear_locking", "poisson_locking", formulation=formulation, quadrature=[2, 1])
+    assert {k: f.verdict for k, f in found.items()} == {"shear_locking": "fail", "poisson_locking": "note"}
+    assert found["shear_locking"].meaning.endswith("to shear")
+
+
+def test_the_strain_that_takes_the_deflection_is_named():
+    """Full integration of quadratic elements: the axis bent far cannot keep its length."""
+    found = audits.find("reissner3", "shear_locking", "thickness_locking", quadrature=[5, 1])
+    assert found["shear_locking"].meaning.endswith("to shear")
+    assert found["thickness_locking"].meaning.endswith("to strain of the axis")
+    assert found["thickness_locking"].verdict == "note"
