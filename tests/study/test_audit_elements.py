@@ -5,6 +5,7 @@ import pytest
 
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.errors import CaseError
+from ancf2d.study.audit import patches
 from ancf2d.study.audit.examine import CHECKS, audit
 from ancf2d.study.audit.subject import subject
 
@@ -108,3 +109,24 @@ def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
 def test_what_cannot_be_examined_is_refused_in_the_words_of_the_command_line(name, options, words):
     with pytest.raises(CaseError, match=words):
         subject(name, **options)
+
+
+def test_forces_that_know_a_direction_are_found_out(monkeypatch):
+    """A spring in x beside the element: rigid motion is resisted, and turning changes the energy."""
+    sound = patches.elastic
+
+    def held(model, d):
+        energy, Q = sound(model, d)
+        Q[0] += 1e-3 * d[0]
+        return energy + 0.5e-3 * d[0] ** 2, Q
+
+    monkeypatch.setattr(patches, "elastic", held)
+    assert audits.verdicts(subject("vallejo"), "rigid_motion", "objectivity") == dict.fromkeys(
+        ("rigid_motion", "objectivity"), "fail")
+
+
+def test_a_response_that_depends_on_the_direction_of_the_beam_is_found_out(monkeypatch):
+    sound = patches.tip_deflection
+    monkeypatch.setattr(patches, "tip_deflection",
+                        lambda s, *a, angle=0.0, **k: sound(s, *a, angle=angle, **k) * (1 + 1e-6 * angle))
+    assert audits.verdicts(subject("vallejo"), "isotropy") == {"isotropy": "fail"}
