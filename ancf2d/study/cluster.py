@@ -54,10 +54,9 @@ def _cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
     """Give the executor of a cluster, and what it raises for a job whose worker died."""
     from distributed import Client, KilledWorker
 
-    # it logs with tracebacks what is told here in a sentence
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    # it logs with tracebacks what is told here in a sentence, by loggers with levels of their own
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
     try:
         with _connected(Client, address) as client:
             _wait_for_workers(client, address)
@@ -73,7 +72,7 @@ def _cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
             finally:
                 executor.shutdown(wait=False)
     finally:
-        logger.setLevel(before)
+        logging.disable(before)
 
 
 @contextmanager

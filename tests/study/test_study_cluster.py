@@ -6,13 +6,14 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from jobs import die, square
+from jobs import die, square, wait_with_note
 
 from ancf2d.errors import ComputationError
 from ancf2d.study import cluster
@@ -35,24 +36,31 @@ def dask(folder: Path, *arguments: str, **more: str) -> Iterator[subprocess.Pope
     finally:
         process.terminate()
         try:
-            process.wait(10)
+            process.wait(2)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
 
 
 @contextmanager
-def scheduler(folder: Path) -> Iterator[str]:
-    """Give the address of a scheduler."""
+def started_scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """Give a scheduler with its address."""
     file = folder / "scheduler.json"
     # by default, a job is tried on three more workers before it is held to be what kills them
     with dask(folder, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
-              "--scheduler-file", str(file), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0"):
+              "--scheduler-file", str(file), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as process:
         until = time.monotonic() + 30
         while not (file.exists() and file.stat().st_size):
             assert time.monotonic() < until, (folder / "dask.log").read_text()
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"]
+        yield process, json.loads(file.read_text())["address"]
+
+
+@contextmanager
+def scheduler(folder: Path) -> Iterator[str]:
+    """Give the address of a scheduler."""
+    with started_scheduler(folder) as (_, found):
+        yield found
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +114,28 @@ def test_what_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(cluster, "WORKERS", 0.5)
     with scheduler(tmp_path) as lonely, pytest.raises(ComputationError, match=said):
         run_jobs(square, [1.0], Workers(scheduler=begin(lonely)), minus)
+
+
+def test_a_scheduler_that_is_lost_is_told_in_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                        capfd: pytest.CaptureFixture[str]) -> None:
+    """Nothing else is said, although Dask logs tracebacks of it."""
+    monkeypatch.setattr(cluster, "CONNECT", 2.0)
+    began = tmp_path / "began"
+    began.mkdir()
+
+    def kill_when_begun() -> None:
+        until = time.monotonic() + 20
+        while not list(began.iterdir()) and time.monotonic() < until:
+            time.sleep(0.02)
+        process.kill()
+
+    with started_scheduler(tmp_path) as (process, found), dask(tmp_path, "worker", found, "--nthreads", "1",
+                                                              "--no-dashboard", "--no-nanny", "--local-directory",
+                                                              str(tmp_path)):
+        threading.Thread(target=kill_when_begun, daemon=True).start()
+        with pytest.raises(ComputationError, match=r"the scheduler at .* was lost"):
+            run_jobs(wait_with_note, [str(began)], Workers(scheduler=found), len)
+    assert capfd.readouterr().err == ""
 
 
 def test_files_are_named_so_that_workers_elsewhere_find_them() -> None:
