@@ -105,8 +105,8 @@ def work_precision(sources: Sequence[Source]) -> Curves:
 
 
 def _points(table: Table, rows: np.ndarray, against: str, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of one line in the order of x, without the meshes that failed."""
-    rows = rows[np.argsort(np.asarray(table[against], float)[rows], kind="stable")]
+    """Return x and y of one line in the order of refinement, without the meshes that failed."""
+    rows = rows[np.argsort(np.asarray(table["elements"], float)[rows], kind="stable")]
     x, y = (np.asarray(table[name], float)[rows] for name in (against, column))
     keep = np.isfinite(y) & (x > 0)
     return x[keep], y[keep] if column == "value" else np.abs(y[keep])

@@ -29,6 +29,11 @@ def names_of(value: str | Sequence[str] | None) -> list[str]:
     return value.replace(",", " ").split() if isinstance(value, str) else list(value)
 
 
+def quantities_of(value: str | Sequence[str] | None) -> list[str]:
+    """Return the quantities that an option lists; each entry may list several with commas between them."""
+    return [name for entry in names_of(value) for name in names_of(entry)]
+
+
 def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
     """Return the wanted names; ResultsError where one is none of the known."""
     for name in wanted:
@@ -77,7 +82,7 @@ def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
             quantity: str | Sequence[str] | None, default: Sequence[str], axis: tuple[str, str],
             swap: bool) -> list[Panel]:
     panels: dict[str, Panel] = {}
-    quantities = names_of(quantity)
+    quantities = quantities_of(quantity)
     for source in sources:
         found = _values(source, names_of(probe), quantities)
         for family, entries in _families(found, quantities, default).items():

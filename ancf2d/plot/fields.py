@@ -26,6 +26,7 @@ from ancf2d.plot.body import (
     outline,
     when,
 )
+from ancf2d.plot.curves import quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import FieldRecord, Results
 
@@ -263,7 +264,7 @@ def moving(sources: Sequence[Source], count: int, *, field: str | None = None, c
 def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] | None = None,
                    state: int = -1) -> Curves:
     """Build N, Q and M along the axis of each body, over its arclength in the reference."""
-    asked = quantity.replace(",", " ").split() if isinstance(quantity, str) else list(quantity or FORCES)
+    asked = quantities_of(quantity) or list(FORCES)
     for name in asked:
         if name not in FORCES:
             raise ResultsError(f"section_forces draws {', '.join(FORCES)}, not '{name}'")

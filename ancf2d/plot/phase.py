@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.curves import NEGLIGIBLE, chosen_names, names_of
+from ancf2d.plot.curves import NEGLIGIBLE, chosen_names, names_of, quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 
@@ -23,7 +23,7 @@ def _largest(values: np.ndarray) -> float:
 def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
           quantity: str | Sequence[str] | None = None) -> Curves:
     """Build each displacement or rotation of the probes against its rate; a ring marks the start."""
-    asked = names_of(quantity)
+    asked = quantities_of(quantity)
     for name in asked:
         if name not in RATES:
             raise ResultsError(f"phase draws {', '.join(RATES)} against their rates, not '{name}'")

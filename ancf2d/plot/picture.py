@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from ancf2d.plot import style
 from ancf2d.results import Results
@@ -155,6 +156,9 @@ class Curves:
             if self.log_base:
                 axes.set_xscale("log", base=self.log_base)
                 axes.xaxis.set_major_formatter("{x:g}")
+                if self.log_base == 10:  # labels at 2 and 5 too, and at no others: they would run into each other
+                    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                    axes.xaxis.set_minor_formatter("{x:g}")
             if self.log_y or panel.log:
                 axes.set_yscale("log")
             if panel.whole:

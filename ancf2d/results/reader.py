@@ -246,8 +246,9 @@ class Results:
         """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
         with safe.damage(self.path):
             found = safe.groups(safe.child(self._file, "fields", h5py.Group))
-            return {body: {name: self._field(body, name, g) for name, g in safe.groups(group).items()
-                           if safe.child(g, "values", h5py.Dataset) is not None} for body, group in found.items()}
+            return {body: {name: self._field(body, name, g) for name, g in safe.groups(found[body]).items()
+                           if safe.child(g, "values", h5py.Dataset) is not None}
+                    for body in self.bodies if body in found}
 
     def _field(self, body: str, name: str, group: h5py.Group) -> FieldRecord:
         return FieldRecord(body, name, tuple(safe.strings(group, "components")),
