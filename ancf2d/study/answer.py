@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,8 @@ from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from .goal import TINY, error_scale, goal_kind, smallest_scale
-from .run import Progress, describe_goal, quantity, run_case
+from .record import Progress
+from .run import Outcome, describe_goal, quantity, run_case
 
 
 @dataclass
@@ -46,23 +47,42 @@ class Answer:
 
 @dataclass
 class Solved:
-    """A run for its goal: the answer, the model, the ``--json`` summary, and d (n_q,) at the end."""
+    """A run for its goal: the answer, the outcome of the run, and its last state."""
 
     answer: Answer
-    model: Model
-    summary: dict[str, Any]
-    d: Array
+    outcome: Outcome
+    state: Any
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.outcome.model
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The object that ``--json`` prints."""
+        return self.outcome.summary
 
 
 def for_study(loaded: LoadedCase) -> LoadedCase:
-    """Return a case without what only costs time in a study: error estimates, expected values, times that differ."""
-    case = replace(loaded.case, expected=(), accuracy=None)
+    """Return a case without what only costs time in a study, or differs from run to run: estimates, times of states."""
+    case = replace(loaded.case, accuracy=None)
     if isinstance(case.solver, Dynamic):
         case = replace(case, solver=replace(case.solver, estimate=False), output=replace(case.output, every=None))
     return replace(loaded, case=case)
 
 
-def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None) -> Solved:
+@dataclass(frozen=True)
+class File:
+    """Where a run is written; ``conclude(summary, answer)`` may add to its summary before."""
+
+    out: str
+    force: bool
+    command: str
+    conclude: Callable[[dict[str, Any], Answer], None]
+
+
+def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None) -> Solved:
     """Solve a case that has a goal. Raises CaseError, and ComputationError where it fails or has no such value."""
     loaded = for_study(loaded)
     goal = loaded.case.goal
@@ -71,17 +91,22 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None) -> Solv
                                               expected="for example goal: {probe: mid, quantity: uy}"))
     watch = _Watch(goal, isinstance(loaded.case.solver, Dynamic))
     progress = replace(progress or Progress(), state=watch.take, built=watch.begin)
-    outcome = run_case(loaded, progress=progress)
+    found: list[Answer] = []
+
+    def conclude(summary: dict[str, Any], model: Model) -> None:
+        answer = watch.answer(summary, model)
+        if answer is not None:
+            found.append(answer)
+            if file is not None:
+                file.conclude(summary, answer)
+
+    where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
+    outcome = run_case(loaded, progress=progress, conclude=conclude, **where)
     if outcome.failure is not None:
         raise outcome.failure
-    value = quantity(goal, outcome.summary)
-    if value is None:
+    if not found:
         raise ComputationError(f"the solver gives no value of {describe_goal(goal)}")
-    d = watch.last.d[:outcome.model.n_q]
-    smallest = smallest_scale(goal, outcome.summary, outcome.model, d)
-    size = max(watch.largest, TINY) if watch.course else error_scale(value, smallest)
-    course = np.array(watch.course) if watch.course else None
-    return Solved(Answer(value, size, course, smallest), outcome.model, outcome.summary, d)
+    return Solved(found[0], outcome, watch.last)
 
 
 class _Watch:
@@ -113,6 +138,16 @@ class _Watch:
         displaces = goal_kind(self.goal) in ("displacement", "position") and "ux" in place
         own = float(np.hypot(place["ux"], place["uy"])) if displaces else abs(value or 0.0)
         self.largest = max(self.largest, own)
+
+    def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
+        """Return the answer of a finished run, None where it has no such value."""
+        value = quantity(self.goal, summary)
+        if value is None:
+            return None
+        smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
+        if not self.course:
+            return Answer(value, error_scale(value, smallest), None, smallest)
+        return Answer(value, max(self.largest, TINY), np.array(self.course), smallest)
 
     def _summary(self, state: Any) -> dict[str, Any]:
         """Return what the goal can be of, at one state."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -79,12 +79,16 @@ def solver_name(case: Case) -> str:
     return "".join("_" + c.lower() if c.isupper() else c for c in words).lstrip("_")
 
 
+Conclude = Callable[[dict[str, Any], Model], None]
+
+
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
-             progress: Progress | None = None, resume: bool = False) -> Outcome:
+             progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a dynamic run that was interrupted goes on from its last checkpoint, to the same result bit for
-    bit; where there is nothing to resume from, the run starts afresh.
+    bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
+    that has succeeded, before it is written.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
@@ -98,7 +102,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
     try:
-        return _solve(loaded, model, writer, progress, warnings)
+        return _solve(loaded, model, writer, progress, warnings, conclude)
     except BaseException:
         if writer is not None:
             writer.__exit__(*_exception())
@@ -111,7 +115,8 @@ def _exception() -> tuple[Any, Any, Any]:
     return sys.exc_info()
 
 
-def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> Outcome:
+def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
+           conclude: Conclude | None) -> Outcome:
     from ..solve.registry import solve
     from .warmup import warm_up
 
@@ -127,6 +132,8 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     except ComputationError as error:
         failure = error
     summary = summarise(loaded, model, recorder, failure)
+    if conclude is not None and failure is None:
+        conclude(summary, model)
     if writer is not None:
         place = writer.finish(summary, "failed" if failure else "converged")
         summary["output"] = str(place) if place.exists() else None
