@@ -7,11 +7,12 @@ import shlex
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import ResultsError
+from .accuracy import pursue
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5",
               help="Result file; default: the case's name with .h5, in the working directory.")
 @set_option
+@click.option("--accuracy", type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True), metavar="TOL",
+              help="Relative accuracy of the case's goal: mesh, steps in time and, where the case says element: auto, "
+                   "element types are chosen to reach it, and the error is estimated. Exit 1 where it is not reached.")
 @click.option("--check", is_flag=True, help="Exit with 1 where a value under 'expected' is not met.")
 @click.option("--resume", is_flag=True, help="Go on with an interrupted dynamic run from its last checkpoint in "
               "OUT.h5.part; the result is that of an uninterrupted run, bit for bit.")
@@ -46,21 +50,26 @@ if TYPE_CHECKING:
 @debug_option
 @click.pass_obj
 def command(session: Session, case: str, output: str | None, overrides: tuple[str, ...], check: bool,
-            resume: bool, force: bool) -> int:
+            resume: bool, force: bool, accuracy: float | None) -> int:
     """Solve a case and write one HDF5 result file.
 
     Prints probes, reactions and expected values beside the computed ones. A rerun replaces its own
     earlier result once it has succeeded.
     """
     session.subject = {"case": case}
+    from ..study.accuracy.control import is_pursued
     from ..study.balance import unbalanced_forces
     from ..study.record import Progress, run_end
     from ..study.run import load, run_case, solver_name
     from .report import built_report, run_report
 
-    loaded = load(case, overrides)
+    loaded = load(case, overrides if accuracy is None else (*overrides, f"accuracy={accuracy!r}"))
     out = output if output is not None else f"{Path(case).stem}.h5"
     _keep_the_case(case, out)
+    if is_pursued(loaded):
+        if resume:
+            raise click.UsageError("--resume goes on with one run; solving to an accuracy takes many.")
+        return pursue(session, loaded, out, force, check)
     bar = Bar("solving", session.shows_progress)
     end, moves = run_end(loaded.case), solver_name(loaded.case) == "dynamic"
     state: State | None = None
@@ -83,7 +92,12 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
     session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
-    missed = [c for c in outcome.summary["checks"] if not c["met"]]
+    return _checked(outcome.summary, check)
+
+
+def _checked(summary: dict[str, Any], check: bool) -> int:
+    """Return the exit code of a run, which expected values decide where that is asked for."""
+    missed = [c for c in summary["checks"] if not c["met"]]
     if check and missed:
         click.echo(f"error: {many(len(missed), 'expected value')} not met", err=True)
         return FAILED

@@ -104,11 +104,7 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     if type(case.solver) not in SOLVERS:
         return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
                                       expected="linear_static, static, eigen or buckling")]
-    problems = [*_without_potential(loaded), *_without_stiffness(loaded)]
-    if case.accuracy is not None:
-        problems.append(loaded.source.problem(("accuracy",), "solving to a wanted accuracy is not available yet",
-                                              expected="no accuracy ('ancf2d convergence' estimates the error)"))
-    return problems
+    return [*_without_potential(loaded), *_without_stiffness(loaded)]
 
 
 def initial_state(model: Model) -> State:

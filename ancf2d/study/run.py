@@ -70,7 +70,9 @@ def prepare(loaded: LoadedCase) -> Model:
 
 def check(loaded: LoadedCase) -> list[str]:
     """Check a case beyond its format, without numba; return its warnings. Raises CaseError with all problems."""
-    return prepare(loaded).warnings
+    from .accuracy.control import first_mesh, is_pursued
+
+    return prepare(first_mesh(loaded) if is_pursued(loaded) else loaded).warnings
 
 
 def solver_name(case: Case) -> str:

@@ -93,7 +93,7 @@ def subject(name: str, preset: str | None = None, formulation: str | None = None
     """
     options = {"preset": preset, "formulation": formulation, "quadrature": quadrature}
     chosen = {k: v for k, v in options.items() if v is not None}
-    if name.endswith(SUFFIXES) or os.path.isfile(name):
+    if name.endswith(SUFFIXES) or (os.path.isfile(name) and name not in (*registry.names(), RIGID_TYPE.name)):
         return _described(name, chosen)
     if name == RIGID_TYPE.name:
         raise CaseError(Problem(f"{name} has no strain: there is nothing to examine", expected="a type that deforms"))

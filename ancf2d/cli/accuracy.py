@@ -1,0 +1,62 @@
+"""``ancf2d run --accuracy``: what was tried, what was reached."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .failures import FAILED
+from .session import Session
+from .text import duration, number, table
+
+if TYPE_CHECKING:
+    from ..case import LoadedCase
+
+
+def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:
+    """Solve a case to the accuracy that it asks for, and say how; return the exit code."""
+    from ..study.accuracy.control import solve_to_accuracy
+    from ..study.accuracy.pursuit import Target
+    from ..study.record import Progress
+    from .report import run_report
+    from .run import _checked, compiling
+
+    progress = Progress(warn=session.warn, note=session.note, compiling=compiling(session))
+    reached = solve_to_accuracy(loaded, Target(out, force, session.command_line), progress, session.note)
+    summary = reached.outcome.summary
+    session.print_json(summary)
+    for text in summary["warnings"]:
+        session.warn(text)
+    session.out(path_table(reached.accuracy, loaded.case.units.time))
+    session.out(choices(reached.accuracy))
+    session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
+    session.out(f"\nresults in {out}; next: ancf2d plot {out}")
+    if not reached.achieved:
+        click.echo(f"error: the wanted accuracy {reached.accuracy['wanted']:g} was not reached: "
+                   f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
+        return FAILED
+    return _checked(summary, check)
+
+
+def path_table(accuracy: dict[str, Any], time: str) -> str:
+    """Return all solves as a table."""
+    timed = accuracy["tolerance"] is not None
+    rows = [["elements", *(["tolerance"] if timed else []), "goal", "error about", "time", "why"]]
+    for level in accuracy["path"]:
+        bodies = level.get("bodies")
+        rows.append([str(level["elements"]) if bodies is None else "+".join(str(n) for n in bodies.values()),
+                     *([f"{level['tolerance']:.1g}"] if timed else []), number(level["value"], 10),
+                     "-" if level["estimate"] is None else f"{level['estimate']:.1e}", duration(level["wall_s"]),
+                     f"failed: {level['reason']}" if "reason" in level else level["why"]])
+    return "\n".join([*table(rows, left=(len(rows[0]) - 1,)), ""])
+
+
+def choices(accuracy: dict[str, Any]) -> str:
+    """Return what was chosen for each body that was left open, and why, and the parts of the error."""
+    lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
+    parts = [f"{text} {accuracy[key]:.1e}" for key, text in (("model_error", "model"), ("time_error", "steps in time"))
+             if key in accuracy]
+    if parts:
+        lines.append("of the estimated error: " + ", ".join(parts))
+    return "\n".join([*lines, ""]) if lines else ""

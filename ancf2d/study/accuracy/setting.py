@@ -1,0 +1,92 @@
+"""What accuracy control chooses: elements of each body, element types and the tolerance of steps in time."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ...case import Arc, Body, Case, Dynamic, LoadedCase, load_case_text
+from ...case.emit import written
+from ..answer import Answer
+from ..run import vocabulary
+from ..variants import Variant, element_data, flexible, pieces
+
+AS_GIVEN = Variant()
+# an arc is begun with one element for so much of its angle
+ARC = math.pi / 4
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Elements of every body that deforms, the element types that replace those of the case, and the tolerance."""
+
+    counts: dict[str, int]
+    types: dict[str, Variant] = field(default_factory=dict)
+    tolerance: float | None = None
+
+    @property
+    def elements(self) -> int:
+        """All elements."""
+        return sum(self.counts.values())
+
+
+@dataclass
+class Level:
+    """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried."""
+
+    setting: Setting
+    why: str
+    answer: Answer | None = None
+    estimate: float | None = None
+    wall_s: float = 0.0
+    dofs: int | None = None
+    reason: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints of it."""
+        out: dict[str, Any] = {"elements": self.setting.elements, "why": self.why,
+                               "value": None if self.answer is None else self.answer.value,
+                               "estimate": self.estimate, "wall_s": self.wall_s, "dofs": self.dofs}
+        if len(self.setting.counts) > 1:
+            out["bodies"] = dict(self.setting.counts)
+        if self.setting.tolerance is not None:
+            out["tolerance"] = self.setting.tolerance
+        if self.setting.types:
+            out["types"] = {name: v.element for name, v in self.setting.types.items()}
+        return out | ({"reason": self.reason} if self.reason else {})
+
+
+def least(body: Body) -> int:
+    """Return the elements that a body is begun with: one per straight piece, one per 45 degrees of an arc."""
+    if isinstance(body.geometry, Arc):
+        return max(1, math.ceil(abs(body.geometry.to - body.geometry.from_) / ARC - 1e-9))
+    return pieces(body)
+
+
+def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]:
+    """Return the bodies that are meshed once ``types`` replace those of the case."""
+    return {name: b for name, b in flexible(case).items() if types.get(name, AS_GIVEN).type != "rigid"}
+
+
+def overrides(case: Case, setting: Setting) -> list[str]:
+    """Return the ``PATH=VALUE`` overrides that make a case what a setting says."""
+    out = []
+    for name, body in flexible(case).items():
+        variant = setting.types.get(name, AS_GIVEN)
+        data: Any = "rigid" if variant.type == "rigid" else element_data(body, variant, setting.counts[name])
+        out.append(f"bodies.{name}.element={json.dumps(data)}")
+    if setting.tolerance is not None and isinstance(case.solver, Dynamic):
+        solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False)
+        out.append(f"solver={json.dumps(written(solver))}")
+    return out
+
+
+def with_setting(loaded: LoadedCase, setting: Setting, more: Sequence[str] = ()) -> LoadedCase:
+    """Return a case with a setting, as if it had been written so. Raises CaseError."""
+    chosen = (*loaded.overrides, *overrides(loaded.case, setting), *more)
+    return load_case_text(loaded.text, loaded.source.file, chosen, vocabulary(),
+                          os.path.dirname(loaded.source.file))
