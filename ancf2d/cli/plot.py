@@ -132,7 +132,7 @@ def _list(session: Session, results: Any) -> None:
     default = default_kind(results)
     rows = []
     for kind in list_kinds(results):
-        options = ", ".join(f"--{o}" for o in kind.options)
+        options = ", ".join(f"--{o}" for o in (*kind.options, *(["animate"] if kind.moves else [])))
         mark = "*" if kind.name == default else ""
         rows.append([kind.name + mark, *([f"no: {kind.missing}", ""] if kind.missing else [kind.doc, options])])
     session.out("\n".join(table(rows, left=(0, 1, 2))))

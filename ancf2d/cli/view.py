@@ -40,7 +40,8 @@ def command(session: Session, file: str, save: str | None, port: int, no_browser
             Path(save).write_bytes(content)
         except OSError as error:
             raise ResultsError(f"cannot write '{save}': {error.strerror}") from error
-        session.out(f"wrote {save} ({len(content) / 1e6:.1f} MB; {page.remark})")
+        size = f"{len(content) / 1e6:.1f} MB" if len(content) >= 1e6 else f"{len(content) / 1e3:.0f} kB"
+        session.out(f"wrote {save} ({size}; {page.remark})")
         return 0
 
     def ready(address: str) -> None:

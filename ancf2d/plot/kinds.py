@@ -35,17 +35,18 @@ Input = Results | Sequence[Results] | Mapping[str, Results]
 
 @dataclass(frozen=True)
 class KindInfo:
-    """A kind as ``--list`` shows it; ``missing`` says why a file cannot be drawn so."""
+    """A kind as ``--list`` shows it: why a file cannot be drawn so (``missing``), whether it can be animated."""
 
     name: str
     doc: str
     options: tuple[str, ...]
     missing: str
+    moves: bool
 
 
 def list_kinds(results: Results) -> list[KindInfo]:
     """Return all kinds, with what the file lacks for each (empty: it can be drawn)."""
-    return [KindInfo(k.name, k.doc, _options(k), k.missing(results)) for k in KINDS.values()]
+    return [KindInfo(k.name, k.doc, _options(k), k.missing(results), k.frames is not None) for k in KINDS.values()]
 
 
 def default_kind(results: Results) -> str:
