@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:
     """Solve a case to the accuracy that it asks for, and say how; return the exit code."""
-    from ..study.accuracy.control import solve_to_accuracy
+    from ..study.accuracy.control import describe, solve_to_accuracy
     from ..study.accuracy.pursuit import Target
     from ..study.record import Progress
     from .report import run_report
@@ -30,6 +30,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
         session.warn(text)
     session.out(path_table(reached.accuracy, loaded.case.units.time))
     session.out(choices(reached.accuracy))
+    session.out(describe(reached.accuracy, loaded.case.goal) + "\n")
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
     if not reached.achieved:

@@ -1,0 +1,171 @@
+"""Solving to a wanted accuracy: the true error is below it, estimates cover the error, cost is spent where it pays."""
+
+from __future__ import annotations
+
+import pytest
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.errors import CaseError
+from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
+from ancf2d.study.accuracy.pursuit import Pursuit, Target, judge
+from ancf2d.study.accuracy.setting import Level, Setting, with_setting
+from ancf2d.study.answer import Answer, solve_for_goal
+from ancf2d.study.record import Progress
+from ancf2d.study.run import vocabulary
+
+CANTILEVER = """
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {height: 0.1, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3, rho: 7850}
+    element: ELEMENT
+boundary_conditions: [{type: clamp, at: beam@0}]
+loads: [{type: force, at: beam@1, value: [0, -500e3]}]
+solver: {type: static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: beam@1}}
+"""
+# the lower of two beams is short and stiff: its mesh hardly matters
+TWO = """
+bodies:
+  post:
+    geometry: {type: line, start: [0, 0], end: [0, 0.2]}
+    section: {height: 0.2, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3}
+    element: {type: reissner3, count: 1}
+  arm:
+    geometry: {type: line, start: [0, 0.2], end: [2, 0.2]}
+    section: {height: 0.1, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3}
+    element: {type: reissner3, count: 1}
+boundary_conditions: [{type: clamp, at: post@0}]
+joints: [{type: weld, between: [post@1, arm@0]}]
+loads: [{type: force, at: arm@1, value: [0, -500e3]}]
+solver: {type: static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: arm@1}}
+"""
+SWING = """
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {height: 0.1, width: 0.05}
+    material: {E: 1e6, nu: 0.3, rho: 1000}
+    element: {type: cable, count: 1}
+boundary_conditions: [{type: pin, at: rod@0}]
+loads: [{type: gravity, value: [0, -9.81]}]
+solver: {type: dynamic, t_end: 0.2}
+goal: {probe: tip, quantity: y}
+accuracy: 1e-3
+output: {interval: 0.02, probes: {tip: rod@1}}
+"""
+
+
+def case(text: str, element: str = "{type: vallejo, count: 3}", *overrides: str) -> LoadedCase:
+    return load_case_text(text.replace("ELEMENT", element), vocabulary=vocabulary(), overrides=overrides)
+
+
+def limit(loaded: LoadedCase, count: int, tolerance: float | None = None) -> Answer:
+    """Return the answer on a mesh far finer than any that is used."""
+    counts = dict.fromkeys(loaded.case.bodies, count)
+    return solve_for_goal(with_setting(loaded, Setting(counts, {}, tolerance))).answer
+
+
+@pytest.mark.parametrize("element", ["{type: vallejo, count: 3}", "{type: reissner2, count: 3}",
+                                     "{type: 2d2n-nu, count: 3}"])
+@pytest.mark.parametrize("wanted", [1e-2, 1e-4])
+def test_the_error_is_below_the_wanted_one_and_covered_by_its_estimate(element, wanted):
+    loaded = case(CANTILEVER, element, f"accuracy={wanted}")
+    reached = solve_to_accuracy(loaded)
+    assert reached.achieved
+    exact = limit(loaded, 512)
+    error = abs(reached.accuracy["value"] - exact.value) / exact.size
+    assert error <= wanted
+    assert error <= reached.accuracy["estimate"] <= wanted
+
+
+def test_no_finer_mesh_is_solved_than_needed():
+    reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-3"))
+    assert max(level["elements"] for level in reached.accuracy["path"]) <= 8
+
+
+def test_steps_in_time_and_meshes_together_reach_it():
+    loaded = case(SWING)
+    reached = solve_to_accuracy(loaded)
+    assert reached.achieved
+    assert reached.accuracy["time_error"] <= 0.3e-3
+    exact = limit(loaded, 32, 1e-9)
+    chosen = with_setting(loaded, Setting(reached.accuracy["elements"], {}, reached.accuracy["tolerance"]))
+    assert solve_for_goal(chosen).answer.distance(exact) / exact.size <= reached.accuracy["estimate"] <= 1e-3
+
+
+def test_a_body_that_matters_little_stays_coarse():
+    reached = solve_to_accuracy(case(TWO, "", "accuracy=1e-7"))
+    assert reached.achieved
+    assert reached.accuracy["elements"]["arm"] >= 3 * reached.accuracy["elements"]["post"]
+    exact = limit(case(TWO), 256)
+    assert abs(reached.accuracy["value"] - exact.value) / exact.size <= 1e-7
+
+
+def test_the_simplest_type_that_the_accuracy_allows():
+    rough, fine = (solve_to_accuracy(case(CANTILEVER, "auto", f"accuracy={wanted}")) for wanted in (2e-2, 1e-4))
+    assert rough.accuracy["types"]["beam"]["element"] == "cable"
+    assert 1e-3 < rough.accuracy["model_error"] < 0.3 * 2e-2
+    assert fine.accuracy["types"]["beam"]["element"] == "reissner3"
+    assert "would move" in fine.accuracy["types"]["beam"]["why"]
+    # against the geometrically exact beam
+    exact = limit(case(CANTILEVER, "{type: reissner3, count: 1}"), 64)
+    assert abs(rough.accuracy["value"] - exact.value) / exact.size <= rough.accuracy["estimate"] <= 2e-2
+
+
+def test_a_continuum_needs_an_element_with_a_section_that_deforms():
+    reached = solve_to_accuracy(case(CANTILEVER, "auto", "accuracy=1e-4", "goal.model=continuum"))
+    assert reached.accuracy["types"]["beam"]["element"] in ("ancf[3,2]", "ancf[3,3]")
+
+
+def test_the_result_file_holds_the_mesh_that_was_chosen(tmp_path):
+    from ancf2d.results import open_results
+
+    out = tmp_path / "beam.h5"
+    reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-6"), Target(str(out)))
+    with open_results(str(out)) as results:
+        assert len(results.bodies["beam"].dofs) == reached.accuracy["elements"]["beam"]
+        assert results.summary["accuracy"]["achieved"]
+        assert results.summary["accuracy"]["estimate"] == pytest.approx(reached.accuracy["estimate"])
+
+
+def test_an_accuracy_below_round_off_is_not_reached_and_says_so():
+    reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-15"))
+    assert not reached.achieved
+    assert "round-off" in reached.accuracy["note"]
+    assert "NOT reached" in describe(reached.accuracy, case(CANTILEVER).case.goal)
+
+
+def test_without_a_goal_there_is_nothing_to_be_accurate_about():
+    text = CANTILEVER.replace("goal: {probe: tip, quantity: uy}\n", "")
+    with pytest.raises(CaseError, match="needs a goal"):
+        solve_to_accuracy(case(text, "{type: reissner3, count: 3}", "accuracy=1e-3"))
+
+
+def test_only_cases_that_ask_for_it_are_pursued():
+    assert not is_pursued(case(CANTILEVER))
+    assert is_pursued(case(CANTILEVER, "auto"))
+    assert is_pursued(case(SWING))
+    assert first_mesh(case(CANTILEVER, "auto")).case.bodies["beam"].element.type == "reissner3"
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
+def test_estimates_of_a_power_law(order):
+    """f = 1 + n^-p: the estimate is the safety factor times the true error of the last mesh."""
+    levels = [Level(Setting({"b": n}), "", Answer(1.0 + n**-order, 1.0)) for n in (2, 4, 8, 27)]
+    found, error = judge(levels)
+    assert found.order == pytest.approx(order, rel=1e-6)
+    assert error == pytest.approx(1.5 * 27**-order, rel=1e-6)
+
+
+def test_a_known_level_is_not_solved_again():
+    pursuit = Pursuit(case(CANTILEVER), 1e-3, Progress())
+    first = pursuit.solve(Setting({"beam": 2}), "once")
+    assert pursuit.solve(Setting({"beam": 2}), "twice") is first
+    assert len(pursuit.levels) == 1
