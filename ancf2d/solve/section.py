@@ -11,6 +11,7 @@ from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices
 from ..kernels.viscous import viscous_force
 from ..model.groups import damping_times
+from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
@@ -35,7 +36,8 @@ class SectionForces:
 
     The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
     balance with them whatever the formulation's stresses are worth. Sections in the first half of an element are
-    reached from its start, the others from its end.
+    reached from its start, the others from its end. Forces and moments between nodes act at their points; what joints,
+    springs and supports do between nodes is not told apart from what the element's ends do.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
@@ -49,6 +51,7 @@ class SectionForces:
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
         self.masses = [mass_matrix(c.sampler) for c in mesh.classes]
         self.volumes = [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in mesh.classes]
+        self.inner = list(_inner_loads(model, mesh))
         pieces = mesh.plan.pieces
         piece = np.repeat(np.arange(len(pieces)), [p.count for p in pieces])
         within = np.arange(len(piece)) - np.array(mesh.piece_first)[piece]
@@ -69,6 +72,20 @@ class SectionForces:
         return out
 
 
+def _inner_loads(model: Model, mesh: BodyMesh) -> Iterator[tuple[PointRef, LoadSet]]:
+    """Yield the forces and moments at points within an element of the body."""
+    for load in model.case.loads:
+        at = getattr(load, "at", None)
+        if at is None or at.body != mesh.plan.name:
+            continue
+        point = model.point(at)
+        if 0.0 < point.xi < 1.0:
+            out = LoadSet()
+            follows = model.timing.follow(load.amplitude)
+            LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
+            yield point, out
+
+
 class _Part:
     """Some elements of one class in one state; wrenches are (fx, fy, moment) about each element's first node."""
 
@@ -83,6 +100,7 @@ class _Part:
         self.local = self.e[..., :2] - np.where(body.is_r[:, None], self.pole, 0.0)
         self.rates = self._accelerations()
         self.lines = list(self._line_loads())
+        self.inner = list(self._inner_forces())
 
     # ------------------------------------------------------------------ what acts on the elements
 
@@ -112,6 +130,19 @@ class _Part:
         for load in self.body.model.case.loads:
             if isinstance(load, Distributed) and load.on == self.body.mesh.plan.name:
                 yield load, self._factor(load) * np.array(load.value, dtype=float)
+
+    def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
+        """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
+        state, model = self.state, self.body.model
+        d = np.zeros(model.n_q) if state.linear else state.d[:model.n_q]
+        for point, loads in self.body.inner:
+            for m in np.flatnonzero(self.chosen == point.ie):
+                full = np.zeros(model.n_q)
+                for dead in loads.dead:
+                    full[dead.dofs] += dead.amplitude(state.t) * dead.values
+                for patch in loads.patches:
+                    np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.t)[1])
+                yield int(m), point.xi, full[self.dofs[m]].reshape(-1, self.body.nc)
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
         """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
@@ -178,12 +209,15 @@ class _Part:
         if self.rates is not None:
             M = self.body.masses[self.k]
             out += (self.rates.reshape(len(self.dofs), -1) @ M).reshape(out.shape)
+        for m, _, force in self.inner:
+            out[m] += force
         return out
 
-    def _node_wrench(self, forces: Array, chosen: Array) -> Array:
-        """Return the wrench (m, 3) of the generalised forces on the coordinates of one node."""
+    def _node_wrench(self, forces: Array, chosen: Array, m: int | None = None) -> Array:
+        """Return the wrench (m, 3) of the generalised forces on chosen coordinates, of all elements or of element m."""
         f = forces[:, chosen]
-        moment = _cross(self.local[:, chosen], f).sum(axis=1)
+        local = self.local if m is None else self.local[m:m + 1]
+        moment = _cross(local[:, chosen], f).sum(axis=1)
         if self.body.nc == 3:
             moment = moment + f[:, :, 2].sum(axis=1)
         at = self.body.is_r & chosen
@@ -196,6 +230,9 @@ class _Part:
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)
             total[:, 2] += _cross(arm, force).sum(axis=1)
+        for m, xi_of, force in self.inner:
+            if xi_of < upto:
+                total[m] += self._node_wrench(force[None], np.ones(len(force), bool), m)[0]
         if self.rates is None:
             return total
         section, (S, dv) = self.body.mesh.plan.section, self.body.volumes[self.k][station]

@@ -103,3 +103,32 @@ solver: {type: static}"""
     _, Q0, K = patch.evaluate(model.e0 + d, d, 0.7)
     _, Q1, _ = patch.evaluate(model.e0 + d + v, d + v, 0.7)
     np.testing.assert_allclose(Q1 - Q0, np.einsum("mij,mj->mi", K, v[patch.dofs]), rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("s", [0.4, 0.5, 0.6, 0.9])
+@pytest.mark.parametrize("element", TYPES)
+def test_force_and_moment_between_nodes(element: str, s: float) -> None:
+    """On either side of a force P at a, and of a moment C at b, within one element, M is that of statics."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
+loads: [{type: force, at: beam@0.45, value: [20, -100]}, {type: moment, at: beam@0.55, value: 30}]
+solver: {type: linear_static}"""
+    N, Q, M = forces(element, rest, s)
+    x, beyond = 2 * s, s < 0.45
+    assert pytest.approx(20 if beyond else 0, abs=1e-4) == N
+    assert pytest.approx(-100 if beyond else 0, abs=1e-4) == Q
+    assert pytest.approx((-100 * (0.9 - x) if beyond else 0) + (30 if s < 0.55 else 0), abs=1e-3) == M
+
+
+@pytest.mark.parametrize("element", ["vallejo", "cable", "reissner3"])
+def test_a_follower_force_between_nodes_turns_with_its_section(element: str) -> None:
+    """Beyond it nothing acts; before it the force is seen turned by what the beam turns in between."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
+loads: [{type: follower_force, at: beam@0.45, value: [0, -4e5]}]
+solver: {type: static, steps: 4}"""
+    assert max(abs(v) for v in forces(element, rest, 0.5)) < 1.0
+    N, Q, M = forces(element, rest, 0.44)
+    assert math.hypot(N, Q) == pytest.approx(4e5, rel=1e-5)
+    assert pytest.approx(-4e5, rel=1e-2) == Q
+    assert pytest.approx(-4e5 * 0.02, rel=5e-2) == M
