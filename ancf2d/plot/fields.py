@@ -143,12 +143,12 @@ class Fields:
         if not self.unrolled:
             axes.add_patch(Polygon(surface.reference.boundary, facecolor="none", edgecolor=style.REFERENCE,
                                    linestyle="--", linewidth=0.8))
-        mesh: Any = None
         points = surface.along(self.unrolled)
-        for p, values in zip(points, surface.values, strict=True):
-            # colours as an image within vector figures: thousands of triangles would be slow and show seams
-            mesh = axes.pcolormesh(p[..., 0], p[..., 1], values, shading="gouraud", cmap=COLORS, vmin=low, vmax=high,
-                                   rasterized=True, zorder=2)
+        x, y, values = (v.reshape(-1, points.shape[2]) for v in (points[..., 0], points[..., 1], surface.values))
+        # element after element, with nothing between them; as an image within vector figures, where thousands of
+        # triangles would be slow and show seams
+        mesh = axes.pcolormesh(x, y, values, shading="gouraud", cmap=COLORS, vmin=low, vmax=high, rasterized=True,
+                               zorder=2)
         edge = np.concatenate([points[:, :, 0].reshape(-1, 2), points[-1, -1], points[::-1, ::-1, -1].reshape(-1, 2),
                                points[0, 0, ::-1]])
         axes.add_patch(Polygon(edge, facecolor="none", edgecolor="0.25", linewidth=0.6, zorder=3))
@@ -201,9 +201,11 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     faces = results.faces(name, state, scale=scale, elements=some)
     across = _even(3, np.linspace(0, 1, ACROSS))
     points = np.einsum("ya,emac->emyc", across, np.stack([faces[k] for k in ("bottom", "axis", "top")], axis=2))
-    values = formula(results.field(name, record.name, state)[some])
+    stored = formula(results.field(name, record.name, state)[some])
     values = np.einsum("xi,yj,eij->exy", _even(len(record.xi), body.sample_xi),
-                       _even(len(record.eta), np.linspace(0, 1, ACROSS)), values)
+                       _even(len(record.eta), np.linspace(0, 1, ACROSS)), stored)
+    # polynomials overshoot: an energy would be negative where there is none
+    values = np.clip(values, stored.min(), stored.max())
     lengths = body.lengths[body.classes]
     s = (np.cumsum(lengths) - lengths)[some, None] + lengths[some, None] * body.sample_xi
     return Surface(name, points, values, outline(results, body, None, 1.0), s, body.height)

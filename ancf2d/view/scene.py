@@ -125,12 +125,15 @@ def _even(t: np.ndarray, most: int) -> np.ndarray:
 def _states(results: Results, drawn: list[Drawn], start: np.ndarray, extent: float, most: int) -> dict[str, Any]:
     chosen = _even(results.t, most)
     moves = np.array([_all_points(drawn, results.e(int(i))) - start for i in chosen])
-    codes, step = _quantised(moves)
+    t = results.t[chosen]
     dynamic = results.solver == "dynamic"
+    if results.solver == "linear_static" and len(t) == 1:  # what lies between rest and a linear answer is known
+        t, moves = np.array([0.0, t[0]]), np.concatenate([np.zeros_like(moves), moves])
+    codes, step = _quantised(moves)
     largest = float(np.linalg.norm(moves, axis=-1).max(initial=0.0))
-    return {"kind": "time" if dynamic else "load", "t": results.t[chosen].tolist(), "stored": results.nt,
+    return {"kind": "time" if dynamic else "load", "t": t.tolist(), "stored": max(results.nt, len(t)),
             "moves": codes, "step": step, "magnify": _magnification(largest, extent),
-            "probes": list(_probes(results, results.t[chosen], dynamic))}
+            "probes": list(_probes(results, t)) if len(t) == len(chosen) else []}
 
 
 def _magnification(largest: float, extent: float) -> float:
@@ -140,7 +143,7 @@ def _magnification(largest: float, extent: float) -> float:
     return float(10.0 ** np.floor(np.log10(VISIBLE * extent / largest)))
 
 
-def _probes(results: Results, t: np.ndarray, dynamic: bool) -> Iterator[dict[str, Any]]:
+def _probes(results: Results, t: np.ndarray) -> Iterator[dict[str, Any]]:
     rows = _rows_of(results.probe_t, t)
     kept = np.unique(np.concatenate([rows, np.linspace(0, len(results.probe_t) - 1, MAX_ROWS).astype(int)])) \
         if len(results.probe_t) > MAX_ROWS else np.arange(len(results.probe_t))

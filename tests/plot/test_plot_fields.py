@@ -74,7 +74,8 @@ def test_a_field_is_labelled_with_its_units(bent: Results, options: dict[str, bo
     axes, bar = figure.axes
     assert bar.get_xlabel() == "stress along the axis, σ_xx [N/m²]"
     assert axes.get_ylabel() == y_label
-    assert len([c for c in axes.collections if isinstance(c, QuadMesh)]) == 4
+    (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
+    assert mesh.get_array().shape == (4 * 21, 9)
 
 
 def test_rows_are_the_drawn_values(bent: Results) -> None:
@@ -203,3 +204,10 @@ def test_work_and_precision_of_a_convergence_table(tmp_path: Path) -> None:
         assert picture.panels[0].curves[2].y.tolist() == [0.5 * 16.0**-4]
         axes = draw(results, "work_precision").axes[0]
         assert (axes.get_xscale(), axes.get_yscale(), axes.get_xlabel()) == ("log", "log", "wall time [s]")
+
+
+def test_an_energy_density_is_never_drawn_negative(bent: Results) -> None:
+    picture = build(bent, "fields", field="energy")
+    stored = bent.field("beam", "energy")
+    assert picture.range() == pytest.approx((stored.min(), stored.max()))
+    assert stored.min() >= 0.0

@@ -86,6 +86,18 @@ def test_modes_are_animated_with_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(moves, axis=-1).max(axis=1), 0.12 * data["extent"], rtol=1e-3)
 
 
+def test_a_linear_answer_grows_from_rest(tmp_path: Path) -> None:
+    run_case(load(CASES / "paper" / "table1_2d2n.yaml"), str(tmp_path / "l.h5"))
+    with open_results(tmp_path / "l.h5") as results:
+        data = embedded(make_page(results).html)
+        assert data["t"] == [0.0, 1.0]
+        _, moves = decoded(data)
+        assert not moves[0].any()
+        largest = np.abs(results.faces(data["bodies"][0]["name"])["top"] - results.faces(
+            data["bodies"][0]["name"], None)["top"]).max()
+        assert np.abs(moves[1]).max() == pytest.approx(largest, rel=1e-2)
+
+
 def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path) -> None:
     header = {"title": "</script><script>alert(1)</script> & more"}
     with open_results(bent_beam(tmp_path / "a.h5", header=header)) as results:
