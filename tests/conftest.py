@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
+
+from ancf2d.study.pool import THREADS
+
+# the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
+for _name in THREADS:
+    os.environ.setdefault(_name, "1")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
