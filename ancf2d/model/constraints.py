@@ -71,24 +71,35 @@ def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index
     return combine((x, columns[0]), (y, columns[1]))
 
 
+def _at_angle(p: Array) -> float:
+    return float(p[0] * math.cos(p[2]) + p[1] * math.sin(p[2]))
+
+
+def _aligned(p: Array) -> float:
+    return float(p[0] * p[2] + p[1] * p[3])
+
+
 def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """Two section directions keep the angle of the reference."""
     (_, fields_a), (_, fields_b) = turn_fields(a), turn_fields(b)
     scale = fields_a[0].p0 * fields_b[0].p0
-    return PointConstraint("aligned", [*fields_a, *fields_b], [], owner, "relative rotation", scale)
+    return PointConstraint("aligned", [*fields_a, *fields_b], [], owner, "relative rotation", scale,
+                           facing=_aligned)
 
 
 def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """The section direction of a follows the rotation coordinate of b."""
     _, fields = turn_fields(a)
     _, theta = turn_fields(b)
-    return PointConstraint("at_angle", [*fields, *theta], [], owner, "relative rotation", fields[0].p0)
+    return PointConstraint("at_angle", [*fields, *theta], [], owner, "relative rotation", fields[0].p0,
+                           facing=_at_angle)
 
 
 def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointConstraint:
     """The section direction of a point stands at the angle signal(t) from its reference."""
     _, fields = turn_fields(point)
-    return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2)
+    return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
+                           facing=_at_angle)
 
 
 def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:

@@ -114,14 +114,16 @@ class PointConstraint(PointPatch):
     """A law g(d, t) = 0 with a multiplier, the last of its fields; ``dofs`` (n,) are the coordinates without it.
 
     ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words; ``scale`` the size of the terms
-    of g. ``multiplier`` is the full coordinate of the multiplier, known once a model is numbered.
+    of g. ``multiplier`` is the full coordinate of the multiplier, known once a model is numbered. ``facing`` tells from
+    the fields by its sign whether two directions agree (None: there are none).
     """
 
     def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str, scale: float,
-                 signal: Callable[[float], float] | None = None, fed: int = -1) -> None:
+                 signal: Callable[[float], float] | None = None, fed: int = -1,
+                 facing: Callable[[Array], float] | None = None) -> None:
         super().__init__(law, [*fields, NOTHING], par, signal, fed)
         self.dofs = self.dofs[0]
-        self.owner, self.holds, self.scale = owner, holds, scale
+        self.owner, self.holds, self.scale, self.facing = owner, holds, scale, facing
 
     @property
     def coordinates(self) -> Index:
@@ -135,6 +137,13 @@ class PointConstraint(PointPatch):
         out = np.zeros((m, n + 1))
         out[:, :n], out[-1, -1] = self.G, 1.0
         return out
+
+    def opposed(self, d: Array, t: float) -> bool:
+        """Whether directions that should agree stand against each other at d (n_full,): g vanishes there too."""
+        p = self.p0 + self.G @ d[self.dofs]
+        if self.fed >= 0 and self.signal is not None:
+            p[self.fed] = self.signal(t)
+        return self.facing is not None and self.facing(p) < 0.0
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""

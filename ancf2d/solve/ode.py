@@ -117,9 +117,8 @@ class OdeStepper(Stepper):
 
     # ------------------------------------------------------------------ stepping
 
-    def run(self) -> list[Row]:
-        """Step for about a fifth of a second; return the states stored meanwhile. Raises ComputationError."""
-        found: list[Row] = []
+    def _go(self, found: list[Row]) -> None:
+        """Step for about a fifth of a second and append the states."""
         started = time.perf_counter()
         while not self.done:
             stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
@@ -131,9 +130,6 @@ class OdeStepper(Stepper):
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))
-        if self.p.sliding is not None:
-            self._check_sliding()
-        return found
 
     def _step(self, found: list[Row]) -> None:
         solver, t, evaluations = self.solver, self.t, self.solver.nfev
@@ -228,8 +224,7 @@ class OdeStepper(Stepper):
         beyond = max(float(self.s.numbers[OLD_STEP]), 1e-6 * self.spec.t_end)
         for t in (self.t, self.t + beyond):
             self._check_signals(t)
-        if self.p.sliding is not None:
-            self._check_sliding()
+        self._check_joints()
         reason = message or "the motion is no longer made of finite numbers"
         return ComputationError(
             f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),

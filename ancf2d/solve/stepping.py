@@ -19,6 +19,7 @@ from ..kernels.points import point_accept
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Break, all_breakpoints
 from ..model.model import Model
+from ..model.point_patch import PointConstraint
 from ..model.signals import Signal
 from .methods import make_method
 from .schemes import DEFAULT, INTEGRATORS, Integrator
@@ -75,8 +76,10 @@ class Stepper:
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
         self.steps = 64
+        self.failed: ComputationError | None = None
         self._at = motion(n, 0)
         self.tracks = tracks(model, problem)
+        self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
     def _rows(self, n: int) -> kernels.Rows:
         m = int(min(max(STATE_BYTES // (24 * n), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
@@ -90,8 +93,8 @@ class Stepper:
 
     @property
     def done(self) -> bool:
-        """Whether the end is reached."""
-        return self.t >= self.spec.t_end
+        """Whether the end is reached, and was reached well."""
+        return self.t >= self.spec.t_end and self.failed is None
 
     def start(self, d: Array, v: Array) -> None:
         """Begin at full coordinates d with rates v, which the constraints may change."""
@@ -149,8 +152,24 @@ class Stepper:
         return float(np.max(self.p.weights * np.abs(self.s.z), initial=0.0))
 
     def run(self) -> list[Row]:
-        """Step for about a fifth of a second; return the states stored meanwhile. Raises ComputationError."""
+        """Step for about a fifth of a second; return the states stored meanwhile.
+
+        Raises ComputationError where no more can be done, once the states before that have been returned.
+        """
+        if self.failed is not None:
+            raise self.failed
         found: list[Row] = []
+        try:
+            self._go(found)
+            self._check_joints()
+        except ComputationError as error:
+            if not found:
+                raise
+            self.failed = error
+        return found
+
+    def _go(self, found: list[Row]) -> None:
+        """Step for about a fifth of a second and append the states."""
         started = time.perf_counter()
         while not self.done:
             stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
@@ -167,9 +186,6 @@ class Stepper:
                 self._pass_break()
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
-        if self.p.sliding is not None:
-            self._check_sliding()
-        return found
 
     def _adapt_chunk(self, seconds: float, logged: int) -> None:
         """Let the next call take about as long as calls should; results do not depend on it."""
@@ -250,11 +266,18 @@ class Stepper:
         for signal in self.signals:
             signal(t)
 
-    def _check_sliding(self) -> None:
+    def _check_joints(self) -> None:
+        """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
         d = np.zeros(len(self.p.place))
         evaluate(self.p.programs, self.t, self.w.amps)
         to_full(self.p, self.s.z, self.w.amps, 0, d)
-        bad = sliding_check(self.p.sliding, d)
+        for constraint in self.facing:
+            if constraint.opposed(d, self.t):
+                raise ComputationError(
+                    f"{constraint.owner}: the section stands opposite to where it is held, as its element has turned "
+                    "inside out", at={"t": self.t},
+                    advice="a gentler motion, more elements there, or reissner3, whose sections cannot vanish")
+        bad = -1 if self.p.sliding is None else sliding_check(self.p.sliding, d)
         if bad >= 0:
             joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]
             raise ComputationError(f"{joint.owner}: the point has left the end of the body that it slides on",
@@ -264,9 +287,9 @@ class Stepper:
         """Return what to say of a step that could not be made."""
         h = float(self.s.numbers[STEP_SIZE])
         at = {"t": float(f"{self.t:.9g}"), "step": int(self.s.numbers[COUNT]) + 1, "dt": float(f"{h:.3g}")}
-        self._check_signals(self.t + h)
-        if self.p.sliding is not None:
-            self._check_sliding()
+        # steps end by round-off beside a time from which on there is no value
+        self._check_signals(self.t + max(h, 1e-6 * self.spec.t_end))
+        self._check_joints()
         weights = self.p.weights
         worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
         if self.p.full[worst] < self.model.n_q:

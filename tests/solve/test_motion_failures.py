@@ -1,0 +1,52 @@
+"""Motions that cannot go on: what was reached stays, and a joint that holds by its letter only is told."""
+
+from __future__ import annotations
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import GRAVITY, RUBBER, rod
+
+from ancf2d.errors import ComputationError
+from ancf2d.solve.registry import solve
+from ancf2d.solve.state import State
+
+SWING = {"type": "expression", "value": "0.8*(1-cos(6*t))"}
+
+
+def followed(bodies, t_end: float, method: str, **scene) -> tuple[list[State], ComputationError | None]:
+    """Return the states of a motion, twenty if all goes well, and what ended it."""
+    how = {"dt": 5e-4, "estimate": False} if method in ("generalized_alpha", "energy_momentum") else {"tolerance": 1e-6}
+    model = h.build(bodies, {"type": "dynamic", "t_end": t_end, "method": method, **how},
+                    output={"interval": t_end / 20}, **scene)
+    states: list[State] = []
+    try:
+        for state in solve(model):
+            states.append(state)
+    except ComputationError as error:
+        return states, error
+    return states, None
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
+def test_a_section_that_turns_inside_out_where_it_is_held_ends_the_motion(method: str) -> None:
+    """A rod too soft to follow its driven end: r_y there shrinks to nothing and comes out on the other side."""
+    scene = {"bc": [{"type": "pin", "at": "a@0"}, {"type": "prescribed", "at": "a@0", "angle": SWING}],
+             "loads": GRAVITY}
+    states, error = followed({"a": rod("vallejo", 2)}, 0.4, method, **scene)
+    assert error is not None
+    assert "a@0" in error.failure.reason
+    assert "inside out" in error.failure.reason
+    assert states[-1].t > 0.3
+    _, error = followed({"a": rod("vallejo", 2, E=100 * RUBBER["E"])}, 0.4, method, **scene)
+    assert error is None
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "RK45"])
+def test_states_before_a_failure_are_not_lost(method: str) -> None:
+    fading = {"type": "expression", "value": "sqrt(0.1-t)"}
+    load = {"type": "force", "at": "a@1", "value": [0, 0.1], "amplitude": fading}
+    states, error = followed({"a": rod("cable", 1)}, 0.2, method, bc=[{"type": "pin", "at": "a@0"}], loads=[load])
+    assert error is not None
+    assert "sqrt" in error.failure.reason
+    np.testing.assert_allclose([s.t for s in states[:10]], 0.01 * np.arange(10), atol=1e-12)
