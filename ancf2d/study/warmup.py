@@ -75,12 +75,13 @@ def _alone(cache: Path | None, kernels: str) -> Iterator[None]:
     try:
         if done.exists():
             # another process has compiled them meanwhile; to read them, none has to wait
-            lock = _unlocked(lock)
+            _unlock(lock)
+            lock = None
         yield
         with suppress(OSError):
             done.touch()
     finally:
-        _unlocked(lock)
+        _unlock(lock)
 
 
 def _locked(path: Path) -> int | None:
@@ -92,7 +93,7 @@ def _locked(path: Path) -> int | None:
     return descriptor
 
 
-def _unlocked(descriptor: int | None) -> None:
+def _unlock(descriptor: int | None) -> None:
     if descriptor is not None:
         os.close(descriptor)
 
