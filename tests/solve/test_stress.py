@@ -175,3 +175,19 @@ def test_stress_of_a_section_given_by_stiffnesses_is_refused_at_its_line() -> No
     (problem,) = caught.value.problems
     assert problem.path == ("output", "fields", 1)
     assert "body 'b' is given by its stiffnesses" in problem.message
+
+
+@pytest.mark.parametrize("name", ["vallejo", "omar", "patel"])
+def test_strain_is_green_lagranges_of_the_gradients_in_any_state(name: str) -> None:
+    """eps = (F^T F - 1)/2 with F = (r_x, r_y), shear as r_x . r_y, in the axes of a turned reference."""
+    angle = 0.6
+    model = h.build({"beam": h.body(h.line(L, angle), h.element(name, 1, quadrature="exact"), SECTION, STEEL)},
+                    "static", bc=[{"type": "clamp", "at": "beam@0"}], output=EVERY)
+    d = h.random_state(model, 0.3)
+    found, _, _ = fields(model, State(0.0, d, d, d, 0.0))
+    (body,), mesh = FieldReader(model).bodies, model.meshes["beam"]
+    xi, eta = np.repeat(body.xi, len(body.eta)), np.tile(body.eta, len(body.xi))
+    e = (model.e0 + d[:model.n_q])[mesh.dofs[0]].reshape(-1, 2)
+    rx, ry = (mesh.classes[0].shape(xi, eta, i, j) @ e for i, j in ((1, 0), (0, 1)))
+    expected = np.stack([0.5 * (np.sum(rx * rx, 1) - 1), 0.5 * (np.sum(ry * ry, 1) - 1), np.sum(rx * ry, 1)], axis=1)
+    np.testing.assert_allclose(found["strain"][0].reshape(-1, 3), expected, atol=1e-9)
