@@ -16,6 +16,9 @@ import pytest
 from click.testing import Result
 from commandline import BEAM, start
 
+from ancf2d.case import load_case_text
+from ancf2d.study.run import run_case, vocabulary
+
 Call = Callable[..., Result]
 CallJson = Callable[..., dict[str, Any]]
 COUNTS = ("sweep", "beam.yaml", "--over", "bodies.beam.element.count=1,2")
@@ -84,15 +87,17 @@ def test_convergence_has_the_same_options(call: Call) -> None:
 @pytest.mark.slow
 def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
-    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,5,5.1", "--jobs", "2", "--csv", "t.csv", "--json"]
+    # compiled beforehand, so that what is waited for is the sweep
+    run_case(load_case_text(LONG, overrides=["solver.t_end=1e-3"], vocabulary=vocabulary()))
+    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,3,3.1", "--jobs", "2", "--csv", "t.csv", "--json"]
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     # one row is finished, the others are under way
     while not (list(folder.glob("beam-sweep/*.h5")) and len(list(folder.glob("beam-sweep/*.part"))) == 2):
         assert time.monotonic() < until
         assert process.poll() is None
         time.sleep(0.01)
-    time.sleep(1.2)  # states are flushed every second
+    time.sleep(0.3)  # the row of the finished one is taken
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
