@@ -78,7 +78,7 @@ def drifts(steps: int) -> str:
         f = drift(element, steps)
         rows.append([element, f"{steps:.0e}", f"{f['turns']:.0f}", f"{f['way']:.0f} m", f"{100 * f['strain']:.1f} %",
                      small(f["energy"]), small(f["linear"]), small(f["angular"]), f"{f['step_us']:.0f} us"])
-    return table(["type", "steps", "turns", "flown", "of it strain energy", "energy", "linear momentum",
+    return table(["type", "steps", "turns", "flown", "of it strain energy, at most", "energy", "linear momentum",
                   "angular momentum", "a step"], rows)
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,11 +26,11 @@ bodies:
     element: {type: cable, count: 4}
 boundary_conditions: [{name: hinge, type: pin, at: rod@0}]
 loads: [{type: gravity, value: [0, -9.81]}]
-solver: {type: dynamic, t_end: 150, tolerance: 1e-7}
+solver: {type: dynamic, t_end: 40, tolerance: 1e-7}
 output: {interval: 0.02, probes: {tip: rod@1}}
 """
-# a run is killed within so many seconds of its start, which takes about one
-WITHIN = 3.0
+# this share of the kills comes while a run starts, which takes about START s; the others within WITHIN s of new states
+EARLY, START, WITHIN = 0.2, 3.0, 1.2
 
 
 @dataclass
@@ -59,6 +60,27 @@ def bits(path: Path) -> list[bytes]:
 def _start(folder: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-m", "ancf2d", "run", "rod.yaml", "-q", "--resume"], cwd=folder,
                             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+
+def _states(folder: Path) -> int:
+    """Return how many states a run has stored so far."""
+    # it may be gone, as the run has just ended
+    with suppress(ResultsError), open_results(part_path(folder / "rod.h5")) as r:
+        return r.nt
+    return 0
+
+
+def _wait(process: subprocess.Popen[bytes], folder: Path, chance: random.Random) -> None:
+    """Wait for a random moment, or the end of a run."""
+    seconds, before = chance.uniform(0.0, WITHIN), _states(folder)
+    if chance.random() < EARLY:
+        seconds = chance.uniform(0.0, START)
+    else:
+        while process.poll() is None and _states(folder) <= before:
+            time.sleep(0.02)
+    until = time.monotonic() + seconds
+    while process.poll() is None and time.monotonic() < until:
+        time.sleep(0.01)
 
 
 def _look(folder: Path, found: Found) -> None:
@@ -94,10 +116,10 @@ def kill(count: int, seed: int = 1) -> Found:
         subprocess.run(command, cwd=folder, check=True)
         whole = bits(folder / "whole.h5")
         while found.kills < count or part_path(folder / "rod.h5").exists():
-            process, until = _start(folder), time.monotonic() + chance.uniform(0.2, WITHIN)
-            while process.poll() is None and (time.monotonic() < until or found.kills >= count):
-                time.sleep(0.01)
-            process.kill()
+            process = _start(folder)
+            if found.kills < count:
+                _wait(process, folder, chance)
+                process.kill()
             _, error = process.communicate()
             if process.returncode == 0:
                 _ended(folder, whole, found)
