@@ -139,7 +139,8 @@ class Output:
     every: int | None = key(Integer(), "Steps between stored states", default=None)
     interval: float | None = key(Number("s", gt=0), "Time between stored states", default=None)
     fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
-                                  "Further fields to store, such as stress or energy", default=())
+                                  "Fields to store over the bodies: N, Q, M (at the probes too), stress, strain, "
+                                  "energy (per volume)", default=())
 
     def check(self) -> Iterator[Issue]:
         """Yield an interval that is given twice."""
