@@ -42,6 +42,9 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             "probes": {name: {q: {"value": float(v[-1]), "units": columns.units[q]}
                               for q, v in columns.items() if len(v)}
                        for name, columns in r.probes.items()},
+            "fields": {body: {name: {"components": list(f.components), "units": f.units,
+                                     "stations": [len(f.xi), len(f.eta)]} for name, f in found.items()}
+                       for body, found in r.fields.items()},
             "tables": {name: {"rows": t.rows, "columns": list(t)} for name, t in r.tables.items()},
             "arrays": {name: list(a.shape) for name, a in r.arrays.items()},
             "summary": r.summary,
@@ -84,6 +87,9 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     for name, columns in found["probes"].items():
         values = ", ".join(f"{q} = {v['value']:.9g}{_unit(v['units'])}" for q, v in columns.items())
         rows.append(("probe", f"{name}: {values}"))
+    for body, fields in found["fields"].items():
+        parts = [name if f["units"] == "1" else f"{name} [{f['units']}]" for name, f in fields.items()]
+        rows.append(("fields", f"{body}: {', '.join(parts)}"))
     energy = found["summary"].get("energy")
     if isinstance(energy, dict):
         unit = f" {found['units']['force']}*{found['units']['length']}"

@@ -9,7 +9,15 @@ import pytest
 from synthetic import HEADER, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import Checkpoint, FieldRecord, ResultWriter, compare_results, open_results
+from ancf2d.results import (
+    Checkpoint,
+    FieldRecord,
+    ResultWriter,
+    compare_results,
+    describe,
+    describe_text,
+    open_results,
+)
 
 XI, ETA = np.linspace(0, 1, 3), np.linspace(-1, 1, 5)
 E0 = coordinates("tangent", np.linspace(0, 2, 3), 0.0)
@@ -71,3 +79,10 @@ def test_a_difference_in_a_field_is_found(tmp_path: Path) -> None:
     assert found.index == (5, 1, 2, 4, 1)
     assert found.count == 5
     assert found.total == 6 * 90
+
+
+def test_info_names_the_fields_with_their_units(tmp_path: Path) -> None:
+    found = describe(written(tmp_path / "a.h5"))
+    assert found["fields"]["be/am"]["stress"] == {"components": ["xx", "yy", "xy"], "units": "N/m^2",
+                                                  "stations": [3, 5]}
+    assert "fields      be/am: N [N], stress [N/m^2]" in describe_text(found)
