@@ -264,7 +264,7 @@ class Results:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
         with safe.damage(self.path):
             row = safe.numbers(self._file["fields"][escape(body)][name], "values", 2, int(i) % self.nt)
-            return row.reshape(-1, len(record.xi), len(record.eta), len(record.components))
+            return row.reshape(len(self.body(body).dofs), len(record.xi), len(record.eta), len(record.components))
 
     # ------------------------------------------------------------------ series and tables
 

@@ -86,3 +86,15 @@ def test_info_names_the_fields_with_their_units(tmp_path: Path) -> None:
     assert found["fields"]["be/am"]["stress"] == {"components": ["xx", "yy", "xy"], "units": "N/m^2",
                                                   "stations": [3, 5]}
     assert "fields      be/am: N [N], stress [N/m^2]" in describe_text(found)
+
+
+def test_a_field_that_does_not_fit_its_body_is_damage(tmp_path: Path) -> None:
+    import h5py
+
+    path = written(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        group = file["fields/be%2Fam/N"]
+        del group["values"]
+        group["values"] = np.zeros((6, 7))
+    with open_results(path) as results, pytest.raises(ResultsError, match="damaged"):
+        results.field("be/am", "N")
