@@ -22,6 +22,7 @@ COMMANDS = {
     "validate": "Check cases without solving.",
     "run": "Solve one case, write one result file.",
     "convergence": "Refine the mesh: errors, observed order, extrapolation.",
+    "tradeoff": "Error against measured cost; a setting for each wanted accuracy.",
     "sweep": "Run many variants of one case, one table.",
     "plot": "Draw result files.",
     "view": "Look at a result in the browser.",

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from ..study.variants import Variant
 
 
-def _meshes(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | None:
+def element_counts(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | None:
+    """Return the numbers of elements in ``2,4,8``."""
     if value is None:
         return None
     try:
@@ -43,7 +44,8 @@ def _meshes(ctx: click.Context, parameter: click.Parameter, value: str | None) -
     return found
 
 
-def _steps(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+def positive_numbers(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Return the numbers in ``4e-3,2e-3,1e-3``."""
     if value is None:
         return None
     try:
@@ -55,7 +57,8 @@ def _steps(ctx: click.Context, parameter: click.Parameter, value: str | None) ->
     return found
 
 
-def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
+def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
+    """Return the number that is given; None for auto."""
     if value == "auto":
         return None
     try:
@@ -70,18 +73,18 @@ def _reference(ctx: click.Context, parameter: click.Parameter, value: str) -> fl
 @click.command(epilog="Examples: 'ancf2d convergence beam.yaml', 'ancf2d convergence beam.yaml --elements 2,4,8,16 "
                       "--element 2d2n,vallejo:structural,ancf[3,2] -o study.h5', then 'ancf2d plot study.h5'.")
 @case_argument
-@click.option("--elements", "meshes", callback=_meshes, metavar="N,N,...",
+@click.option("--elements", "meshes", callback=element_counts, metavar="N,N,...",
               help="Numbers of elements of the whole model, shared by its bodies in the proportions of the case. "
                    "Default: five meshes, doubling from the case's own.")
-@click.option("--dt", "dts", callback=_steps, metavar="DT,...",
+@click.option("--dt", "dts", callback=positive_numbers, metavar="DT,...",
               help="Of a motion: fixed time steps to refine by, on the case's mesh, instead of meshes.")
-@click.option("--tolerance", "tolerances", callback=_steps, metavar="TOL,...",
+@click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
               help="Of a motion: tolerances of adaptive steps to refine by, instead of meshes.")
 @click.option("--element", "types", metavar="TYPE,...",
               help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
                    "Default: the case's own.")
 @click.option("--formulation", help="Formulation of the types that name none.")
-@click.option("--reference", default="auto", show_default=True, callback=_reference, metavar="VALUE",
+@click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
               help="What errors are against: a number, or auto for the extrapolated limit of each type.")
 @jobs_option("Meshes solved at the same time; values do not depend on it, measured times do.", "1")
 @scheduler_option

@@ -42,7 +42,7 @@ def pareto(work: np.ndarray, error: np.ndarray) -> np.ndarray:
     return order[first]
 
 
-def _groups(table: Table) -> dict[str, np.ndarray]:
+def groups_of(table: Table) -> dict[str, np.ndarray]:
     """Return the rows of each element type; formulations tell apart what the type does not."""
     elements = [str(e) for e in table["element"]]
     formulations = [str(f) for f in table.get("formulation", [""] * len(elements))]
@@ -68,7 +68,7 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
         for needed in (against, column):
             if needed not in table:
                 raise ResultsError(f"the table of '{source.results.path}' has no column '{needed}'")
-        groups = _groups(table)
+        groups = groups_of(table)
         for name, rows in groups.items():
             x, y = _points(table, rows, against, column)
             zeros |= not values and bool((y == 0).any())
@@ -90,7 +90,7 @@ def work_precision(sources: Sequence[Source]) -> Curves:
     curves = []
     for source in sources:
         table = source.results.tables["convergence"]
-        for name, rows in _groups(table).items():
+        for name, rows in groups_of(table).items():
             curves.append(Curve(source.name(name), *_points(table, rows, "wall_s", "error")))
     curves = [Curve(c.name, c.x, np.maximum(c.y, ROUND_OFF), c.note) for c in curves if len(c.x)]
     if not curves:

@@ -23,12 +23,13 @@ from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.snapshots import SNAPSHOTS
 from ancf2d.plot.style import style
+from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ENERGY, STEPS,
-    DIFFERENCE, CONVERGENCE, WORK_PRECISION)}
+    DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -51,8 +52,9 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    if not CONVERGENCE.missing(results):
-        return CONVERGENCE.name
+    for kind in (CONVERGENCE, TRADEOFF):
+        if not kind.missing(results):
+            return kind.name
     if not MODES.missing(results):
         return MODES.name
     for kind in (HISTORY, ENERGY) if results.solver == "dynamic" else ():
@@ -100,7 +102,7 @@ def _sources(results: Input) -> list[Source]:
 
 def _types(results: Results) -> str:
     """Return the element types of a file, of its convergence table or, without one, of its bodies."""
-    table = results.tables.get("convergence")
+    table = results.tables.get("convergence", results.tables.get("tradeoff"))
     found = [b.element_type for b in results.bodies.values()] if table is None else map(str, table.get("element", []))
     return ", ".join(dict.fromkeys(found))
 

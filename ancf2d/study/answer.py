@@ -14,7 +14,7 @@ from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from .goal import TINY, error_scale, goal_kind, smallest_scale
 from .record import Progress
-from .run import Outcome, describe_goal, quantity, run_case
+from .run import Begin, Outcome, describe_goal, quantity, run_case
 
 
 @dataclass
@@ -82,15 +82,25 @@ class File:
     conclude: Callable[[dict[str, Any], Answer], None]
 
 
-def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None) -> Solved:
-    """Solve a case that has a goal. Raises CaseError, and ComputationError where it fails or has no such value."""
+def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
+                   begin: Begin | None = None) -> Solved:
+    """Solve a case that has a goal, from the guess of ``begin`` where there is one.
+
+    Raises CaseError, and ComputationError where it fails or has no such value.
+    """
     loaded = for_study(loaded)
     goal = loaded.case.goal
     if goal is None:
         raise CaseError(loaded.source.problem((), "the case has no goal: nothing is named that an error could be of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
     watch = _Watch(goal, isinstance(loaded.case.solver, Dynamic))
-    progress = replace(progress or Progress(), state=watch.take, built=watch.begin)
+    given = progress or Progress()
+
+    def built(model: Model) -> None:
+        watch.begin(model)
+        given.built(model)
+
+    progress = replace(given, state=watch.take, built=built)
     found: list[Answer] = []
 
     def conclude(summary: dict[str, Any], model: Model) -> None:
@@ -101,7 +111,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
                 file.conclude(summary, answer)
 
     where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
-    outcome = run_case(loaded, progress=progress, conclude=conclude, **where)
+    outcome = run_case(loaded, progress=progress, conclude=conclude, begin=begin, **where)
     if outcome.failure is not None:
         raise outcome.failure
     if not found:

@@ -163,7 +163,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
         prepare(loaded)
     own = sum(count_of(b) for b in flexible(loaded.case).values())
     default = default_meshes(loaded.case) if steps is None else [own]
-    counts, warnings = _meshes(loaded, sorted(set(meshes or default)))
+    counts, warnings = meshes_of(loaded, sorted(set(meshes or default)))
     if steps is not None and len(counts) > 1:
         raise CaseError(loaded.source.problem(("solver",), "several meshes and several time steps at once",
                                               expected="one mesh with several time steps, or several meshes"))
@@ -183,7 +183,7 @@ def _values(steps: Steps | None) -> list[float | None]:
     return [None] if steps is None else sorted(set(steps.values), reverse=True)
 
 
-def _meshes(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, int]], list[str]]:
+def meshes_of(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, int]], list[str]]:
     """Return the elements of each body for each mesh, and what does not come out as asked."""
     counts: list[dict[str, int]] = []
     warnings = []
@@ -263,7 +263,7 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
     n = [float(row.elements) if row.step is None else 1.0 / row.step for row in good]
     f, scale = sequence(answers), answers[-1].size if answers else 1.0
     found = estimate(n, f, scale)
-    limit = _limit(answers, found, reference)
+    limit = limit_of(answers, found, reference)
     for row, answer in zip(good, answers, strict=True):
         if limit is not None and (reference is not None or len(good) > 1):
             row.error = answer.distance(limit) / limit.size
@@ -278,7 +278,7 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
     return Series(rows, replace(found, value=value), None if limit is None else limit.value)
 
 
-def _limit(answers: Sequence[Answer], found: Estimate, reference: float | None) -> Answer | None:
+def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None) -> Answer | None:
     """Return what errors are against: the reference, or what the sequence tends to."""
     if not answers:
         return None

@@ -17,14 +17,22 @@ _UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity
           "moment": "{F}*{L}", "energy": "{F}*{L}"}
 
 
+def goal_units(loaded: LoadedCase) -> str:
+    """Return the units of a case's goal, as templates of result files have them."""
+    goal = loaded.case.goal
+    if goal is None:
+        raise ValueError("a study has a goal")
+    if goal.kind is not None:
+        return "rad/{T}"
+    return _UNITS[goal_kind(goal)] if goal.quantity is not None else "1"
+
+
 def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command: str = "", *,
                       force: bool = False) -> Path:
     """Write the rows as table ``convergence``; return where. Raises ResultsError."""
     names = ("element", "formulation", "elements", "dofs", "value", "error", "order", "wall_s", "status")
-    rows, goal = study.rows, loaded.case.goal
-    if goal is None:
-        raise ValueError("a convergence study has a goal")
-    columns = (Column("value", _UNITS[goal_kind(goal)], f"the goal: {study.goal}"),
+    rows = study.rows
+    columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("status", "none", "converged or failed"))
     table = {name: [math.nan if (v := getattr(row, name)) is None else v for row in rows] for name in names}
     attrs = {"goal": study.goal, "reference": "auto" if study.reference is None else study.reference}

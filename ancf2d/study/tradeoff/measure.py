@@ -1,0 +1,205 @@
+"""One solution of a case, measured: its answer, what it costs in time and memory."""
+
+from __future__ import annotations
+
+import os
+import time
+import tracemalloc
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+from ...case import Body, Dynamic, LoadedCase, load_case_text
+from ...case.emit import flow, written
+from ...errors import CaseError, ComputationError
+from ...solve.registry import solve
+from ...solve.schemes import DEFAULT
+from ..answer import Answer, Solved, for_study, solve_for_goal
+from ..pool import DIED
+from ..record import Clock, Progress
+from ..run import prepare, vocabulary
+from ..variants import Variant, element_data, flexible
+from ..warmup import kernels_of, warm_up
+
+# solves are measured anew until they took SHORT [s] together, or MANY times
+SHORT, MANY = 0.02, 9
+_WARM: set[str] = set()  # the kernels that this process has in hand
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is chosen for a case beside its mesh; what is None, or empty, is as the case has it.
+
+    ``key`` says what a motion's steps are given by, dt [s] or tolerance, and ``step`` its value.
+    """
+
+    variant: Variant
+    quadrature: Any = None
+    method: str | None = None
+    key: str = ""
+    step: float | None = None
+
+    def overrides(self, loaded: LoadedCase, counts: dict[str, int]) -> tuple[str, ...]:
+        """Return the ``PATH=VALUE`` overrides that give this, with so many elements of each body."""
+        out = []
+        for name, body in flexible(loaded.case).items():
+            out.append(f"bodies.{name}.element={flow(_plain(self.element(body, counts[name])))}")
+        return (*out, *self._steps(loaded))
+
+    def element(self, body: Body, count: int) -> dict[str, Any]:
+        """Return the ``element`` of a body with so many elements, as a case has it."""
+        data = element_data(body, self.variant, count)
+        return data if self.quadrature is None else {**data, "quadrature": self.quadrature}
+
+    def _steps(self, loaded: LoadedCase) -> list[str]:
+        solver = loaded.case.solver
+        if not isinstance(solver, Dynamic):
+            return []
+        method = self.method or solver.method
+        other = (method or DEFAULT) != (solver.method or DEFAULT)
+        if other or (self.key and getattr(solver, self.key) is None):
+            # a value that the case has cannot be taken away, only the whole of the solver replaced
+            changed: dict[str, Any] = {"method": method}
+            if self.key:
+                changed.update({"dt": None, "tolerance": None, self.key: self.step})
+            if other:
+                changed["spectral_radius"] = None
+            return [f"solver={flow(written(replace(solver, **changed)))}"]
+        return [f"solver.{self.key}={flow(self.step)}"] if self.key else []
+
+
+def _plain(data: dict[str, Any]) -> dict[str, Any]:
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in data.items()}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What another process needs to solve and measure one setting.
+
+    ``chosen`` overrides come on top of those of the case; ``element`` is what the type is called; ``repeat``: how often
+    its cost is measured, 0 for its answer alone, less where ``patience`` [s] is over; ``interval`` [time] of the states
+    of a motion that names none.
+    """
+
+    text: str
+    file: str
+    overrides: tuple[str, ...]
+    setting: Setting
+    chosen: tuple[str, ...]
+    element: str
+    elements: int
+    repeat: int = 0
+    patience: float = 0.0
+    interval: float | None = None
+
+    def load(self) -> LoadedCase:
+        """Return the case with this setting. Raises CaseError."""
+        loaded = load_case_text(self.text, self.file, (*self.overrides, *self.chosen), vocabulary(),
+                                os.path.dirname(self.file))
+        output = loaded.case.output
+        if self.interval is None or output.interval is not None:
+            return loaded
+        return replace(loaded, case=replace(loaded.case, output=replace(output, interval=self.interval, every=None)))
+
+
+@dataclass
+class Measured:
+    """What solving a task gave.
+
+    ``wall_s``: the median of ``runs`` solves, without reading, building and compiling; ``memory`` [bytes]: the most
+    that Python and numpy held at a time for model and solution; ``elapsed``: all in all; ``status``: converged,
+    failed, or refused where the case cannot have this setting.
+    """
+
+    task: Task
+    element: str
+    formulation: str
+    elements: int
+    dofs: int | None = None
+    answer: Answer | None = None
+    wall_s: float | None = None
+    runs: int = 0
+    memory: int | None = None
+    elapsed: float = 0.0
+    status: str = "converged"
+    reason: str = ""
+
+
+def lost(task: Task) -> Measured:
+    """Return what is known of a task whose process has died."""
+    return Measured(task, task.element, task.setting.variant.formulation or "", task.elements, status="failed",
+                    reason=DIED)
+
+
+def measure(task: Task) -> Measured:
+    """Solve a task; what goes wrong is told in the result."""
+    out, began = replace(lost(task), status="converged", reason=""), time.perf_counter()
+    try:
+        _measure(task, out)
+    except CaseError as error:
+        out.status, out.reason = "refused", error.problems[0].message
+    except ComputationError as error:
+        out.status, out.reason = "failed", error.failure.reason
+    except MemoryError:
+        out.status, out.reason = "failed", "there is not enough memory for this mesh"
+    out.elapsed = time.perf_counter() - began
+    return out
+
+
+def make_ready(task: Task, compiling: Callable[[], None] = lambda: None) -> None:
+    """Compile, or load, the kernels of a task, and go once through a solve with them.
+
+    Raises CaseError for a setting that the case cannot have.
+    """
+    loaded = task.load()
+    model = prepare(loaded)
+    kernels = kernels_of(loaded.case)
+    if kernels not in _WARM:
+        warm_up(model, compiling)
+        # libraries that only a whole solve calls; how it ends, the run that is measured tells
+        with suppress(ComputationError):
+            solve_for_goal(loaded)
+        _WARM.add(kernels)
+
+
+def _measure(task: Task, out: Measured) -> None:
+    make_ready(task)
+    if task.repeat == 0:
+        _note(solve_for_goal(task.load()), out)
+        return
+    found, out.memory = _traced(task.load())
+    _note(found, out)
+    model = prepare(for_study(task.load()))
+    times: list[float] = []
+    while _again(times, task):
+        clock = Clock(solve(model))
+        for _ in clock:
+            pass
+        times.append(clock.seconds)
+    out.wall_s, out.runs = median(times), len(times)
+
+
+def _again(times: list[float], task: Task) -> bool:
+    """Whether to measure once more: as often as asked for, oftener what is short, less often what takes long."""
+    if not times or (len(times) < MANY and sum(times) < SHORT):
+        return True
+    return len(times) < task.repeat and sum(times) + times[-1] < task.patience
+
+
+def _traced(loaded: LoadedCase) -> tuple[Solved, int]:
+    """Solve and return the most memory [bytes] held at a time from the model on; tracing it takes time of its own."""
+    tracemalloc.start()
+    try:
+        found = solve_for_goal(loaded, Progress(built=lambda model: tracemalloc.reset_peak()))
+        return found, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def _note(found: Solved, out: Measured) -> None:
+    plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
+    out.element = "+".join(dict.fromkeys(p.element.name for p in plans))
+    out.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))
+    out.elements, out.dofs, out.answer = found.model.n_elements, found.model.n_q, found.answer

@@ -1,0 +1,245 @@
+"""What a study of work and precision solves: chains of meshes, coarse to fine, of every setting and its reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...case import Dynamic, LoadedCase
+from ...errors import CaseError
+from ...solve.schemes import DEFAULT
+from ..convergence import meshes_of
+from ..order import ROUND_OFF
+from ..pool import Workers
+from ..variants import Variant, count_of, flexible, parse_variants, pieces
+from .budget import predicted_cost
+from .measure import Measured, Setting, Task
+
+STUDIED = "reissner3,cable,vallejo,ancf[3,1],2d2n,2d3n"  # beside the case's own type
+ACCURACIES = (1e-2, 1e-3, 1e-4)
+BUDGET = 60.0
+REPEAT = 3
+SHARE = 0.02  # of the budget: what repeating one measurement may take
+LEAST_ELEMENTS, USUAL_ELEMENTS, USUAL_OF_MOTION = 2, 64, 16
+BEYOND = 3  # doublings of the finest mesh that a reference may take
+STATES = 100  # of a motion that names no interval
+FINER = 1e-2  # tolerance of a reference over the finest one studied
+FINEST_TOLERANCE, REFERENCE_TOLERANCE = 1e-12, 1e-9
+# names of solver keys that steps are given by, with what the case's own value is multiplied by
+LEVELS = {"tolerance": (1e4, 1e2, 1.0), "dt": (4.0, 2.0, 1.0)}
+LOOSEST_TOLERANCE = 1e-2
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is studied. Empty or None stands for what ``study_of`` chooses; ``meshes`` count all elements."""
+
+    variants: tuple[Variant, ...] = ()
+    meshes: tuple[int, ...] = ()
+    quadratures: tuple[Any, ...] = (None,)
+    methods: tuple[str | None, ...] = (None,)
+    key: str = ""
+    steps: tuple[float, ...] = ()
+    repeat: int = REPEAT
+    budget: float = BUDGET
+    accuracies: tuple[float, ...] = ACCURACIES
+    reference: float | None = None
+    continuum: bool = False  # whether errors are against the continuum rather than each type's own limit
+
+
+@dataclass
+class Chain:
+    """Meshes of one setting, coarse to fine; those from ``judged`` on only serve the reference.
+
+    ``settles``: whether it may end where the answer no longer changes.
+    """
+
+    tasks: list[Task]
+    judged: int
+    settles: bool = False
+    done: list[Measured] = field(default_factory=list)
+    ended: bool = False
+
+    @property
+    def next(self) -> Task | None:
+        """What is solved next; None at the end."""
+        return None if self.ended or len(self.done) == len(self.tasks) else self.tasks[len(self.done)]
+
+    def take(self, found: Measured) -> None:
+        """Take the result of the next task."""
+        self.done.append(found)
+        self.ended |= found.status == "refused" or (self.settles and self._settled())
+
+    def _settled(self) -> bool:
+        a, b = (m.answer for m in self.done[-2:]) if len(self.done) > 1 else (None, None)
+        return a is not None and b is not None and a.distance(b) <= ROUND_OFF * b.size
+
+    def drop(self) -> list[Task]:
+        """End here; return what is not solved."""
+        left = [] if self.ended else self.tasks[len(self.done):]
+        self.ended = True
+        return left
+
+    def cost(self) -> float | None:
+        """Return what the next task will take [s], after those before; None where there are none."""
+        task, runs = self.next, [m for m in self.done if m.status == "converged"]
+        if task is None or not runs:
+            return None
+        single = [m.elapsed / (m.runs + 1) for m in runs]
+        once = predicted_cost([float(m.elements) for m in runs], single, float(task.elements))
+        return None if once is None else once * (1 + _repeats(task, once))
+
+
+def _repeats(task: Task, once: float) -> int:
+    return min(task.repeat, max(1, int(task.patience / max(once, 1e-9))))
+
+
+@dataclass
+class Series:
+    """All that is solved of one element type, formulation and quadrature, which have one limit.
+
+    ``reference`` is the chain that tells the limit: of a motion one of its own with a tight tolerance, and ``steps``
+    one with a looser tolerance, which tells what that leaves; else the one of the rows.
+    """
+
+    setting: Setting
+    rows: list[Chain]
+    reference: Chain
+    steps: Chain | None = None
+
+    @property
+    def chains(self) -> list[Chain]:
+        """All chains, each once."""
+        more = [c for c in (self.reference, self.steps) if c is not None and c not in self.rows]
+        return [*self.rows, *more]
+
+    def cost(self, chain: Chain) -> float:
+        """Return what a chain's next task will take [s]; 0 where nothing like it was solved yet."""
+        own = chain.cost()
+        if own is not None or chain.next is None:
+            return own or 0.0
+        alike = [m.elapsed for c in self.chains for m in c.done if m.elements == chain.next.elements]
+        return max(alike, default=0.0)
+
+
+class Planner:
+    """Makes the series of a case."""
+
+    def __init__(self, loaded: LoadedCase, choice: Choice, workers: Workers) -> None:
+        self.loaded, self.choice, self.workers = loaded, choice, workers
+        solver = loaded.case.solver
+        self.motion = solver if isinstance(solver, Dynamic) else None
+        self._check()
+        self.key, self.steps = self._steps()
+        self.totals = tuple(sorted(set(choice.meshes))) or self._default_meshes()
+        self.counts, self.warnings = meshes_of(loaded, self.totals)
+
+    def _check(self) -> None:
+        choice, source = self.choice, self.loaded.source
+        if self.loaded.case.goal is None:
+            raise CaseError(source.problem((), "the case has no goal: nothing is named that an error could be of",
+                                           expected="for example goal: {probe: mid, quantity: uy}"))
+        if self.motion is None and (choice.key or choice.methods != (None,)):
+            raise CaseError(source.problem(("solver", "type"), "there are no time steps and no integrator to choose",
+                                           expected="solver: {type: dynamic}, or no --method, --dt, --tolerance"))
+
+    def _steps(self) -> tuple[str, tuple[float | None, ...]]:
+        if self.motion is None:
+            return "", (None,)
+        key, steps = self.choice.key, self.choice.steps
+        if not key:
+            key = "dt" if self.motion.tolerance is None and self.motion.dt is not None else "tolerance"
+            own = getattr(self.motion, key)
+            steps = tuple(own * factor for factor in LEVELS[key])
+        if key == "tolerance":
+            steps = tuple(min(x, LOOSEST_TOLERANCE) for x in steps)
+        return key, tuple(sorted({float(f"{x:.12g}") for x in steps}, reverse=True))
+
+    def _coarsest(self) -> int:
+        """Return the fewest elements, two at least, that are in the proportions of the case."""
+        bodies = flexible(self.loaded.case)
+        counts = {name: count_of(b) for name, b in bodies.items()}
+        divisor = math.gcd(*counts.values())
+        base = {name: n // divisor for name, n in counts.items()}
+        times = max(-(-pieces(b) // base[name]) for name, b in bodies.items())
+        total = sum(base.values())
+        return total * max(times, -(-LEAST_ELEMENTS // total))
+
+    def _default_meshes(self) -> tuple[int, ...]:
+        own = sum(count_of(b) for b in flexible(self.loaded.case).values())
+        most = max(own, USUAL_ELEMENTS if self.motion is None else USUAL_OF_MOTION)
+        out = [self._coarsest()]
+        while 2 * out[-1] <= most:
+            out.append(2 * out[-1])
+        return tuple(out)
+
+    @property
+    def _variants(self) -> list[Variant]:
+        return list(self.choice.variants) or [Variant(), *parse_variants(STUDIED)]
+
+    def series(self) -> list[Series]:
+        """Return the series of all variants and quadratures, none twice."""
+        out, seen = [], set()
+        for variant in self._variants:
+            for quadrature in self.choice.quadratures:
+                setting = Setting(variant, quadrature)
+                known = setting.overrides(self.loaded, self.counts[0])
+                if known not in seen:
+                    seen.add(known)
+                    out.append(self._series(setting))
+        return out
+
+    def _series(self, setting: Setting) -> Series:
+        finer = self._finer(self.counts[-1], BEYOND) if self.choice.reference is None else []
+        if self.motion is None:
+            rows = self.chain(setting, [*self.counts, *finer], len(self.counts), settles=not self.choice.meshes)
+            return Series(setting, [rows], rows)
+        chains = [self.chain(self._timed(setting, method, self.key, step), self.counts, len(self.counts))
+                  for method in self.choice.methods for step in self.steps]
+        if self.choice.reference is not None:
+            return Series(setting, chains, chains[-1])
+        middle = self.counts[len(self.counts) // 2:][:1]
+        return Series(setting, chains, self.chain(self._precise(setting), [*self.counts, *finer], 0),
+                      self.chain(self._precise(setting, 10.0), middle, 0))
+
+    def _finer(self, counts: dict[str, int], levels: int) -> list[dict[str, int]]:
+        return [{name: n * 2**k for name, n in counts.items()} for k in range(1, levels + 1)]
+
+    def _timed(self, setting: Setting, method: str | None, key: str, step: float | None) -> Setting:
+        return Setting(setting.variant, setting.quadrature, method, key, step)
+
+    def _precise(self, setting: Setting, looser: float = 1.0) -> Setting:
+        """Return a setting with the steps of a reference."""
+        finest = self.steps[-1] if self.key == "tolerance" else None
+        tolerance = REFERENCE_TOLERANCE if finest is None else max(FINER * finest, FINEST_TOLERANCE)
+        return self._timed(setting, DEFAULT, "tolerance", tolerance * looser)
+
+    def chain(self, setting: Setting, counts: Sequence[dict[str, int]], judged: int, settles: bool = False,
+              more: Sequence[str] = ()) -> Chain:
+        """Return the chain of a setting over meshes; ``more`` are further overrides of the case."""
+        tasks = [self._task((*setting.overrides(self.loaded, c), *more), setting, sum(c.values()), k < judged)
+                 for k, c in enumerate(counts)]
+        return Chain(tasks, judged, settles)
+
+    def _task(self, chosen: tuple[str, ...], setting: Setting, elements: int, row: bool) -> Task:
+        interval = None if self.motion is None else self.motion.t_end / STATES
+        own = [b.element.type for b in flexible(self.loaded.case).values()]
+        element = "+".join(dict.fromkeys(own)) if setting.variant.type is None else setting.variant.element
+        return Task(self.loaded.text, self.workers.file(self.loaded.source.file), tuple(self.loaded.overrides), setting,
+                    chosen, element, elements, self.choice.repeat if row else 0, SHARE * self.choice.budget, interval)
+
+    # ------------------------------------------------------------------ the continuum
+
+    def at_least(self, elements: int, levels: int) -> list[dict[str, int]]:
+        """Return the elements of each body of meshes that double from ``elements`` or a little more on."""
+        first = self._coarsest()
+        while first < elements:
+            first *= 2
+        return [meshes_of(self.loaded, [first * 2**k])[0][0] for k in range(levels)]
+
+    def precise(self, variant: Variant) -> Setting:
+        """Return a setting of a type with the steps of a reference."""
+        plain = Setting(variant)
+        return plain if self.motion is None else self._precise(plain)

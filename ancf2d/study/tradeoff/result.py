@@ -1,0 +1,203 @@
+"""A finished study of work and precision: rows with errors and costs, their front, and what it recommends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...case.emit import flow
+from .front import cheapest, pareto
+from .limits import Limit, distance
+from .measure import Measured, Task
+from .plan import Series
+
+WHAT = {
+    "error": "relative discretisation error against the series' own limit",
+    "error_below": "where the error is too close to that of the reference to be told: the most that it can be",
+    "model_error": "relative distance between the series' limit and that of the continuum",
+    "wall_s": "median of the runs' solve times, without reading, building and kernel compilation",
+    "memory_bytes": "the most that Python and numpy held at a time for model and solution, in a run of its own",
+}
+
+
+@dataclass
+class Row:
+    """One setting on one mesh.
+
+    ``error`` is None where it is not told; it is then less than ``error_below``, where that is known. ``judged`` is
+    what the front and the recommendations go by: the error, or its bound, with that of the model where errors are
+    against the continuum; infinite where nothing is known.
+    """
+
+    measured: Measured
+    series: int
+    error: float | None = None
+    error_below: float | None = None
+    model_error: float | None = None
+    judged: float = math.inf
+    pareto: bool = False
+
+    @property
+    def task(self) -> Task:
+        """What was solved."""
+        return self.measured.task
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints of the row."""
+        m, setting = self.measured, self.task.setting
+        out: dict[str, Any] = {"element": m.element, "formulation": m.formulation, "elements": m.elements}
+        out.update(_chosen(setting))
+        out.update(dofs=m.dofs, value=None if m.answer is None else m.answer.value, error=self.error)
+        if self.error_below is not None:
+            out["error_below"] = self.error_below
+        out.update(model_error=self.model_error, wall_s=m.wall_s, runs=m.runs, memory_bytes=m.memory,
+                   pareto=self.pareto, status=m.status)
+        return {**out, "reason": m.reason} if m.reason else out
+
+    def as_recommendation(self) -> dict[str, Any]:
+        """Return what is recommended: the row, and the overrides that give it."""
+        row = {k: v for k, v in self.as_json().items() if k not in ("runs", "status", "pareto")}
+        return {**row, "set": list(self.task.chosen)}
+
+
+def _chosen(setting: Any) -> dict[str, Any]:
+    """Return what a setting says beside type and mesh."""
+    out = {} if setting.quadrature is None else {"quadrature": setting.quadrature}
+    if setting.key:
+        out.update({"method": setting.method, setting.key: setting.step})
+    return out
+
+
+@dataclass
+class Known:
+    """What is known of a series: its limit, and how far that is from the continuum's."""
+
+    element: str
+    formulation: str
+    limit: Limit
+    quadrature: Any = None
+    model_error: float | None = None
+    model_error_bar: float | None = None
+    reason: str = ""
+    refused: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints of the series."""
+        limit = self.limit
+        chosen = {} if self.quadrature is None else {"quadrature": self.quadrature}
+        return {"element": self.element, "formulation": self.formulation, **chosen,
+                "limit": None if limit.answer is None else limit.answer.value,
+                "limit_error": limit.bar if limit.known else None,
+                "model_error": self.model_error, "model_error_bar": self.model_error_bar,
+                "note": self.reason or limit.note}
+
+
+@dataclass
+class Study:
+    """A finished study; ``dropped`` are tasks that the budget had no room for, ``spent`` [s] of it."""
+
+    case: str
+    title: str
+    goal: str
+    against: str
+    accuracies: Sequence[float]
+    budget: float
+    spent: float = 0.0
+    rows: list[Row] = field(default_factory=list)
+    series: list[Known] = field(default_factory=list)
+    continuum: Limit = field(default_factory=Limit)
+    continuum_q: list[int] = field(default_factory=list)
+    dropped: list[Task] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def converged(self) -> bool:
+        """Whether anything could be solved."""
+        return any(row.measured.answer is not None for row in self.rows)
+
+    def judge(self) -> None:
+        """Find the front."""
+        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
+        for row, best in zip(self.rows, pareto(times, [r.judged for r in self.rows]), strict=True):
+            row.pareto = best
+
+    def recommended(self, accuracy: float) -> Row | None:
+        """Return the cheapest row that reaches an accuracy; None where there is none."""
+        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
+        found = cheapest(times, [r.judged for r in self.rows], accuracy)
+        return None if found is None else self.rows[found]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that ``--json`` prints."""
+        best = {accuracy_name(a): self.recommended(a) for a in self.accuracies}
+        out: dict[str, Any] = {
+            "case": self.case, "title": self.title, "status": "converged" if self.converged else "failed",
+            "goal": self.goal, "against": self.against, "meaning": WHAT, "rows": [row.as_json() for row in self.rows],
+            "recommended": {name: None if row is None else row.as_recommendation() for name, row in best.items()},
+            "series": [known.as_json() for known in self.series], "continuum": self._continuum(),
+            "budget_s": self.budget, "spent_s": self.spent, "dropped": [_left_out(t) for t in self.dropped],
+            "warnings": self.warnings}
+        if not self.converged:
+            reasons = [row.measured.reason for row in self.rows if row.measured.reason]
+            out.update(reason=reasons[0] if reasons else "the budget had no room for any solution", at={})
+        return out
+
+    def _continuum(self) -> dict[str, Any] | None:
+        if self.continuum.answer is None:
+            return None
+        return {"value": self.continuum.answer.value, "error": self.continuum.bar,
+                "elements": [f"ancf[3,{q}]" for q in self.continuum_q]}
+
+
+def accuracy_name(accuracy: float) -> str:
+    """Return an accuracy as it is written: 1e-3, 5e-4."""
+    mantissa, exponent = f"{accuracy:.6e}".split("e")
+    return f"{float(mantissa):g}e{int(exponent)}"
+
+
+def _left_out(task: Task) -> dict[str, Any]:
+    return {"element": task.element, "elements": task.elements, **_chosen(task.setting),
+            "for": "row" if task.repeat else "reference"}
+
+
+def rows_of(number: int, series: Series, found: Limit, behind: Limit, against_continuum: bool, given: bool,
+            ) -> tuple[list[Row], Known]:
+    """Return the rows of a series, judged against its limit, and what is known of it.
+
+    ``behind`` is the limit of the continuum; ``given``: the reference is a number that the user gave.
+    """
+    rows = [Row(m, number) for chain in series.rows for m in chain.done[:chain.judged]]
+    known = Known("", "", found, series.setting.quadrature)
+    for row in rows:
+        known.element, known.formulation = row.measured.element, row.measured.formulation
+        known.refused |= row.measured.status == "refused"
+        known.reason = known.reason or (row.measured.reason if row.measured.answer is None else "")
+    if found.known and behind.known and not given:
+        known.model_error, known.model_error_bar = distance(found, behind)
+    for row in rows:
+        _judge(row, found, known, against_continuum)
+    return rows, known
+
+
+def _judge(row: Row, found: Limit, known: Known, against_continuum: bool) -> None:
+    if row.measured.answer is None:
+        return
+    error = found.error(row.measured.answer)
+    if found.resolves(error):
+        row.error = row.judged = error
+    elif found.known:
+        row.error_below = row.judged = error + found.bar
+    row.model_error = known.model_error
+    if against_continuum:
+        row.judged += math.inf if known.model_error is None else known.model_error
+
+
+def setting_text(row: Row) -> str:
+    """Return the setting of a row in words: type, mesh, method and steps."""
+    chosen = _chosen(row.task.setting)
+    more = [f"{k} {flow(v)}" for k, v in chosen.items() if v is not None]
+    m = row.measured
+    count = f"{m.elements} element{'' if m.elements == 1 else 's'}"
+    return ", ".join([f"{m.element} ({m.formulation})", count, *more])

@@ -1,0 +1,116 @@
+"""Error against cost of a case over element types, meshes, integrators and steps, within a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ...case import LoadedCase
+from ...errors import CaseError, ComputationError, Problem
+from ..pool import ALONE, Workers, run_jobs
+from ..run import describe_goal
+from .budget import Budget
+from .limits import continuum, continuum_series, limit, suffices
+from .measure import Measured, Task, lost, make_ready, measure
+from .plan import Chain, Choice, Planner, Series
+from .result import Study, rows_of
+
+
+def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
+             compiling: Callable[[], None] = lambda: None, done: Callable[[float], None] = lambda share: None,
+             clock: Callable[[], float] = time.monotonic) -> Study:
+    """Solve a case with every setting of ``choice``, cheapest first, and judge what each costs and how far off it is.
+
+    The budget counts from when all kernels are compiled. A setting that the case refuses is a row that says why.
+    Raises CaseError for a case without a goal, or one that refuses all, ComputationError where errors are wanted
+    against a continuum that the budget had no room for.
+    """
+    planner = Planner(loaded, choice, workers)
+    series, behind = planner.series(), continuum_series(planner)
+    _ready([*series, *behind.values()], len(series), compiling)
+    budget = Budget(choice.budget, clock)
+    todo = _Todo([*([s] for s in series), list(behind.values())], choice.reference)
+    dropped = _solve(todo, workers, budget, done)
+    study = Study(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal),
+                  "continuum" if choice.continuum else "limit" if choice.reference is None else "reference",
+                  choice.accuracies, choice.budget, budget.spent, dropped=dropped, warnings=list(planner.warnings))
+    found = {q: limit(s) for q, s in behind.items()}
+    study.continuum, study.continuum_q = continuum(found), [q for q, f in found.items() if f.known]
+    if choice.continuum and not study.continuum.known:
+        raise ComputationError(f"the continuum behind the case is not known: {study.continuum.note}")
+    for k, s in enumerate(series):
+        rows, known = rows_of(k, s, limit(s, choice.reference), study.continuum, choice.continuum,
+                              choice.reference is not None)
+        study.rows += rows
+        if rows:
+            study.series.append(known)
+    study.judge()
+    return study
+
+
+def _ready(series: Sequence[Series], own: int, compiling: Callable[[], None]) -> None:
+    """Compile what any chain needs; end chains that the case refuses. Raises CaseError where it refuses all."""
+    problems: list[Problem] = []
+    refused = 0
+    for k, s in enumerate(series):
+        for chain in s.chains:
+            task = chain.tasks[0]
+            try:
+                make_ready(task, compiling)
+            except CaseError as error:
+                chain.take(Measured(task, task.element, task.setting.variant.formulation or "", task.elements,
+                                    status="refused", reason=error.problems[0].message))
+                problems += error.problems
+        refused += k < own and all(c.ended for c in s.rows)
+    if refused == own:
+        raise CaseError(list(dict.fromkeys(problems)))
+
+
+@dataclass
+class _Todo:
+    """The chains of a study, and which of them go on: each group of series has its share of the time."""
+
+    groups: list[list[Series]]
+    reference: float | None
+
+    def heads(self) -> list[tuple[float, Chain]]:
+        """Return the chains that go on, with what the next task of each will cost [s].
+
+        Those of the group that took the least so far come first, and the cheapest within it.
+        """
+        out = []
+        for group in self.groups:
+            spent = sum(m.elapsed for s in group for c in s.chains for m in c.done)
+            out += [(spent, s.cost(c), c) for s in group for c in s.chains if self._needed(s, c)]
+        return [(cost, chain) for _, cost, chain in sorted(out, key=lambda head: head[:2])]
+
+    def _needed(self, series: Series, chain: Chain) -> bool:
+        """Whether the next task of a chain tells anything: rows do, references as long as they are too coarse."""
+        task = chain.next
+        if task is None or task.repeat or chain is not series.reference:
+            return task is not None
+        if any(c.next is not None and c.next.repeat for c in series.rows) or not series.rows:
+            return True
+        return not suffices(series, limit(series, self.reference))
+
+
+def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Callable[[float], None]) -> list[Task]:
+    """Solve what there is room for; return what there was none for."""
+    dropped: list[Task] = []
+    while heads := todo.heads():
+        batch: list[Chain] = []
+        together = 0.0
+        for cost, chain in heads:
+            if not budget.affords(cost):
+                dropped += chain.drop()
+            elif not batch or (workers != ALONE and budget.affords(together + cost)):
+                batch.append(chain)
+                together += cost / max(workers.processes, 1)
+        tasks = [chain.next for chain in batch]
+        found = run_jobs(measure, [t for t in tasks if t is not None], workers, lost)
+        for chain, result in zip(batch, found, strict=True):
+            chain.take(result)
+        done(min(budget.spent / budget.seconds, 1.0) if budget.seconds else 1.0)
+    return dropped
+
