@@ -37,8 +37,8 @@ from .text import table
 @click.option("--at", metavar="T,T,...", help="Times or load factors that are drawn (snapshots).")
 @click.option("--probe", multiple=True, help="Probe that is drawn; may be given several times (curves).")
 @click.option("--quantity", multiple=True, help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
-@click.option("--against", type=click.Choice(["elements", "dofs", "wall_s"]),
-              help="What the error is drawn over (convergence).")
+@click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
+              help="What the error is drawn over (convergence, tradeoff).")
 @click.option("--values", is_flag=True, default=None, help="Draw the goal itself instead of its error (convergence).")
 @click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
               "(difference).")

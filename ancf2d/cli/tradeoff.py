@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import ResultsError
+from ..errors import CaseError, ResultsError
 from .convergence import element_counts, positive_numbers, reference_value
 from .failures import FAILED
 from .options import (
@@ -119,10 +119,20 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     return 0
 
 
+def _quadratures(text: str) -> tuple[Any, ...]:
+    """Return the quadratures in ``[2,2],exact``; whether they can be, the case tells."""
+    from ..case.axes import read_axes
+
+    try:
+        return read_axes([f"quadrature={text}"])[0].values
+    except CaseError:
+        raise click.UsageError(f"--quadrature: '{text}' is no list of quadratures; expected for example "
+                               "[2,2],[3,2],exact.") from None
+
+
 def _choice(types: str | None, meshes: list[int] | None, quadratures: str | None, methods: str | None,
             dts: tuple[float, ...] | None, tolerances: tuple[float, ...] | None, budget: float, repeat: int,
             accuracies: tuple[float, ...], against: str, reference: float | None) -> Choice:
-    from ..case.axes import read_axes
     from ..study.tradeoff.plan import Choice
     from ..study.variants import parse_variants
 
@@ -136,7 +146,7 @@ def _choice(types: str | None, meshes: list[int] | None, quadratures: str | None
         raise click.UsageError(f"{error}.") from None
     return Choice(
         variants=variants, meshes=tuple(meshes or ()),
-        quadratures=(None,) if quadratures is None else read_axes([f"quadrature={quadratures}"])[0].values,
+        quadratures=(None,) if quadratures is None else _quadratures(quadratures),
         methods=(None,) if methods is None else tuple(dict.fromkeys(m.strip() for m in methods.split(","))),
         key="dt" if dts else "tolerance" if tolerances else "", steps=dts or tolerances or (), repeat=repeat,
         budget=budget, accuracies=accuracies, reference=reference, continuum=against == "continuum")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,8 +54,16 @@ class PointRef:
 
     def position(self, spread: str | None = None) -> list[tuple[Index, Array]]:
         """Return (coordinates, weights) of x and of y."""
+        if spread is None:
+            return list(self._at_point)
         row = self.shape_row(spread=spread)
         return [self.columns(row, 0), self.columns(row, 1)]
+
+    @cached_property
+    def _at_point(self) -> tuple[tuple[Index, Array], tuple[Index, Array]]:
+        """The position without spread, which every stored state asks for anew."""
+        row = self.shape_row()
+        return self.columns(row, 0), self.columns(row, 1)
 
     @property
     def turns_by_theta(self) -> bool:

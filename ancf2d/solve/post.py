@@ -74,11 +74,19 @@ class Observer:
         return self.theta[name]
 
 
+def _carried(point: PointRef) -> bool:
+    """Whether a point off the axis goes with a section that is rigid."""
+    return point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
+
+
+def _on_axis(point: PointRef) -> PointRef:
+    return PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
+
+
 def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
     """Return the reference position (2,) and displacement (2,) of a point, off the axis too."""
-    axis = PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
-    carried = point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
-    columns = (axis if carried else point).position()
+    carried = _carried(point)
+    columns = (_on_axis(point) if carried else point).position()
     r0, u = np.array([dot(c, e0) for c in columns]), np.array([dot(c, d) for c in columns])
     if carried:
         # a section that is rigid: y times the change of its normal
@@ -92,9 +100,8 @@ def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> t
 
 def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
     """Return the velocity (2,) of a point, off the axis too."""
-    axis = PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
-    carried = point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
-    out = np.array([dot(c, v) for c in (axis if carried else point).position()])
+    carried = _carried(point)
+    out = np.array([dot(c, v) for c in (_on_axis(point) if carried else point).position()])
     if carried:
         y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
         out -= omega * y * np.array([np.cos(angle), np.sin(angle)])

@@ -11,15 +11,11 @@ def pareto(cost: Sequence[float], error: Sequence[float]) -> list[bool]:
 
     Points that are not finite are never on the front, nor do they beat any.
     """
-    front = [False] * len(cost)
-    best, ordered = math.inf, sorted(range(len(cost)), key=lambda i: (cost[i], error[i]))
-    last: int | None = None
-    for i in ordered:
-        if not (math.isfinite(cost[i]) and math.isfinite(error[i])):
-            continue
-        twin = last is not None and (cost[i], error[i]) == (cost[last], error[last])
-        if error[i] < best or twin:
-            front[i], best, last = True, error[i], i
+    front, best = [False] * len(cost), (math.inf, math.inf)
+    known = [i for i in range(len(cost)) if math.isfinite(cost[i]) and math.isfinite(error[i])]
+    for i in sorted(known, key=lambda i: (cost[i], error[i])):
+        if error[i] < best[1] or (cost[i], error[i]) == best:
+            front[i], best = True, (cost[i], error[i])
     return front
 
 

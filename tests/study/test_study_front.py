@@ -1,0 +1,67 @@
+"""The Pareto front and the cheapest setting, by what they are defined as; the budget, by its clock."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ancf2d.study.tradeoff.budget import Budget, predicted_cost
+from ancf2d.study.tradeoff.front import cheapest, pareto
+
+# few values, so that ties are frequent; infinite where nothing is known
+VALUE = st.sampled_from([0.0, 1e-9, 1e-3, 0.5, 1.0, 2.0, math.inf, math.nan])
+POINTS = st.lists(st.tuples(VALUE, VALUE), max_size=12)
+
+
+def beats(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+@given(POINTS)
+def test_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+    front = pareto([p[0] for p in points], [p[1] for p in points])
+    known = [p for p in points if all(map(math.isfinite, p))]
+    for point, on_front in zip(points, front, strict=True):
+        assert on_front == (point in known and not any(beats(other, point) for other in known))
+
+
+@given(POINTS, st.permutations(range(12)))
+def test_front_does_not_depend_on_the_order(points: list[tuple[float, float]], order: list[int]) -> None:
+    order = [i for i in order if i < len(points)]
+    front = pareto([p[0] for p in points], [p[1] for p in points])
+    shuffled = pareto([points[i][0] for i in order], [points[i][1] for i in order])
+    assert shuffled == [front[i] for i in order]
+
+
+@given(POINTS, st.sampled_from([1e-9, 1e-3, 1.0]))
+def test_cheapest_reaches_the_accuracy_and_nothing_that_does_costs_less(points: list[tuple[float, float]],
+                                                                         wanted: float) -> None:
+    cost, error = [p[0] for p in points], [p[1] for p in points]
+    good = [c for c, e in points if e <= wanted and math.isfinite(c)]
+    found = cheapest(cost, error, wanted)
+    if found is None:
+        assert not good
+    else:
+        assert error[found] <= wanted
+        assert cost[found] == min(good)
+        assert pareto(cost, error)[found]
+
+
+def test_cost_grows_as_the_last_two_did_within_reason() -> None:
+    assert predicted_cost([], [], 8) is None
+    assert predicted_cost([2, 4], [1.0, 4.0], 8) == pytest.approx(16.0)
+    assert predicted_cost([4], [1.0], 8) == pytest.approx(2**1.3)
+    # noise does not make a finer mesh cheaper, nor hopeless
+    assert predicted_cost([2, 4], [1.0, 0.1], 8) > 0.1
+    assert predicted_cost([2, 4], [1.0, 100.0], 8) == pytest.approx(800.0)
+
+
+def test_budget_counts_from_its_beginning() -> None:
+    moments = iter([100.0, 103.0, 103.0, 110.5])
+    budget = Budget(10.0, lambda: next(moments))
+    assert budget.affords(6.9)
+    assert not budget.affords(7.0)
+    assert not budget.affords(0.0)
