@@ -45,9 +45,8 @@ def test_steps_that_vary_and_were_given_up() -> None:
 def test_estimate_of_the_error() -> None:
     assert lines(accuracy={"estimate": 1.26e-3})["error"] == (
         "about 0.0013 from the steps in time, relative to the largest displacements")
-    assert lines(accuracy={"estimate": 1e-3, "wanted": 1e-2, "achieved": True})["error"].endswith("; as wanted: 0.01")
-    assert lines(accuracy={"estimate": 1e-1, "wanted": 1e-2, "achieved": False})["error"].endswith(
-        "; NOT the wanted: 0.01")
+    # of a wanted accuracy the table of its solves tells
+    assert "error" not in lines(accuracy={"estimate": 1e-3, "wanted": 1e-2, "achieved": True})
 
 
 def test_units_are_those_of_the_case() -> None:
