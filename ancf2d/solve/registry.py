@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from ..errors import Problem
 from ..model.model import Model
 from .state import State
 
+if TYPE_CHECKING:
+    from .static import Start
+
 Checkpoint = dict[str, Array]
 
 
@@ -33,7 +37,7 @@ def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
     return solve_linear(model)
 
 
-def _static(model: Model, spec: Static) -> Iterator[State]:
+def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[State]:
     if spec.method != "newton":
         from .path import solve_path
 
@@ -42,7 +46,7 @@ def _static(model: Model, spec: Static) -> Iterator[State]:
 
     # newton ends at nothing but a load factor: the schema refuses the rest
     end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
-    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end)
+    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start)
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
@@ -67,7 +71,7 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
     return solve_dynamic(model, spec, kept)
 
 
-# the solvers that go on from a checkpoint take it as a third argument
+# a third argument: the checkpoint that a motion goes on from, the guess that statics begins with
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
     LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling, Dynamic: _dynamic,
 }
@@ -107,6 +111,11 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
     return [*_without_potential(loaded), *_without_stiffness(loaded)]
 
 
+def takes_guess(case: Case) -> bool:
+    """Whether the solver of a case can begin from a guess of its last state."""
+    return isinstance(case.solver, Static) and case.solver.method == "newton"
+
+
 def initial_state(model: Model) -> State:
     """Return the reference, from which static paths start."""
     zero = np.zeros(len(model.numbering.place))
@@ -115,8 +124,8 @@ def initial_state(model: Model) -> State:
     return State(0.0, d, zero, zero, 0.0)
 
 
-def solve(model: Model, kept: Checkpoint | None = None) -> Iterator[State]:
-    """Yield the states of a model's solver, from a checkpoint where one is given (dynamic).
+def solve(model: Model, kept: Checkpoint | Start | None = None) -> Iterator[State]:
+    """Yield the states of a model's solver, from a checkpoint (dynamic) or a guess (static) where one is given.
 
     Raises ComputationError where the computation fails.
     """

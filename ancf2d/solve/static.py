@@ -30,6 +30,16 @@ SMALLEST_STEP = 2.0**-16
 MOST_TRIES = 60
 # easy steps in a row before a cut step grows again
 PATIENCE = 2
+# an equilibrium further from a guess than this share of the guess may be on another branch
+NEAR = 0.5
+
+
+@dataclass(frozen=True)
+class Start:
+    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there."""
+
+    d: Array
+    negative_pivots: int
 
 
 @dataclass
@@ -180,14 +190,19 @@ class _Path:
 
 
 def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
-                 max_iterations: int | None = None, end: float = 1.0) -> Iterator[State]:
+                 max_iterations: int | None = None, end: float = 1.0, start: Start | None = None) -> Iterator[State]:
     """Yield a state per load step, from the reference (factor 0) to ``end``.
 
     The factor grows by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
-    Raises ComputationError where the path cannot be followed.
+    Only the last state where that is found from ``start`` at once. Raises ComputationError where the path cannot be
+    followed.
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
+    near = None if start is None else _near(system, start, end, tolerance, max_iterations)
+    if near is not None:
+        yield _state(system, near, end, 1, 0, near.negative_pivots)
+        return
     largest = end / (steps or STEPS)
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     path = _Path([0.0], [d])
@@ -220,6 +235,20 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         t, cutbacks = target, 0
         if t >= mark + largest * (1 - 1e-9):
             mark, tries = t, 0
+
+
+def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
+    """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
+    free = system.model.numbering.free
+    guess = system.model.displacements(start.d[free], t)
+    try:
+        result = newton(system, guess, t, t, tolerance, max_iterations)
+        check_ends(system.model.constraints, result.d)
+    except ComputationError:
+        return None
+    strayed = system.norm((result.d - guess)[free]) > NEAR * system.norm(guess[free])
+    crossed = system.knows_inertia and _confirmed_pivots(system, result, t) != start.negative_pivots
+    return None if strayed or crossed else result
 
 
 def _confirmed_pivots(system: System, result: NewtonResult, t: float) -> int:

@@ -23,6 +23,7 @@ from .record import Progress, Recorder
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
     from ..solve.state import State
+    from ..solve.static import Start
 
 
 def vocabulary() -> Vocabulary:
@@ -82,15 +83,17 @@ def solver_name(case: Case) -> str:
 
 
 Conclude = Callable[[dict[str, Any], Model], None]
+Begin = Callable[[Model], "Start | None"]
 
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
-             progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None) -> Outcome:
+             progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
+             begin: Begin | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a dynamic run that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
-    that has succeeded, before it is written.
+    that has succeeded, before it is written. ``begin`` may give a guess that statics starts from.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
@@ -104,7 +107,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
     try:
-        return _solve(loaded, model, writer, progress, warnings, conclude)
+        return _solve(loaded, model, writer, progress, warnings, conclude, begin)
     except BaseException:
         if writer is not None:
             writer.__exit__(*_exception())
@@ -118,14 +121,15 @@ def _exception() -> tuple[Any, Any, Any]:
 
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
-           conclude: Conclude | None) -> Outcome:
+           conclude: Conclude | None, begin: Begin | None) -> Outcome:
     from ..solve.registry import solve
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
     recorder, failure = Recorder(model, writer, progress, warnings), None
     start = None if writer is None else writer.resumed
-    recorder.clock.states = _checked(loaded, model, solve(model) if start is None else solve(model, start.values))
+    guess = begin(model) if begin is not None else None
+    recorder.clock.states = _checked(loaded, model, solve(model, guess if start is None else start.values))
     if start is not None:
         recorder.go_on(start)
     try:
