@@ -41,7 +41,7 @@ def tradeoff(sources: Sequence[Source], *, against: str = "wall_s") -> Curves:
     if not len(x):
         raise ResultsError("the table of the study holds no error to draw")
     best = pareto(x, y)
-    curves.append(Curve("nothing is both cheaper and closer", x[best], y[best], look=dict(FRONT)))
+    curves.append(Curve("Pareto front", x[best], y[best], look=dict(FRONT)))
     table = sources[0].results.tables["tradeoff"]
     panel = Panel(COSTS[against], (f"relative error of {table.attrs.get('goal', 'the goal')}", "1"), curves)
     return Curves(common_title(sources), _note(table, bounds), [panel], log_base=10, log_y=True)

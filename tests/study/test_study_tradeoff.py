@@ -11,9 +11,11 @@ import pytest
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.study.answer import Answer, solve_for_goal
+from ancf2d.study.pool import ALONE
 from ancf2d.study.run import vocabulary
-from ancf2d.study.tradeoff.limits import Limit
-from ancf2d.study.tradeoff.plan import Choice
+from ancf2d.study.tradeoff.limits import Limit, limit
+from ancf2d.study.tradeoff.measure import Measured
+from ancf2d.study.tradeoff.plan import Choice, Planner
 from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import Variant, parse_variants
@@ -114,8 +116,8 @@ def test_error_too_close_to_that_of_its_reference_is_a_bound_and_no_number() -> 
 
 @pytest.mark.parametrize(("error", "told"), [(9.9e-6, False), (1.01e-5, True)])
 def test_errors_are_told_from_ten_times_that_of_the_reference(error: float, told: bool) -> None:
-    limit = Limit(Answer(1.0, 1.0), 1e-6)
-    assert limit.resolves(limit.error(Answer(1.0 + error, 1.0))) is told
+    reference = Limit(Answer(1.0, 1.0), 1e-6)
+    assert reference.resolves(reference.error(Answer(1.0 + error, 1.0))) is told
     assert not Limit(Answer(1.0, 1.0), math.inf).resolves(1.0)
     assert not Limit(note="unknown").resolves(math.inf)
 
@@ -128,6 +130,16 @@ def test_without_finer_meshes_the_finest_rows_are_not_told() -> None:
     assert study.rows[0].error is not None
     assert study.rows[2].error is None
     assert study.rows[2].error_below is not None
+
+
+@pytest.mark.parametrize(("values", "known"), [((1.0, 1.1, 1.11, 1.2, 1.25), False),
+                                               ((1.0, 1.5, 1.7, 1.8, 1.85), True)])
+def test_answers_that_finer_meshes_move_the_more_have_no_known_limit(values: tuple[float, ...], known: bool) -> None:
+    planned = Planner(load(), chosen(meshes=(2, 4, 8)), ALONE).series()[0]
+    for task, value in zip(planned.reference.tasks, values, strict=False):
+        found = Measured(task, "reissner2", "", task.elements, answer=Answer(value, value))
+        planned.reference.take(found)
+    assert limit(planned).known is known
 
 
 def test_errors_against_a_given_number() -> None:

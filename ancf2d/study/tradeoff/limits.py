@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from ...case import Body, LoadedCase, Stiffness
@@ -54,13 +55,17 @@ def limit(series: Series, reference: float | None = None) -> Limit:
     if not good:
         return Limit(note="nothing was solved that could tell the limit")
     answers = [a for _, a in good]
-    found = estimate([float(m.elements) for m, _ in good], sequence(answers), answers[-1].size)
+    f = sequence(answers)
+    found = estimate([float(m.elements) for m, _ in good], f, answers[-1].size)
     answer = limit_of(answers, found, reference)
     if answer is None:
         return Limit(note=found.note)
     if reference is not None:
         return Limit(answer, 0.0)
-    bar = math.inf if found.error_bar is None else found.error_bar / answer.size
+    gaps = [abs(b - a) for a, b in pairwise(f)]
+    # the finest meshes moved the answer more than coarser ones had: nothing tells where that will end
+    wanders = not found.asymptotic and len(gaps) > 1 and gaps[-1] > min(gaps)
+    bar = math.inf if found.error_bar is None or wanders else found.error_bar / answer.size
     return Limit(answer, bar + _of_steps(series, answer), found.note)
 
 
