@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import textwrap
 from collections import Counter
@@ -36,14 +37,16 @@ def _rows(study: Study) -> list[str]:
     columns = ["quadrature"] if any(r.task.setting.quadrature is not None for r in rows) else []
     columns += ["method"] if any(r.task.setting.method is not None for r in rows) else []
     key = next((r.task.setting.key for r in rows if r.task.setting.key), "")
-    head = ["element", *columns, *([key] if key else []), "elements", "dofs", "error", "time", "memory", "front", ""]
+    both = study.against == "continuum"
+    head = ["element", *columns, *([key] if key else []), "elements", "dofs", "error", *(["total"] if both else []),
+            "time", "memory", "front", ""]
     out = [head]
     for row in rows:
         m, setting = row.measured, row.task.setting
         steps = [number(setting.step, 4)] if key else []
         out.append([names[m.element, m.formulation], *(_text(getattr(setting, c)) for c in columns), *steps,
                     str(m.elements), "-" if m.dofs is None else str(m.dofs), error_text(row),
-                    "-" if m.wall_s is None else duration(m.wall_s), _memory(m.memory),
+                    *([total_text(row)] if both else []), time_text(row), _memory(m.memory),
                     "*" if row.pareto else "", f"failed: {m.reason}" if m.reason else ""])
     lines = table(out, left=(*range(len(columns) + 1), len(head) - 1))
     lines += ["", *_wrapped(_meaning(study))]
@@ -69,6 +72,16 @@ def error_text(row: Row) -> str:
     return "?" if row.error_below is None else f"<{row.error_below:.0e}"
 
 
+def total_text(row: Row) -> str:
+    """Return the most that the error and that of the model are together."""
+    return f"{row.judged:.1e}" if math.isfinite(row.judged) else "?"
+
+
+def time_text(row: Row) -> str:
+    """Return the solve time of a row."""
+    return "-" if row.measured.wall_s is None else duration(row.measured.wall_s)
+
+
 def _memory(count: int | None) -> str:
     if count is None:
         return "-"
@@ -80,7 +93,7 @@ def _meaning(study: Study) -> str:
     text = (f"error: against {against[study.against]}, relative; '<' where it is less than ten times that of the "
             "reference, so that only a bound is known. time: median of the solves alone, kernels compiled before. "
             "memory: most that Python and numpy held for model and solution. *: no other is both faster and closer")
-    return text + (", the model error counted in." if study.against == "continuum" else ".")
+    return text + (", by the total with the model error." if study.against == "continuum" else ".")
 
 
 def _limits(study: Study) -> list[str]:
@@ -138,9 +151,9 @@ def _recommended(study: Study, command: str) -> list[str]:
         if row is None:
             lines.append(f"for {accuracy_name(accuracy)}: nothing that was solved is known to be so close")
             continue
-        m = row.measured
-        took = "-" if m.wall_s is None else duration(m.wall_s)
-        lines.append(f"for {accuracy_name(accuracy)}: {setting_text(row)}: error {error_text(row)} in {took}")
+        both = study.against == "continuum"
+        error = f"error and model error {total_text(row)}" if both else f"error {error_text(row)}"
+        lines.append(f"for {accuracy_name(accuracy)}: {setting_text(row)}: {error} in {time_text(row)}")
         lines.append(f"    {command} " + " ".join(f"--set {shlex.quote(text)}" for text in row.task.chosen))
     return lines
 

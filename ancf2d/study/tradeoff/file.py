@@ -21,8 +21,7 @@ def write_tradeoff(study: Study, loaded: LoadedCase, path: str, command: str = "
     """Write the rows that were solved as table ``tradeoff``; return where. Raises ResultsError."""
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("error_below", "1", WHAT["error_below"]), Column("model_error", "1", WHAT["model_error"]),
-               Column("judged", "1", "what the front goes by: the error or its bound, with that of the model where "
-                                     "errors are against the continuum"),
+               Column("judged", "1", WHAT["judged"]),
                Column("pareto", "1", "1 where no other row is both faster and closer", integer=True),
                Column("memory_bytes", "1", WHAT["memory_bytes"], integer=True),
                Column("runs", "1", "how often the time was measured", integer=True),

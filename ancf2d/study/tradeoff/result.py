@@ -9,7 +9,7 @@ from typing import Any
 
 from ...case.emit import flow
 from .front import cheapest, pareto
-from .limits import Limit, distance
+from .limits import RESOLVED, Limit, distance
 from .measure import Measured, Task
 from .plan import Series
 
@@ -17,6 +17,8 @@ WHAT = {
     "error": "relative discretisation error against the series' own limit",
     "error_below": "where the error is too close to that of the reference to be told: the most that it can be",
     "model_error": "relative distance between the series' limit and that of the continuum",
+    "judged": "what the front and the recommendations go by: error, or error_below where that is not told, and with it "
+              "the model error where errors are against the continuum",
     "wall_s": "median of the runs' solve times, without reading, building and kernel compilation",
     "memory_bytes": "the most that Python and numpy held at a time for model and solution, in a run of its own",
 }
@@ -52,6 +54,7 @@ class Row:
         out.update(dofs=m.dofs, value=None if m.answer is None else m.answer.value, error=self.error)
         if self.error_below is not None:
             out["error_below"] = self.error_below
+        out["judged"] = self.judged if math.isfinite(self.judged) else None
         out.update(model_error=self.model_error, wall_s=m.wall_s, runs=m.runs, memory_bytes=m.memory,
                    pareto=self.pareto, status=m.status)
         return {**out, "reason": m.reason} if m.reason else out
@@ -82,6 +85,14 @@ class Known:
     model_error_bar: float | None = None
     reason: str = ""
     refused: bool = False
+
+    @property
+    def model_error_at_most(self) -> float:
+        """The model error where it is told, the most that it can be where it is not; infinite where it is not known."""
+        if self.model_error is None or self.model_error_bar is None:
+            return math.inf
+        told = self.model_error >= RESOLVED * self.model_error_bar
+        return self.model_error if told else self.model_error + self.model_error_bar
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints of the series."""
@@ -191,7 +202,7 @@ def _judge(row: Row, found: Limit, known: Known, against_continuum: bool) -> Non
         row.error_below = row.judged = error + found.bar
     row.model_error = known.model_error
     if against_continuum:
-        row.judged += math.inf if known.model_error is None else known.model_error
+        row.judged += known.model_error_at_most
 
 
 def setting_text(row: Row) -> str:
