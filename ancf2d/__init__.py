@@ -1,3 +1,48 @@
-"""ancf2d: planar flexible multibody dynamics with ANCF beam elements."""
+"""ancf2d: planar flexible multibody dynamics with ANCF beam elements.
+
+For Python: ``load``, ``solve``, ``convergence``, ``open_results``, and the errors they raise; docs/python.md.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+# the solvers' package, known to the import system from here on, so that it never again takes the function's name
+from . import solve as _solvers  # noqa: F401
+
+del globals()["solve"]
+
+if TYPE_CHECKING:
+    from .api import Solution as Solution
+    from .api import convergence as convergence
+    from .api import load as load
+    from .api import solve as solve
+    from .case import LoadedCase as LoadedCase
+    from .errors import Ancf2dError as Ancf2dError
+    from .errors import CaseError as CaseError
+    from .errors import ComputationError as ComputationError
+    from .errors import ResultsError as ResultsError
+    from .results import Results as Results
+    from .results import open_results as open_results
 
 __version__ = "0.1.0"
+
+# what the package offers and where it is; nothing is imported before it is used
+_PLACES = {
+    "load": "api", "solve": "api", "convergence": "api", "Solution": "api", "LoadedCase": "case",
+    "open_results": "results", "Results": "results",
+    "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
+}
+__all__ = ["__version__", *_PLACES]
+
+
+def __getattr__(name: str) -> Any:
+    """Return one of the offered names, imported now."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'ancf2d' has no attribute '{name}'")
+    globals()[name] = found = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    """Return the names that are there, and those that would be imported."""
+    return sorted({*globals(), *_PLACES})

@@ -158,6 +158,16 @@ class Results:
                 raise ValueError(f"/states/{name} has shape {dataset.shape}")
             return safe.numbers(self._states, name, 2, int(i) % self.nt)
 
+    def rows(self, name: str) -> np.ndarray:
+        """Return ``name`` (d, v or a) of all states at once (nt, nq); ResultsError where it was not stored."""
+        if not (self.nt and self.holds(name)):
+            raise ResultsError(f"'{self.path}' does not hold {name} of its states")
+        with safe.damage(self.path):
+            rows = self._enough(safe.numbers(self._states, name, 2), self.nt)
+            if rows.shape[1] != self.nq:
+                raise ValueError(f"/states/{name} has shape {rows.shape}")
+            return rows
+
     def d(self, i: int) -> np.ndarray:
         """Displacements (nq,) of the nodal coordinates in state i."""
         return self._row("d", i)

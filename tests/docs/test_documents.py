@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 EVERY = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
-NAMED_FILE = re.compile(r"[Ss]ave this as `([\w.-]+)`:\n\n```yaml\n(.*?)^```$", re.M | re.S)
+NAMED_FILE = re.compile(r"[Ss]ave this as `([\w.-]+)`:\n\n```(?:yaml|python)\n(.*?)^```$", re.M | re.S)
 # what depends on the machine: times, and where round-off ends Newton's method
 TIME = re.compile(r"\b[\d.]+ (us|ms|s|iterations)\b")
 # a number this small is a zero with round-off in it

@@ -1,0 +1,49 @@
+"""A solution in a notebook."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+WIDTH, HEIGHT, MARGIN = 480.0, 240.0, 12.0
+# bodies without any height, or width, are no reason to divide by zero [length]
+SMALLEST = 1e-300
+# along all bodies: further points would only make the page large
+MOST_POINTS = 4000
+REFERENCE, NOW = "#999999", "#1f5fa8"
+
+
+def shown(solution: Solution) -> str:
+    """Return a solution as HTML: the bodies before and after, where states were kept, and its report."""
+    picture = _picture(solution) if solution.has_states else ""
+    return f"{picture}<pre>{escape(str(solution))}</pre>"
+
+
+def _picture(solution: Solution) -> str:
+    """Return the axes of all bodies, in the reference and in the last state, as SVG."""
+    names = list(solution.results.bodies)
+    lines = [(solution.axis(name, state), colour) for state, colour in ((None, REFERENCE), (-1, NOW)) for name in names]
+    step = max(1, sum(len(points) for points, _ in lines) // MOST_POINTS)
+    points = np.concatenate([line for line, _ in lines])
+    if not np.isfinite(points).all():
+        return ""
+    low, high = points.min(0), points.max(0)
+    extent = np.maximum(high - low, SMALLEST)
+    scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2 * MARGIN) / extent))
+    size = (high - low) * scale + 2 * MARGIN
+    drawn = "".join(_line(np.append(line[:-1:step], line[-1:], 0), colour, low, scale, size[1])
+                    for line, colour in lines)
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" width="{size[0]:.0f}" height="{size[1]:.0f}" '
+            f'role="img">{drawn}</svg>')
+
+
+def _line(points: np.ndarray, colour: str, low: np.ndarray, scale: float, height: float) -> str:
+    x, y = ((points - low) * scale + MARGIN).T
+    text = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, height - y, strict=True))
+    dashes = ' stroke-dasharray="5 4"' if colour == REFERENCE else ""
+    return f'<polyline points="{text}" fill="none" stroke="{colour}" stroke-width="2"{dashes}/>'

@@ -1,0 +1,211 @@
+"""What solving a case gives: the summary, and all states as arrays."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..case import LoadedCase
+from ..errors import ComputationError, ResultsError
+from ..results import Results, Table, open_results
+from ..study.run import Outcome, describe_goal, quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+
+
+class Temporary:
+    """A folder for a result file that nobody asked for; it is removed with the solution that reads it."""
+
+    def __init__(self) -> None:
+        self.folder = tempfile.mkdtemp(prefix="ancf2d-")
+        self.file = Path(self.folder, "solution.h5")
+
+    def remove(self) -> None:
+        """Remove the folder with all that is in it."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _release(results: Results | None, temporary: Temporary | None) -> None:
+    if results is not None:
+        results.close()
+    if temporary is not None:
+        temporary.remove()
+
+
+class Solution:
+    """A solved case.
+
+    Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is what the result file
+    holds: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
+    asked for, which raises ResultsError where states were not kept.
+    """
+
+    def __init__(self, case: LoadedCase, outcome: Outcome, temporary: Temporary | None = None) -> None:
+        self.case, self.model = case, outcome.model
+        self.failure: ComputationError | None = outcome.failure
+        place = outcome.summary["output"]
+        self._results = None if place is None else open_results(place)
+        # what nobody asked for is not told of
+        self.summary: dict[str, Any] = {**outcome.summary, "output": None} if temporary is not None else outcome.summary
+        self._finalizer = weakref.finalize(self, _release, self._results, temporary)
+
+    # ------------------------------------------------------------------ what was found
+
+    @property
+    def status(self) -> str:
+        """``converged``, or ``failed`` where a part was asked for."""
+        return str(self.summary["status"])
+
+    @property
+    def title(self) -> str:
+        """The title of the case."""
+        return str(self.summary["title"])
+
+    @property
+    def probes(self) -> dict[str, dict[str, float]]:
+        """The last values of all probes: ``probes["tip"]["uy"]``."""
+        found: dict[str, dict[str, float]] = self.summary["probes"]
+        return found
+
+    @property
+    def reactions(self) -> dict[str, dict[str, float]]:
+        """The last reactions of all supports: ``reactions["wall"]["fy"]``."""
+        found: dict[str, dict[str, float]] = self.summary.get("reactions", {})
+        return found
+
+    @property
+    def checks(self) -> list[dict[str, Any]]:
+        """The expected values of the case beside the computed ones."""
+        found: list[dict[str, Any]] = self.summary["checks"]
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the run warned of."""
+        return list(self.summary["warnings"])
+
+    @property
+    def accuracy(self) -> dict[str, Any] | None:
+        """What was reached where an accuracy was asked for: ``estimate``, ``achieved``, ``path``, ...; else None."""
+        return self.summary.get("accuracy")
+
+    @property
+    def value(self) -> float | None:
+        """The value of the case's goal, None where there is none."""
+        goal = self.case.case.goal
+        return None if goal is None else quantity(goal, self.summary)
+
+    # ------------------------------------------------------------------ states
+
+    @property
+    def path(self) -> Path | None:
+        """The result file that was asked for."""
+        place = self.summary["output"]
+        return None if place is None else Path(place)
+
+    @property
+    def has_states(self) -> bool:
+        """Whether states were kept, and there is one."""
+        return self._results is not None and self._results.nt > 0
+
+    @property
+    def results(self) -> Results:
+        """Everything that was stored, as ``ancf2d.open_results`` has it. Raises ResultsError where nothing was."""
+        if self._results is None:
+            raise ResultsError("the states of this solution were not kept; solve with states=True, or to an output")
+        return self._results
+
+    @property
+    def t(self) -> Array:
+        """Load factor or time of each state (nt,)."""
+        return self.results.t
+
+    @property
+    def e0(self) -> Array:
+        """Reference nodal coordinates (nq,)."""
+        return self.results.e0
+
+    @cached_property
+    def d(self) -> Array:
+        """Displacements of the nodal coordinates (nt, nq)."""
+        return self.results.rows("d")
+
+    @property
+    def e(self) -> Array:
+        """Nodal coordinates (nt, nq)."""
+        return self.e0 + self.d
+
+    @cached_property
+    def v(self) -> Array:
+        """Rates of the nodal coordinates (nt, nq) of a motion. Raises ResultsError where nothing moves."""
+        return self.results.rows("v")
+
+    @property
+    def course(self) -> dict[str, Table]:
+        """Probe quantities over all steps: ``course["tip"]["uy"]`` is an array along ``course_t``."""
+        return self.results.probes
+
+    @property
+    def course_t(self) -> Array:
+        """Load factor or time of the values in ``course``."""
+        return self.results.probe_t
+
+    @property
+    def energies(self) -> Table:
+        """Energies of a motion by name, arrays along ``t``."""
+        return self.results.energies
+
+    @property
+    def tables(self) -> dict[str, Table]:
+        """Further tables by name, such as those of limit points."""
+        return self.results.tables
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """Further arrays by name, such as the shapes of modes."""
+        return {name: self.results.array(name) for name in self.results.arrays}
+
+    def axis(self, body: str, state: int | None = -1) -> Array:
+        """Return the axis of a body as a line of points (n, 2) [length] in a state (None: the reference)."""
+        axis = self.results.faces(body, state)["axis"]
+        return np.concatenate([axis[:, :-1].reshape(-1, 2), axis[-1, -1:]])
+
+    def plot(self, kind: str | None = None, **options: Any) -> Figure:
+        """Return a Matplotlib figure, as ``ancf2d plot`` draws it; ``options`` are those of the kind.
+
+        Raises ResultsError where the kind is unknown or the solution lacks what it needs.
+        """
+        from ..plot import draw
+
+        return draw(self.results, kind, **options)
+
+    # ------------------------------------------------------------------ shown
+
+    def __repr__(self) -> str:
+        goal, value = self.case.case.goal, self.value
+        found = "" if goal is None or value is None else f", {describe_goal(goal)} = {value:.8g}"
+        title = f" {self.title!r}" if self.title else ""
+        return f"<Solution{title}: {self.status}, {self.summary['solver']}, {self.summary['elements']} elements{found}>"
+
+    def __str__(self) -> str:
+        """Return what ``ancf2d run`` prints."""
+        from ..cli.report import run_report
+
+        if self.failure is not None:
+            return self.failure.text()
+        return run_report(self.summary, self.case.case.units, self.model.extent)
+
+    def _repr_html_(self) -> str:
+        """Return the solution as notebooks show it: what ``ancf2d run`` prints, and the bodies."""
+        from .html import shown
+
+        return shown(self)

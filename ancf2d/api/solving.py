@@ -1,0 +1,137 @@
+"""Cases loaded, solved and refined by one call each."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+from ..case import LoadedCase, load_case_text
+from ..case.axes import Axis
+from ..errors import CaseError
+from ..study.accuracy.control import is_pursued, solve_to_accuracy
+from ..study.accuracy.pursuit import Target
+from ..study.convergence import Convergence, Steps
+from ..study.convergence import convergence as refine
+from ..study.pool import Workers
+from ..study.run import Outcome, run_case, vocabulary
+from ..study.run import load as load_file
+from ..study.variants import Variant, parse_variants
+from .solution import Solution, Temporary
+
+CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
+Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
+
+
+def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
+    """Return a checked case: from a file, from a text of several lines, from a mapping, or a loaded one changed.
+
+    ``overrides`` are values by their path, ``{"bodies.beam.element.count": 32}``, or the command line's
+    ``["bodies.beam.element.count=32"]``. Files that a text or mapping names are relative to the working directory.
+    Raises CaseError with all problems.
+    """
+    options = _options(overrides)
+    if isinstance(case, LoadedCase):
+        directory = os.path.dirname(case.source.file)
+        return load_case_text(case.text, case.source.file, (*case.overrides, *options), vocabulary(), directory)
+    if isinstance(case, Mapping):
+        return load_case_text(_as_text(case), "<mapping>", options, vocabulary())
+    if isinstance(case, str) and "\n" in case:
+        return load_case_text(case, "<text>", options, vocabulary())
+    return load_file(case, options)
+
+
+def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None = None,
+          output: str | os.PathLike[str] | None = None, force: bool = False, states: bool = True,
+          partial: bool = False) -> Solution:
+    """Solve a case and return its solution.
+
+    ``accuracy`` is the wanted relative error of the case's goal: mesh and steps are chosen for it, and whether it is
+    reached is told by ``Solution.accuracy``. ``output`` names the result file to write, and ``force`` lets it replace
+    one that is no result. Without ``states`` and ``output`` nothing is kept but the summary, which makes loops over
+    many cases faster. With ``partial``, a computation that fails returns what it had reached.
+
+    Raises CaseError with all problems of the case, ComputationError where it cannot be solved, and ResultsError where
+    the file cannot be written.
+    """
+    extra = () if accuracy is None else (f"accuracy={float(accuracy)!r}",)
+    loaded = load(case, (*_options(overrides), *extra))
+    place = None if output is None else os.fspath(output)
+    if place is not None and os.path.exists(place) and _is_file(loaded, place):
+        raise CaseError(f"'{place}' is the case itself; choose another output file")
+    temporary = Temporary() if place is None and states else None
+    target = str(temporary.file) if temporary is not None else place
+    try:
+        outcome = _outcome(loaded, target, force)
+    except BaseException:
+        if temporary is not None:
+            temporary.remove()
+        raise
+    if outcome.failure is not None and not partial:
+        if temporary is not None:
+            temporary.remove()
+        raise outcome.failure
+    return Solution(loaded, outcome, temporary)
+
+
+def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence[int] | None = None,
+                types: str | Sequence[str] = (), dt: Sequence[float] = (), tolerance: Sequence[float] = (),
+                reference: float | None = None, jobs: int = 1) -> Convergence:
+    """Solve a case on a sequence of meshes, or with a sequence of time steps, and judge how its goal converges.
+
+    ``elements`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``types``
+    element types to compare, as ``["vallejo", "reissner3", "vallejo:structural"]``; ``dt`` or ``tolerance`` refine
+    the steps of a motion instead; ``reference`` is the exact value where it is known. ``jobs`` meshes are solved at
+    the same time. The study has ``rows`` (element, elements, value, error, order, ...) and ``series``, one of each
+    type with its limit and error bar.
+
+    Raises CaseError for a case without a goal or that no type can solve, and for steps of two kinds.
+    """
+    if dt and tolerance:
+        raise CaseError("dt and tolerance are both given: one of them refines")
+    steps = Steps("dt", tuple(dt)) if dt else Steps("tolerance", tuple(tolerance)) if tolerance else None
+    variants = [Variant()]
+    if types:
+        try:
+            variants = parse_variants(types if isinstance(types, str) else ",".join(types))
+        except ValueError as error:
+            raise CaseError(str(error)) from None
+    return refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
+
+
+def _options(overrides: Overrides) -> tuple[str, ...]:
+    """Return overrides as the command line has them."""
+    if isinstance(overrides, str):
+        raise TypeError("overrides are a mapping {path: value} or a list of 'path=value', not one text")
+    if not isinstance(overrides, Mapping):
+        return tuple(overrides)
+    plain = json.loads(json.dumps(dict(overrides), default=_plain))
+    return tuple(Axis(path, (value,), "").override(value) for path, value in plain.items())
+
+
+def _as_text(case: Mapping[str, Any]) -> str:
+    # JSON is YAML; a line for each value, so that problems name the place
+    return json.dumps(case, default=_plain, indent=1, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    """Return what arrays and numbers of NumPy, paths and other mappings hold as JSON has it."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"a case holds numbers, texts, lists and mappings, not {type(value).__name__}")
+
+
+def _outcome(loaded: LoadedCase, target: str | None, force: bool) -> Outcome:
+    if not is_pursued(loaded):
+        return run_case(loaded, target, force=force)
+    return solve_to_accuracy(loaded, None if target is None else Target(target, force)).outcome
+
+
+def _is_file(loaded: LoadedCase, place: str) -> bool:
+    file = loaded.source.file
+    return os.path.exists(file) and os.path.samefile(file, place)
