@@ -237,9 +237,23 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
     for k in range(n):
         end.z[k] = s.z[k] * p.coordinate[k] + m.X[last, k]
         end.v[k], end.a[k] = m.V[last, k], m.A[last, k]
-        end.dense[0, k], end.dense[stages + 1, k] = h * s.v[k], (end.z[k] - s.z[k]) * (1.0 - p.coordinate[k])
+        end.dense[0, k] = h * s.v[k]
         for i in range(stages):
             end.dense[1 + i, k] = h * m.V[i, k]
+    # multipliers by the polynomial through the start and all stages, as its rates there
+    for j in range(stages):
+        f = 1.0 / m.c[j]
+        for q in range(stages):
+            if q != j:
+                f *= m.c[q] / (m.c[q] - m.c[j])
+        for k in range(n):
+            if p.coordinate[k] == 0.0:
+                if j == 0:
+                    end.dense[:, k] = 0.0
+                x = m.X[j, k] - s.z[k]
+                end.dense[0, k] += f * x
+                for i in range(stages):
+                    end.dense[1 + i, k] += m.W[i, j] * x
 
 
 @inner

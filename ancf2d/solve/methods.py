@@ -29,16 +29,14 @@ def cubic() -> Array:
 
 
 def by_rates(c: Array) -> Array:
-    """Return the polynomials (s + 2, s + 2) of x that belong to h z'(0), h z'(c_i), and, linear, to multipliers.
+    """Return the polynomials (s + 1, s + 2) of x that belong to h z'(0) and h z'(c_i).
 
     The rates of the stages and of the start determine the end: the quadrature of the stages is exact for them.
     """
     at = np.append(0.0, c)
     powers = np.arange(1, len(at) + 1)
-    coefficients = np.linalg.inv(powers * at[:, None] ** (powers - 1.0)).T
-    out = np.zeros((len(at) + 1, len(at) + 1))
-    out[:-1, 1:] = coefficients
-    out[-1, 1] = 1.0
+    out = np.zeros((len(at), len(at) + 1))
+    out[:, 1:] = np.linalg.inv(powers * at[:, None] ** (powers - 1.0)).T
     return out
 
 
@@ -112,7 +110,7 @@ def radau(stages: int) -> Maker:
                      np.ascontiguousarray(right[:, k].real / scale), values[upper], np.ascontiguousarray(left[upper]),
                      np.ascontiguousarray(right[:, upper].T), W.T @ (embedded - A[-1]), gamma, A[-1].copy(), tolerance,
                      spec.max_iterations or MAX_ITERATIONS, bool(p.tau.any()) or p.points is not None, stages + 1,
-                     by_rates(c), _end(n, stages + 2), *(np.zeros((stages, n)) for _ in range(4)),
+                     by_rates(c), _end(n, stages + 1), *(np.zeros((stages, n)) for _ in range(4)),
                      np.zeros((n, width)), np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
                      np.zeros((stages, len(p.pairs))), np.zeros((stages, len(p.pairs))))

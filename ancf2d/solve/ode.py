@@ -15,8 +15,9 @@ from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK,
 from ..kernels.ode import accelerations, place, powers, rates, settle, tangents
 from ..kernels.points import point_accept
 from ..model.model import Model
+from . import stepping
 from .schemes import SCHEMES
-from .stepping import CHUNK_SECONDS, LOG, Row, Stepper
+from .stepping import LOG, Row, Stepper
 
 # relative local error where the case gives dt, the longest step, and no tolerance
 TOLERANCE = 1e-6
@@ -127,7 +128,7 @@ class OdeStepper(Stepper):
             self._step(found)
             if self.t >= stop and not self.done:
                 self._pass_break()
-            if found and time.perf_counter() - started > CHUNK_SECONDS:
+            if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))
 

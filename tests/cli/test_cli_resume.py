@@ -50,16 +50,19 @@ def pendulum(folder: Path) -> Path:
 
 def stopped(folder: Path, how: signal.Signals, *options: str, behind: float = 0.0) -> tuple[int, str, str]:
     """Start a run, stop it when its file holds a checkpoint behind a time; return code, stdout, stderr."""
-    process = start(["run", "rod.yaml", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
-    part, began = part_path(folder / "rod.h5"), time.monotonic()
-    while process.poll() is None and time.monotonic() - began < 300:  # it may have to compile first
-        found = read_checkpoint(part) if part.exists() else None
-        if found is not None and found.t > behind:
-            break
-        time.sleep(0.02)
-    time.sleep(RNG.uniform(0.0, 0.5))
-    process.send_signal(how)
-    out, err = process.communicate(timeout=60)
+    with start(["run", "rod.yaml", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder) as process:
+        try:
+            part, began = part_path(folder / "rod.h5"), time.monotonic()
+            while process.poll() is None and time.monotonic() - began < 300:  # it may have to compile first
+                found = read_checkpoint(part) if part.exists() else None
+                if found is not None and found.t > behind:
+                    break
+                time.sleep(0.02)
+            time.sleep(RNG.uniform(0.0, 0.5))
+            process.send_signal(how)
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
     return process.returncode, out, err
 
 

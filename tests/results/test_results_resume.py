@@ -273,6 +273,28 @@ def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
     assert "resumable" not in text
 
 
+def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
+    """Readers find one commit or the next, never a part of each; what is read later may say that it is too late."""
+    path, seen = tmp_path / "a.h5", set()
+    paths = os.pathsep.join([str(HERE.parents[1]), str(HERE)])
+    command = [sys.executable, str(HERE / "chaotic.py"), str(path), "0.01", "100_000"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": paths}) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        for _ in range(150):
+            found = read_checkpoint(part_path(path))
+            if found is not None:
+                assert found.t == found.values["k"]
+                seen.add(found.t)
+            with open_results(part_path(path)) as r:
+                try:
+                    np.testing.assert_array_equal(r.t, np.arange(r.nt))
+                except ResultsError as error:
+                    assert "was written to while it was read" in str(error)
+        process.kill()
+    assert len(seen) > 10
+
+
 @pytest.mark.slow
 def test_fifty_kills_at_random_moments_and_the_run_is_finished_all_the_same(tmp_path: Path) -> None:
     rng, path, until = random.Random(7), tmp_path / "a.h5", 40_000
