@@ -8,19 +8,23 @@ from typing import Any
 
 from ...case import Dynamic, LoadedCase
 from ...errors import CaseError, ComputationError
+from ..answer import Answer
+from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare
 from ..variants import Variant, flexible
 from .fidelity import BEAM, choose_types
-from .mesh import LADDER, Ladder, count_text, shares_by_weight
-from .pursuit import Pursuit, Target
+from .mesh import Ladder
+from .pursuit import Pursuit, Target, apart
 from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
 # of the wanted error: what steps in time, and what simpler models, may take
-TIME, MODEL = 0.3, 0.3
-FIRST_TOLERANCE, TENTH, LEAST_TOLERANCE = 0.1, 0.1, 1e-12
+TIME, MODEL = 0.2, 0.3
+TENTH, LEAST_TOLERANCE = 0.1, 1e-12
+# of the wanted error: two solutions of one mesh further apart are on different branches
+BRANCH = 0.1
 
 
 @dataclass
@@ -64,24 +68,57 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(loaded, loaded.case.accuracy or DEFAULT, progress or Progress(), target, tell)
     prepare(first_mesh(loaded))
     types = _types(pursuit)
-    tolerance = _steps(pursuit, types)
-    shares = shares_by_weight(pursuit, types, tolerance)
-    ladder = Ladder(pursuit, types, tolerance, shares)
-    if shares is not None:
-        _say_shares(pursuit, ladder)
-    last, _, note = ladder.climb(max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted))
-    if last is None:
-        reasons = [level.reason for level in pursuit.levels if level.reason]
-        raise ComputationError(f"no mesh could be solved: {reasons[-1] if reasons else note}",
-                               at={"elements": pursuit.levels[-1].setting.elements},
-                               advice="run the case with a mesh of your own, which tells more")
-    before = ladder.levels[:ladder.levels.index(last)]
-    pursuit.write(last, before)
+    accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:
-        raise ComputationError(last.reason)
-    accuracy = pursuit.accuracy([*before, last])
+        raise ComputationError(next(level.reason for level in pursuit.levels[::-1] if level.reason))
     pursuit.outcome.summary["accuracy"] = accuracy
     return Reached(pursuit.outcome, accuracy)
+
+
+def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
+    """Refine the mesh, and the steps in time where there are some; write the result and return its accuracy."""
+    ladder = Ladder(pursuit, types, tolerance)
+    left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
+    level, error, found = ladder.climb(left if tolerance is None else (1.0 - TIME) * left)
+    if level is None:
+        reasons = [level.reason for level in pursuit.levels if level.reason]
+        raise ComputationError(f"no mesh could be solved: {reasons[-1] if reasons else found.note}",
+                               at={"elements": pursuit.levels[-1].setting.elements},
+                               advice="run the case with a mesh of your own, which tells more")
+    if tolerance is not None:
+        return _in_time(pursuit, level, error, found)
+    expected = level.answer
+    pursuit.write(level, lambda level: (found, error))
+    if pursuit.begins and _strayed(level, expected, BRANCH * left):
+        pursuit.tell("load steps end elsewhere: all meshes are solved again with them")
+        pursuit.guesses = False
+        pursuit.known.clear()
+        return _climbed(pursuit, types, tolerance)
+    return pursuit.accuracy(level, found, error)
+
+
+def _strayed(level: Level, expected: Answer | None, allowed: float) -> bool:
+    """Whether the load steps of a level failed, or ended elsewhere than was found from a guess."""
+    if level.reason or level.answer is None or expected is None:
+        return True
+    return level.answer.distance(expected) > allowed * expected.size
+
+
+def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
+    """Solve the mesh that was chosen with smaller steps, until that moves the goal little; return its accuracy."""
+    def told(level: Level) -> tuple[Estimate, float]:
+        # ten times the tolerance errs thrice as much, at the least
+        pursuit.report["time_error"] = 0.5 * apart(level, rough)
+        return found, error + pursuit.report["time_error"]
+
+    while True:
+        tolerance = TENTH * (rough.setting.tolerance or 1.0)
+        fine = pursuit.solve(replace(rough.setting, tolerance=tolerance), "steps in time: how much they matter", told)
+        pursuit.write(fine, told)
+        accuracy = pursuit.accuracy(fine, *told(fine))
+        if accuracy["achieved"] or error > pursuit.wanted or fine.reason or tolerance < LEAST_TOLERANCE:
+            return accuracy
+        rough = fine
 
 
 def _types(pursuit: Pursuit) -> dict[str, Variant]:
@@ -98,34 +135,7 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
 
 def _tolerance_of(pursuit: Pursuit) -> float | None:
     """Return the tolerance that steps in time are begun with, None where nothing moves."""
-    return FIRST_TOLERANCE * pursuit.wanted if isinstance(pursuit.loaded.case.solver, Dynamic) else None
-
-
-def _steps(pursuit: Pursuit, types: dict[str, Variant]) -> float | None:
-    """Return the tolerance of steps in time whose error on a coarse mesh is a share of the wanted one."""
-    tolerance = _tolerance_of(pursuit)
-    if tolerance is None:
-        return None
-    setting = Ladder(pursuit, types, tolerance).setting(LADDER[1])
-    rough, error = _with_tolerance(pursuit, setting, tolerance), float("inf")
-    while tolerance >= LEAST_TOLERANCE:
-        fine = _with_tolerance(pursuit, setting, TENTH * tolerance)
-        if rough.answer is not None and fine.answer is not None:
-            error = fine.answer.distance(rough.answer) / fine.answer.size
-            if error <= TIME * pursuit.wanted:
-                break
-        tolerance, rough = TENTH * tolerance, fine
-    pursuit.apart += error if error < float("inf") else 0.0
-    pursuit.report["time_error"] = error
-    return tolerance
-
-
-def _with_tolerance(pursuit: Pursuit, setting: Any, tolerance: float) -> Level:
-    return pursuit.solve(replace(setting, tolerance=tolerance), "steps in time: how much they matter")
-
-
-def _say_shares(pursuit: Pursuit, ladder: Ladder) -> None:
-    pursuit.tell(f"elements are shared as {count_text(pursuit.loaded.case, ladder.setting(LADDER[-1]).counts)}")
+    return pursuit.wanted if isinstance(pursuit.loaded.case.solver, Dynamic) else None
 
 
 def describe(accuracy: dict[str, Any], goal: Any) -> str:

@@ -29,7 +29,9 @@ def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
     """Return the types that a body may have, the simplest first, the one that errors are against last."""
     case = pursuit.loaded.case
     goal = case.goal
-    out = [RIGID, CABLE, BEAM] if isinstance(case.solver, Dynamic) else [CABLE, BEAM]
+    # a rigid body alone has a course over time, but no equilibrium to tell of
+    moves = isinstance(case.solver, Dynamic) or len(case.bodies) > 1
+    out = [RIGID, CABLE, BEAM] if moves else [CABLE, BEAM]
     if goal is not None and goal.model == "continuum" and isinstance(case.bodies[name].section, Rectangle):
         out += CONTINUUM[::-1]
     return out

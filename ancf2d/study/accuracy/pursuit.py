@@ -5,21 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError
-from ..answer import Answer, File, sequence, solve_for_goal
+from ...model.model import Model
+from ...solve.registry import takes_guess
+from ..answer import Answer, File, Solved, sequence, solve_for_goal
 from ..order import Estimate, estimate, observed_order, round_off_level
 from ..record import Progress
-from ..run import Outcome
+from ..run import Begin, Outcome
 from .setting import Level, Setting, with_setting
+
+if TYPE_CHECKING:
+    from ...solve.static import Start
 
 # of all bodies, on the way to an accuracy
 MOST_ELEMENTS = 200_000
 MOST_LEVELS = 30
 # orders that errors are estimated by, how much neighbouring ones may differ, and what is added to be safe
-LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.5, 1.5
+LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
+# what an order that nothing confirms may promise, one that changes sign, and what is added there
+UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
 
 
 @dataclass
@@ -31,11 +38,16 @@ class Target:
     command: str = ""
 
 
+# of a solved level: what meshes tell, and its relative error
+Told = Callable[[Level], tuple[Estimate, float]]
+
+
 @dataclass
 class Pursuit:
     """A case, the relative accuracy that is wanted, and all levels solved so far, in their order.
 
-    ``apart``: the share of the error that meshes do not tell of (steps in time, model).
+    ``apart``: the error of simpler models, which meshes do not tell of; ``guesses``: whether statics may begin from
+    the ``latest`` state on another mesh.
     """
 
     loaded: LoadedCase
@@ -49,12 +61,14 @@ class Pursuit:
     report: dict[str, Any] = field(default_factory=dict)
     outcome: Outcome | None = None
     written: Level | None = None
+    guesses: bool = True
+    latest: Solved | None = None
 
-    def solve(self, setting: Setting, why: str, before: Sequence[Level] | None = None) -> Level:
+    def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
 
-        ``before``: the meshes that it ends a sequence of, if it may be the last: it is written. Raises CaseError for
-        a case that cannot be.
+        ``told`` tells of its error where it may be the result: it is written, unless it begins from a guess. Raises
+        CaseError for a case that cannot be.
         """
         name = (tuple(setting.counts.items()), tuple(setting.types.items()), setting.tolerance)
         if name not in self.known:
@@ -62,47 +76,69 @@ class Pursuit:
                 "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
             level = self.known[name] = Level(setting, why)
             self.levels.append(level)
-            self._run(level, before)
+            if self.begins:
+                self._run(level, None, self._guess)
+            else:
+                self._run(level, told)
         return self.known[name]
 
-    def write(self, level: Level, before: Sequence[Level]) -> None:
-        """Make a level the result, solved again only where it was not written."""
+    def write(self, level: Level, told: Told) -> None:
+        """Make a level the result, solved once more, from the reference on, unless it is written already."""
         if self.written is not level:
-            self._run(level, before)
+            self.tell(f"{level.setting.elements} elements: the result")
+            self._run(level, told)
 
-    def _run(self, level: Level, before: Sequence[Level] | None) -> None:
-        keeps = before is not None
+    @property
+    def begins(self) -> bool:
+        """Whether meshes begin from the state of another one."""
+        return self.guesses and takes_guess(self.loaded.case)
+
+    def _guess(self, model: Model) -> Start | None:
+        """Return the latest state on another mesh."""
+        from ...model.transfer import transferred
+        from ...solve.static import Start
+
+        if self.latest is None:
+            return None
+        d = transferred(self.latest.state.d, self.latest.model, model)
+        return None if d is None else Start(d, int(self.latest.state.history["negative_pivots"]))
+
+    def _run(self, level: Level, told: Told | None, begin: Begin | None = None) -> None:
+        """Solve a level; where its error is ``told`` it is the result, for now."""
         quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None)
 
         def conclude(summary: dict[str, Any], answer: Answer) -> None:
-            level.answer, level.wall_s = answer, summary["wall_s"] + level.wall_s
-            summary["accuracy"] = self.accuracy([*(before or ()), level])
+            level.take(answer, summary)
+            if told is not None:
+                summary["accuracy"] = self.accuracy(level, *told(level))
 
-        file = None if self.target is None or not keeps else File(
+        file = None if self.target is None or told is None else File(
             self.target.out, self.target.force, self.target.command, conclude)
         try:
-            found = solve_for_goal(with_setting(self.loaded, level.setting), quiet, file)
+            found = solve_for_goal(with_setting(self.loaded, level.setting), quiet, file, begin)
         except ComputationError as error:
             level.reason = error.failure.reason
             return
         except MemoryError:
             level.reason = "there is not enough memory for this mesh"
             return
-        level.answer, level.dofs = found.answer, found.model.n_q
         if file is None:
-            level.wall_s += found.summary["wall_s"]
-        if keeps:
+            conclude(found.summary, found.answer)
+        level.dofs, level.reason = found.model.n_q, ""
+        if takes_guess(self.loaded.case):
+            self.latest = found
+        if told is not None:
             self.outcome, self.written = found.outcome, level
 
-    def accuracy(self, levels: Sequence[Level]) -> dict[str, Any]:
-        """Return ``accuracy`` of the summary for a sequence of meshes that ends with the result."""
-        found, error = judge(levels)
-        last, total = levels[-1], error + self.apart
-        return {"value": None if last.answer is None else last.answer.value,
+    def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
+        """Return ``accuracy`` of the summary for a level, of which meshes tell ``found`` and ``error``."""
+        total = error + self.apart
+        return {"value": None if level.answer is None else level.answer.value,
                 "estimate": total if math.isfinite(total) else None, "wanted": self.wanted,
-                "achieved": bool(total <= self.wanted), "order": found.order, "elements": dict(last.setting.counts),
-                "tolerance": last.setting.tolerance, "note": found.note, "solves": len(self.levels),
-                "wall_s": self.wall_s, **self.report, "path": [level.as_json() for level in self.levels]}
+                "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
+                "elements": dict(level.setting.counts), "tolerance": level.setting.tolerance, "note": found.note,
+                "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
+                "path": [level.as_json() for level in self.levels]}
 
     def refuses(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, None where it can."""
@@ -120,25 +156,61 @@ class Pursuit:
         return sum(level.wall_s for level in self.levels)
 
 
+def apart(level: Level, finest: Level) -> float:
+    """Return how far the answers of two solved levels are apart, relative."""
+    if level.answer is None or finest.answer is None:
+        return math.inf
+    return level.answer.distance(finest.answer) / finest.answer.size
+
+
+def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
+    """Return the coarsest of solved levels whose error is below the wanted one, its error, and what they tell.
+
+    The error of the finest is estimated from the order, those of the others are their distance to it beside. The
+    finest where none will do, None where there are none.
+    """
+    found, last = judge(levels)
+    if not levels:
+        return None, last, found
+    for level in levels:
+        error = last + (0.0 if level is levels[-1] else apart(level, levels[-1]))
+        if error <= wanted:
+            return level, error, found
+    return levels[-1], last, found
+
+
 def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
     """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
 
     Two neighbouring orders are averaged where they agree by and large, and the smaller one is taken where not: meshes
-    on the way to an accuracy are seldom asymptotic yet, and orders that still grow promise too much.
+    on the way to an accuracy are seldom asymptotic yet, and orders that still grow promise too much. Of values that
+    swing about their limit the differences tell the order.
     """
     answers = [level.answer for level in levels if level.answer is not None]
     n = [float(level.setting.elements) for level in levels if level.answer is not None]
     if not answers:
         return Estimate(None, None, None, False, "no mesh has a value"), math.inf
     f, size = sequence(answers), answers[-1].size
-    found = estimate(n, f, size)
-    order = None if len(f) < 3 or round_off_level(f, size) is not None else observed_order(n[-3:], f[-3:])
-    if order is None or order <= LEAST:
-        bar = found.error_bar
-        return found, math.inf if bar is None else bar / size
-    before = observed_order(n[-4:-1], f[-4:-1]) if len(f) > 3 else None
+    # meshes that agree by chance are no round-off: the last ones have to
+    if len(f) < 3 or round_off_level(f[-2:], size) is not None or round_off_level(f[-3:], size) == 1:
+        found = estimate(n[-3:], f[-3:], size)
+        return found, math.inf if found.error_bar is None else found.error_bar / size
+    order, before = observed_order(n[-3:], f[-3:]), observed_order(n[-4:-1], f[-4:-1]) if len(f) > 3 else None
+    gaps, ratio = (abs(f[-2] - f[-3]), abs(f[-1] - f[-2])), math.log(n[-1] / n[-2])
+    if (order is not None and order <= LEAST) or gaps[1] >= gaps[0]:
+        error = 3.0 * max(gaps)
+        return Estimate(None, error, order, False, "not asymptotic: the differences do not fall"), error / size
+    if order is None:
+        trusted = min(max(math.log(gaps[0] / gaps[1]) / ratio, 1.0), SWINGING)
+        error = DOUBTFUL * gaps[1] / math.expm1(trusted * ratio)
+        return Estimate(f[-1], error, None, False, "the values swing about their limit"), error / size
     alike = before is not None and order / ALIKE < before < order * ALIKE
-    trusted = order if before is None else 0.5 * (order + before) if alike else min(order, max(before, LEAST))
-    step = (f[-1] - f[-2]) / math.expm1(min(trusted, MOST) * math.log(n[-1] / n[-2]))
+    if alike:
+        assert before is not None
+        trusted, safety = min(0.5 * (order + before), order, MOST), SAFETY
+    else:
+        trusted = min(order, UNCONFIRMED, order if before is None else max(before, LEAST))
+        safety = DOUBTFUL
+    step = (f[-1] - f[-2]) / math.expm1(trusted * ratio)
     note = "" if alike else "the order is not confirmed"
-    return Estimate(f[-1] + step, SAFETY * abs(step), trusted, alike, note), SAFETY * abs(step) / size
+    return Estimate(f[-1] + step, safety * abs(step), trusted, alike, note), safety * abs(step) / size

@@ -7,9 +7,10 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
-from ...case import Arc, Body, Case, Dynamic, LoadedCase, load_case_text
+from ...case import Arc, Body, Case, Dynamic, LoadedCase, Polyline, load_case_text
 from ...case.emit import written
 from ..answer import Answer
 from ..run import vocabulary
@@ -18,6 +19,8 @@ from ..variants import Variant, element_data, flexible, pieces
 AS_GIVEN = Variant()
 # an arc is begun with one element for so much of its angle
 ARC = math.pi / 4
+# times the fewest elements of a polyline: what nested meshes may begin with
+NESTED = 4
 
 
 @dataclass(frozen=True)
@@ -44,13 +47,26 @@ class Level:
     estimate: float | None = None
     wall_s: float = 0.0
     dofs: int | None = None
+    iterations: int = 0
     reason: str = ""
+
+    def take(self, answer: Answer, summary: dict[str, Any]) -> None:
+        """Keep the answer of a solve, and add what it has cost."""
+        self.answer = answer
+        self.wall_s += summary["wall_s"]
+        self.iterations += summary["iterations"]
+
+    @property
+    def work(self) -> int:
+        """Elements times iterations over all steps, at least one: what a solve costs on whatever machine."""
+        return self.setting.elements * max(self.iterations, 1)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints of it."""
         out: dict[str, Any] = {"elements": self.setting.elements, "why": self.why,
                                "value": None if self.answer is None else self.answer.value,
-                               "estimate": self.estimate, "wall_s": self.wall_s, "dofs": self.dofs}
+                               "estimate": self.estimate, "wall_s": self.wall_s, "dofs": self.dofs,
+                               "iterations": self.iterations}
         if len(self.setting.counts) > 1:
             out["bodies"] = dict(self.setting.counts)
         if self.setting.tolerance is not None:
@@ -61,10 +77,19 @@ class Level:
 
 
 def least(body: Body) -> int:
-    """Return the elements that a body is begun with: one per straight piece, one per 45 degrees of an arc."""
+    """Return the elements that a body is begun with: one per straight piece, one per 45 degrees of an arc.
+
+    More where that makes those of a polyline equally long, so that its meshes are nested.
+    """
     if isinstance(body.geometry, Arc):
         return max(1, math.ceil(abs(body.geometry.to - body.geometry.from_) / ARC - 1e-9))
-    return pieces(body)
+    fewest = pieces(body)
+    if not isinstance(body.geometry, Polyline):
+        return fewest
+    lengths = [math.dist(a, b) for a, b in pairwise(body.geometry.points)]
+    shares = [length / sum(lengths) for length in lengths]
+    return next((n for n in range(fewest, NESTED * fewest + 1)
+                 if all(abs(n * share - round(n * share)) < 1e-9 for share in shares)), fewest)
 
 
 def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]:

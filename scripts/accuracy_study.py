@@ -1,0 +1,108 @@
+"""Solve cases to wanted accuracies beside their limits, print the tables and write them into docs/accuracy-control.md.
+
+True errors against meshes and steps so fine that their own error is far below, estimates, and the work of all solves
+over that of the cheapest setting that would have done; about twenty minutes, a few where references are kept.
+
+    python scripts/accuracy_study.py [--only NAME] [--keep FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import time
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+from bench.stamp import machine, versions
+from pursuits.cases import OPEN, STUDIES, Study
+from pursuits.measure import Row, measure
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "accuracy-control.md"
+MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+HEAD = ("case", "wanted", "true error", "estimate", "estimate/true", "elements", "cheapest", "solves", "work")
+
+
+def cells(row: Row) -> list[str]:
+    """Return a row of the table."""
+    bad = "" if row.reached else " **missed**"
+    return [row.name, f"{row.wanted:.0e}", f"{row.truth:.1e}{bad}", f"{row.estimate:.1e}",
+            f"{row.ratio:.2g}" if row.covered else f"**{row.ratio:.2g}**", str(row.elements), str(row.cheapest),
+            str(row.solves), f"{row.work:.1f}"]
+
+
+def table(rows: list[Row]) -> str:
+    """Return rows in Markdown."""
+    lines = ["| " + " | ".join(HEAD) + " |", "| " + " | ".join("---" for _ in HEAD) + " |"]
+    return "\n".join(lines + ["| " + " | ".join(cells(row)) + " |" for row in rows])
+
+
+def shares(values: list[float]) -> str:
+    """Return median, nine in ten, and largest."""
+    if not values:
+        return "none"
+    low, high, most = np.nanquantile(values, [0.5, 0.9, 1.0])
+    return f"{low:.1f} in the median, {high:.1f} at most in nine of ten, {most:.1f} at most"
+
+
+def summary(rows: list[Row]) -> str:
+    """Return what the rows come to."""
+    n = len(rows)
+    stepped = [row.work for row in rows if row.guesses]
+    others = [row.work for row in rows if not row.guesses]
+    sharp = sum(row.limit_error <= 0.1 * row.truth for row in rows)
+    within = sum(row.work <= 4.0 for row in rows)
+    return "\n".join([
+        f"* {sum(row.reached for row in rows)} of {n} within the wanted error.",
+        f"* {sum(row.covered for row in rows)} of {n} estimates between one and ten times the true error; "
+        f"{sum(row.ratio < 1.0 for row in rows)} below it, the lowest {min(row.ratio for row in rows):.2f} of it.",
+        f"* Work over that of the cheapest setting: {shares([row.work for row in rows])}; up to 4 in {within} of {n}.",
+        f"* Nonlinear statics, whose meshes begin from coarser ones: {shares(stepped)}.",
+        f"* Linear statics, modes, buckling, paths and motions: {shares(others)}.",
+        f"* In {sharp} of {n} the error of the limit itself is below a tenth of the error that it measures.",
+    ])
+
+
+def write(name: str, found: str) -> None:
+    """Put a table in its place on the page. Raises ValueError where the page has none."""
+    text = PAGE.read_text(encoding="utf-8")
+    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
+    if not place.search(text):
+        raise ValueError(f"{PAGE} has no place for '{name}'")
+    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
+
+
+def study(studies: tuple[Study, ...], only: str, keep: Path | None) -> list[Row]:
+    """Return the rows of all studies whose name holds ``only``, printed one by one."""
+    rows: list[Row] = []
+    for one in studies:
+        if only in one.name:
+            began = time.perf_counter()
+            found = measure(one, keep)
+            rows += found
+            print(*(" ".join(cells(row)) + (f" ({row.note})" if row.note else "") for row in found), sep="\n")
+            print(f"  limit known to {found[0].limit_error:.0e}, {time.perf_counter() - began:.0f} s", flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure, print, and write the page where everything was measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="cases whose name holds this; the page is left alone")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER",
+                        help="where solves of references are kept, to go on with")
+    args = parser.parse_args()
+    given, left_open = study(STUDIES, args.only, args.keep), study(OPEN, args.only, args.keep)
+    if given:
+        print("\n" + summary(given))
+    if args.only:
+        return
+    write("given", table(given))
+    write("given-summary", summary(given))
+    write("open", table(left_open))
+    write("stamp", f"Measured by `python scripts/accuracy_study.py` on {date.today()}: {machine()}; {versions()}.")
+
+
+if __name__ == "__main__":
+    main()

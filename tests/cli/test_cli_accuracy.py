@@ -1,0 +1,94 @@
+"""``ancf2d run --accuracy``: what it prints and writes, and what is wrong use of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from ancf2d.results import open_results
+
+Call = Callable[..., Result]
+CallJson = Callable[..., dict[str, Any]]
+CASE = """
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {height: 0.1, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3}
+    element: {type: reissner3, count: 3}
+boundary_conditions: [{name: wall, type: clamp, at: beam@0}]
+loads: [{type: force, at: beam@1, value: [0, -500e3]}]
+solver: {type: static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: beam@1}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def written(folder: Path) -> None:
+    (folder / "bent.yaml").write_text(CASE)
+
+
+def test_the_path_the_estimate_and_the_file_are_told(call: Call, folder: Path) -> None:
+    result = call("run", "bent.yaml", "--accuracy", "1e-4")
+    assert result.exit_code == 0
+    assert "tip uy = -0.68" in result.stdout
+    assert "(wanted 1.0e-04: reached)" in result.stdout
+    assert "coarse mesh of the ladder" in result.stdout
+    assert "next: ancf2d plot bent.h5" in result.stdout
+    assert "elements: the result" in result.stderr
+    with open_results("bent.h5") as results:
+        assert results.summary["accuracy"]["achieved"]
+        assert results.nt == 11
+
+
+def test_json_holds_the_contracts_accuracy(call_json: CallJson) -> None:
+    found = call_json("run", "bent.yaml", "--accuracy", "1e-3", "--json")
+    accuracy = found["accuracy"]
+    assert accuracy["achieved"] is True
+    assert accuracy["wanted"] == 1e-3
+    assert 0 < accuracy["estimate"] <= 1e-3
+    assert accuracy["value"] == found["probes"]["tip"]["uy"]
+    assert sum(accuracy["elements"].values()) == found["elements"]
+
+
+def test_open_element_types_are_chosen_and_the_reason_is_told(call: Call) -> None:
+    result = call("run", "bent.yaml", "--accuracy", "2e-2", "--set", "bodies.beam.element=auto")
+    assert result.exit_code == 0
+    assert "beam: cable; with cable the goal moves by" in result.stdout
+    assert "of the estimated error: model" in result.stdout
+
+
+def test_an_accuracy_out_of_reach_fails_with_the_best_there_is(call: Call, folder: Path) -> None:
+    result = call("run", "bent.yaml", "--accuracy", "1e-15")
+    assert result.exit_code == 1
+    assert "NOT reached" in result.stdout
+    assert "error: the wanted accuracy 1e-15 was not reached" in result.stderr
+    with open_results("bent.h5") as results:
+        assert not results.summary["accuracy"]["achieved"]
+
+
+@pytest.mark.parametrize("value", ["0", "2", "-1e-3", "much"])
+def test_no_accuracy_is_a_wrong_command_line(call: Call, value: str, folder: Path) -> None:
+    result = call("run", "bent.yaml", "--accuracy", value)
+    assert result.exit_code == 2
+    assert "--accuracy" in result.stderr
+    assert not (folder / "bent.h5").exists()
+
+
+def test_many_solves_are_not_resumed(call: Call) -> None:
+    result = call("run", "bent.yaml", "--accuracy", "1e-3", "--resume")
+    assert result.exit_code == 2
+    assert "--resume" in result.stderr
+
+
+def test_an_accuracy_needs_a_goal(call: Call, folder: Path) -> None:
+    (folder / "bent.yaml").write_text(CASE.replace("goal: {probe: tip, quantity: uy}\n", ""))
+    result = call("run", "bent.yaml", "--accuracy", "1e-3")
+    assert result.exit_code == 2
+    assert "goal" in result.stderr
+    assert "1 problem" in result.stderr
