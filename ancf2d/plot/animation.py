@@ -66,6 +66,8 @@ def animate(results: Input, path: str | os.PathLike[str], kind: str | None = Non
                     figure.clear()
                     figure.set_layout_engine("constrained")
                     picture.render(figure)
+                    # axes of one scale settle when drawn, and only then is known how wide their labels are
+                    figure.draw_without_rendering()
                     writer.grab_frame()
         half.replace(path)
     except OSError as error:

@@ -152,4 +152,6 @@ def draw(results: Input, kind: str | None = None, *, figure: Figure | None = Non
         figure.set_layout_engine("constrained")
         figure.set_size_inches(*picture.size)
         picture.render(figure)
+        # axes of one scale settle when drawn, and only then is known how wide their labels are
+        figure.draw_without_rendering()
     return figure

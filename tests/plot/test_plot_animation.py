@@ -40,6 +40,14 @@ def test_all_frames_show_the_same_part_of_the_plane(tmp_path: Path) -> None:
         np.testing.assert_array_equal(rod.axis, results.faces("rod", 20)["axis"].reshape(-1, 2))
 
 
+def test_labels_are_not_cut(tmp_path: Path) -> None:
+    results = open_results(bent_beam(tmp_path / "a.h5", angle=0.7, length=0.325, height=0.02))
+    with Image.open(animate(results, tmp_path / "a.gif", "shape", length=2)) as image:
+        middle = np.asarray(image.convert("L"))[image.height // 4:image.height // 2]
+    # the label of y, not the numbers beside the axis, is what stands first
+    assert 0 < np.argmax(middle.min(axis=0) < 128) < 10
+
+
 def test_states_are_even_in_time_and_in_number_where_a_path_turns_back() -> None:
     assert list(even_states(np.array([0.0, 0.1, 0.2, 0.9, 1.0]), 3)) == [0, 2, 4]
     assert list(even_states(np.array([0.0, 2.0, 1.0, 3.0, 4.0]), 3)) == [0, 2, 4]

@@ -62,6 +62,13 @@ def test_everything_drawn_lies_within_the_axes_and_units_are_named(tmp_path: Pat
     assert legend_texts(figure) == ["beam", "nodes", "reference"]
 
 
+def test_labels_of_axes_of_one_scale_are_not_cut(tmp_path: Path) -> None:
+    for length in (0.325, 0.675):
+        figure = draw(opened(bent_beam(tmp_path / "a.h5", angle=0.7, length=length, height=0.02)), "shape")
+        figure.draw_without_rendering()
+        assert figure.axes[0].yaxis.label.get_window_extent().x0 > 0.0
+
+
 def test_nodes_are_marked_where_they_are(tmp_path: Path) -> None:
     results = opened(bent_beam(tmp_path / "a.h5", ne=4))
     (line,) = draw(results, "shape").axes[0].lines
