@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, chosen_kind
@@ -47,6 +48,17 @@ def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, tit
         yield picture
 
 
+def _lay_out(figure: Figure, picture: Picture) -> list[Bbox]:
+    """Draw the first picture and return where its axes are, which is where those of the others will be."""
+    figure.set_layout_engine("constrained")
+    picture.render(figure)
+    # axes of one scale settle when drawn, and only then is known how wide their labels are
+    figure.draw_without_rendering()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return [axes.get_position(original=True) for axes in figure.axes]
+
+
 def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
             fps: int = RATE, title: str | None = None, **options: Any) -> Path:
     """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
@@ -62,12 +74,13 @@ def animate(results: Input, path: str | os.PathLike[str], kind: str | None = Non
             figure = Figure(figsize=first.size)
             FigureCanvasAgg(figure)
             with writer.saving(figure, str(half), DPI):
-                for picture in (first, *pictures):
+                places = _lay_out(figure, first)
+                writer.grab_frame()
+                for picture in pictures:
                     figure.clear()
-                    figure.set_layout_engine("constrained")
                     picture.render(figure)
-                    # axes of one scale settle when drawn, and only then is known how wide their labels are
-                    figure.draw_without_rendering()
+                    for axes, place in zip(figure.axes, places, strict=True):
+                        axes.set_position(place)
                     writer.grab_frame()
         half.replace(path)
     except OSError as error:
