@@ -1,7 +1,7 @@
 """Figures from result files alone."""
 
 from ancf2d.plot.animation import animate, frames
-from ancf2d.plot.kinds import KINDS, KindInfo, default_animated, default_kind, draw, list_kinds
+from ancf2d.plot.kinds import KINDS, KindInfo, build, default_animated, default_kind, draw, list_kinds, rendered
 from ancf2d.plot.output import data_csv, save, show
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Picture, Source
 
@@ -15,12 +15,14 @@ __all__ = [
     "Picture",
     "Source",
     "animate",
+    "build",
     "data_csv",
     "default_animated",
     "default_kind",
     "draw",
     "frames",
     "list_kinds",
+    "rendered",
     "save",
     "show",
 ]

@@ -145,6 +145,11 @@ def draw(results: Input, kind: str | None = None, *, figure: Figure | None = Non
     picture = build(results, kind, **options)
     if title is not None:
         picture.title = title
+    return rendered(picture, figure)
+
+
+def rendered(picture: Picture, figure: Figure | None = None) -> Figure:
+    """Draw a picture into a figure, a new one unless an empty one is given, and return the figure."""
     with style():
         if figure is None:
             figure = Figure()
