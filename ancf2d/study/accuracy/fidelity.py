@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ...case import Dynamic, Rectangle
 from ..variants import Variant
 from .mesh import Ladder
-from .pursuit import Pursuit
-from .setting import Setting
+from .pursuit import Pursuit, apart
+from .setting import Level
 
 BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")
 CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (3, 1)))
-# times the least mesh: models are told apart on meshes of types that err little there
-SIZE = 6.0
+# times the least mesh: where models are compared, and up to where meshes are refined while that brings them closer
+SIZE, FINEST = 4.0, 64.0
+# of the goal: models further apart are not told from their meshes
+FAR = 0.1
 
 
 @dataclass
@@ -44,23 +47,20 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     allowance goes to the next.
     """
     ladders = {name: candidates(pursuit, name) for name in bodies}
-    types = {name: ladder[-1] for name, ladder in ladders.items()}
+    best = {name: ladder[-1] for name, ladder in ladders.items()}
+    types = dict(best)
     why = {name: f"{ladder[-1].element} is what errors are against" for name, ladder in ladders.items()}
-    best = pursuit.solve(_setting(pursuit, types, tolerance), "the model that errors are against")
-    if best.answer is None:
+    meshes = _Meshes(pursuit, tolerance)
+    if meshes.solve(best, SIZE, "the model that errors are against").answer is None:
         return Choice(types, why, 0.0)
     error, left = 0.0, allowed
     for i, name in enumerate(bodies):
         share = left / (len(bodies) - i)
         for kind in ladders[name][:-1]:
             tried = {**types, name: kind}
-            setting = _setting(pursuit, tried, tolerance)
-            if pursuit.refuses(setting) is not None:
+            moved = meshes.moved(tried, best, error + share, f"{name} as {kind.element}")
+            if moved is None:
                 continue
-            level = pursuit.solve(setting, f"{name} as {kind.element}")
-            if level.answer is None:
-                continue
-            moved = level.answer.distance(best.answer) / best.answer.size
             if moved - error <= share:
                 types, error = tried, max(error, moved)
                 left = allowed - error
@@ -71,5 +71,29 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     return Choice(types, why, error)
 
 
-def _setting(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> Setting:
-    return Ladder(pursuit, types, tolerance).setting(SIZE)
+@dataclass
+class _Meshes:
+    """Meshes that models are compared on."""
+
+    pursuit: Pursuit
+    tolerance: float | None
+
+    def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
+        """Return the level of some types on a mesh of a size."""
+        return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
+
+    def moved(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
+        """Return how far the goal moves with simpler types, relative; None where they cannot be had.
+
+        Where that is more than ``enough`` it may be the mesh that errs, not the model: meshes double as long as the
+        two come closer by at least a half.
+        """
+        if self.pursuit.refuses(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
+            return None
+        size, before = SIZE, float("inf")
+        finest = SIZE if self.tolerance is not None else FINEST
+        while True:
+            gap = apart(self.solve(types, size, why), self.solve(best, size, "the model that errors are against"))
+            if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
+                return min(gap, before) if math.isfinite(min(gap, before)) else None
+            size, before = 2.0 * size, gap

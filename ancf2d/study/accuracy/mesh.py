@@ -46,7 +46,7 @@ class Ladder:
             why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted by the order seen"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
-            level, error, found = choose(self.levels, wanted)
+            level, error, found = self._chosen(wanted)
             if len(self.levels) >= LADDER and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
                 break
             if not shared and len(self.levels) >= EVEN:
@@ -57,6 +57,13 @@ class Ladder:
             if self.setting(size).elements > MOST_ELEMENTS:
                 note = f"{found.note + '; ' if found.note else ''}more than {MOST_ELEMENTS} elements would be needed"
                 return level, error, replace(found, note=note)
+        return self._chosen(wanted)
+
+    def _chosen(self, wanted: float) -> tuple[Level | None, float, Estimate]:
+        """Return the coarsest level that will do, or the finest where it is written already and its order confirmed."""
+        found, error = judge(self.levels)
+        if found.asymptotic and self.tolerance is None and self.levels and self.pursuit.written is self.levels[-1]:
+            return self.levels[-1], error, found
         return choose(self.levels, wanted)
 
     def _share(self, size: float) -> float:

@@ -19,6 +19,7 @@ from .setting import Level, Setting, with_setting
 
 if TYPE_CHECKING:
     from ...solve.static import Start
+    from ..variants import Variant
 
 # of all bodies, on the way to an accuracy
 MOST_ELEMENTS = 200_000
@@ -27,6 +28,8 @@ MOST_LEVELS = 30
 LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 # what an order that nothing confirms may promise, one that changes sign, and what is added there
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
+# a mesh that misses so much of the goal says little of the order: what it may promise there
+FAR, ROUGH = 0.1, 2.0
 
 
 @dataclass
@@ -47,7 +50,7 @@ class Pursuit:
     """A case, the relative accuracy that is wanted, and all levels solved so far, in their order.
 
     ``apart``: the error of simpler models, which meshes do not tell of; ``guesses``: whether statics may begin from
-    the ``latest`` state on another mesh.
+    the ``latest`` state of the same element types on another mesh.
     """
 
     loaded: LoadedCase
@@ -62,7 +65,7 @@ class Pursuit:
     outcome: Outcome | None = None
     written: Level | None = None
     guesses: bool = True
-    latest: Solved | None = None
+    latest: dict[Any, Solved] = field(default_factory=dict)
 
     def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
@@ -70,14 +73,14 @@ class Pursuit:
         ``told`` tells of its error where it may be the result: it is written, unless it begins from a guess. Raises
         CaseError for a case that cannot be.
         """
-        name = (tuple(setting.counts.items()), tuple(setting.types.items()), setting.tolerance)
+        name = (tuple(setting.counts.items()), _named(setting.types), setting.tolerance)
         if name not in self.known:
             self.tell(f"{setting.elements} elements" + (
                 "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
             level = self.known[name] = Level(setting, why)
             self.levels.append(level)
             if self.begins:
-                self._run(level, None, self._guess)
+                self._run(level, None, lambda model: self._guess(model, level))
             else:
                 self._run(level, told)
         return self.known[name]
@@ -93,15 +96,16 @@ class Pursuit:
         """Whether meshes begin from the state of another one."""
         return self.guesses and takes_guess(self.loaded.case)
 
-    def _guess(self, model: Model) -> Start | None:
-        """Return the latest state on another mesh."""
+    def _guess(self, model: Model, level: Level) -> Start | None:
+        """Return the latest state of the same element types on another mesh."""
         from ...model.transfer import transferred
         from ...solve.static import Start
 
-        if self.latest is None:
+        latest = self.latest.get(_named(level.setting.types))
+        if latest is None:
             return None
-        d = transferred(self.latest.state.d, self.latest.model, model)
-        return None if d is None else Start(d, int(self.latest.state.history["negative_pivots"]))
+        d = transferred(latest.state.d, latest.model, model)
+        return None if d is None else Start(d, int(latest.state.history["negative_pivots"]))
 
     def _run(self, level: Level, told: Told | None, begin: Begin | None = None) -> None:
         """Solve a level; where its error is ``told`` it is the result, for now."""
@@ -126,7 +130,7 @@ class Pursuit:
             conclude(found.summary, found.answer)
         level.dofs, level.reason = found.model.n_q, ""
         if takes_guess(self.loaded.case):
-            self.latest = found
+            self.latest[_named(level.setting.types)] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level
 
@@ -154,6 +158,10 @@ class Pursuit:
     def wall_s(self) -> float:
         """Seconds of all solves."""
         return sum(level.wall_s for level in self.levels)
+
+
+def _named(types: dict[str, Variant]) -> tuple[tuple[str, Variant], ...]:
+    return tuple(types.items())
 
 
 def apart(level: Level, finest: Level) -> float:
@@ -209,7 +217,8 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
         assert before is not None
         trusted, safety = min(0.5 * (order + before), order, MOST), SAFETY
     else:
-        trusted = min(order, UNCONFIRMED, order if before is None else max(before, LEAST))
+        most = ROUGH if gaps[0] > FAR * size else UNCONFIRMED
+        trusted = min(order, most, order if before is None else max(before, LEAST))
         safety = DOUBTFUL
     step = (f[-1] - f[-2]) / math.expm1(trusted * ratio)
     note = "" if alike else "the order is not confirmed"
