@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import os
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +38,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         raise ResultsError(f"cannot write '{path}': {what} (known: "
                            f"{', '.join('.' + k for k in sorted(known))})")
     stream = io.BytesIO()
-    with style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
+    with style():
         figure.savefig(stream, format=suffix, metadata=_METADATA.get(suffix))
     _write(path, stream.getvalue())
     return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,8 +25,9 @@ REFERENCE = "#8a8a8a"
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Use the packaged style sheet; nothing global stays changed."""
-    with matplotlib.rc_context():
+    """Use the packaged style sheet, without warnings of glyphs that its font lacks; nothing global stays changed."""
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
         matplotlib.rcdefaults()
         matplotlib.style.use(STYLE)
         yield
