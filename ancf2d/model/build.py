@@ -13,6 +13,7 @@ from .constraints import Equations
 from .elimination import Elimination, eliminate, inconsistent
 from .joints import JOINTS, JointContext, JointError, weld_corners
 from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
+from .locking import locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
 from .model import Model
@@ -76,6 +77,7 @@ class _Builder:
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
+        self.warnings += filter(None, map(locking_warning, self.meshes.values()))
 
     def point(self, at: Point) -> PointRef:
         return point_ref(self.meshes[at.body], at.s)

@@ -17,17 +17,14 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
 
     ``e`` are the current nodal coordinates (full vector).
     """
+    coords = np.asarray(coords)
     kinds = mesh.kinds[coords - mesh.first_dof]
     out = np.zeros((len(coords), 3))
-    for k, (c, kind) in enumerate(zip(coords.tolist(), kinds.tolist(), strict=True)):
-        if kind == 0:
-            out[k] = 1.0, 0.0, -(e[c + 1] - centre[1])
-        elif kind == 1:
-            out[k] = 0.0, 1.0, e[c - 1] - centre[0]
-        elif kind == 2:
-            out[k, 2] = 1.0
-        else:
-            out[k, 2] = -e[c + 1] if kind == 3 else e[c - 1]
+    # x and y of r, theta, then x and y of a gradient, which turns but does not move
+    x, y, u, v = (coords[kinds == kind] for kind in (0, 1, 3, 4))
+    out[kinds == 0, 0] = out[kinds == 1, 1] = out[kinds == 2, 2] = 1.0
+    out[kinds == 0, 2], out[kinds == 1, 2] = -(e[x + 1] - centre[1]), e[y - 1] - centre[0]
+    out[kinds == 3, 2], out[kinds == 4, 2] = -e[u + 1], e[v - 1]
     return out
 
 

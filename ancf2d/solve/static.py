@@ -11,6 +11,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from ..model.sliding import check_ends
+from .refine import refined
 from .state import State
 from .system import Balance, System
 
@@ -23,6 +24,8 @@ BALANCE = 1e-8
 FLOOR = 4.0
 # displacements known to less than this many digits are worth a word
 POOR = 1e-6
+# and of no use where this share of them is not known
+HOPELESS = 0.5
 # a step that moves this much further than the one before has left the branch
 JUMP = 8.0
 SMALLEST_STEP = 2.0**-16
@@ -65,27 +68,31 @@ def solve_linear(model: Model) -> Iterator[State]:
     pivots = system.factor({"solver": "linear_static"})
     d = model.displacements(np.zeros(num.n_unknowns), 1.0)
     R0 = start.Q - start.F
-    moved, size = zero, np.inf
-    for _ in range(4):
-        R = num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
-        z = -system.matrix.solve(R)
-        change = system.norm(z)
-        if not np.isfinite(change):
-            raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
-                                   advice="check loads and stiffnesses for extreme values")
-        if change >= 0.5 * size:
-            break
-        num.expand(d[num.free] + z, moved := d.copy())
-        if model.moves:
-            model.prescribed(1.0, moved)
-        d, size = moved, change
-        if change <= 1e-15 * system.norm(d[num.free]):
-            break
+
+    def apply(z: Array) -> Array:
+        full = np.zeros(len(d))
+        num.expand(z, full)
+        return num.reduce(system.action(zero, full, 1.0))
+
+    load = -num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
+    floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
+    z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
+    if not np.isfinite(system.norm(z)):
+        raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
+                               advice="check loads and stiffnesses for extreme values")
+    if known > HOPELESS:
+        raise ComputationError(
+            "round-off has drowned the soft motions beside the stiff ones: no digit of the displacements is known",
+            at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
+    d = model.displacements(z, 1.0)
     elastic = system.action(zero, d, 1.0)
     energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
     history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.free]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
-    yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history)
+    warnings = [] if known <= POOR else [
+        f"round-off limits the displacements: they are known to about {known:.1g} of the largest; fewer or longer "
+        "elements, or solver static, know more"]
+    yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
 
 
 def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:

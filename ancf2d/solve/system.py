@@ -11,6 +11,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
+from ..model.mechanism import rigid_motion
 from ..model.model import Model
 from .linear import GeneralSparse, Pivots, SymmetricBand, make_matrix
 
@@ -91,6 +92,28 @@ class System:
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         return UNIT_ROUNDOFF * np.abs(n.reduce(out))
+
+    def rigid_forces(self) -> Array:
+        """Return what round-off makes of no force: those of elements in unit rigid motions (3, n_unknowns).
+
+        Two translations by 1 m and a turn that moves the coordinates by up to 1 m, in the reference. What these forces
+        move stands for what is not known of a linear solution: soft motions are told from stiff ones by differences of
+        displacements that are as large.
+        """
+        n_q = self.model.n_q
+        motions = np.zeros((n_q, 3))
+        for mesh in self.model.meshes.values():
+            coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
+            motions[coords] = rigid_motion(mesh, coords, self.model.e0, np.asarray(mesh.plan.position(0.5)[0]))
+        out, zero = np.zeros((3, self.model.numbering.n_unknowns)), np.zeros(len(self.model.numbering.place))
+        for k in range(3):
+            moved, forces = zero.copy(), zero.copy()
+            # no power of two, whose products would be exact
+            moved[:n_q] = 1.1 * motions[:, k] / np.max(self.model.weights * np.abs(motions[:, k]))
+            for group in self.model.groups:
+                tangent_action(group, zero, moved, forces)
+            out[k] = self.model.numbering.reduce(forces) / 1.1
+        return out
 
     def _add_loads(self, Q: Array, d: Array, t: float) -> None:
         e = self.model.e0 + d[:self.model.n_q]

@@ -1,0 +1,16 @@
+"""The rows of the map, in the order of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from . import statics
+from .cell import Cell
+
+ROOMS = (statics,)
+
+
+def all_rows() -> Iterator[Cell]:
+    """Yield every cell."""
+    for room in ROOMS:
+        yield from room.rows()

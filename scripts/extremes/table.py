@@ -1,0 +1,73 @@
+"""Verdicts on disk, one JSON line each, and the tables that they make."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from .cell import VERDICTS, Verdict
+
+
+class Store:
+    """Verdicts in a file that grows line by line, so that a map that is interrupted goes on."""
+
+    def __init__(self, path: Path, fresh: bool = False) -> None:
+        self.path = path
+        self.found: dict[str, Verdict] = {}
+        if fresh:
+            path.unlink(missing_ok=True)
+        if path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                verdict = Verdict(**json.loads(line))
+                self.found[verdict.key] = verdict
+
+    def add(self, verdict: Verdict) -> None:
+        """Append a verdict."""
+        self.found[verdict.key] = verdict
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(verdict.as_row()) + "\n")
+
+
+def counts(verdicts: Iterable[Verdict]) -> str:
+    """Return how many cells of each axis have which verdict, as a Markdown table."""
+    by_axis: dict[str, Counter[str]] = {}
+    for v in verdicts:
+        by_axis.setdefault(v.axis, Counter())[v.verdict] += 1
+    total = sum(by_axis.values(), Counter())
+    lines = ["| axis | cells | " + " | ".join(VERDICTS) + " |", "| --- |" + " --- |" * (len(VERDICTS) + 1)]
+    for axis, found in [*by_axis.items(), ("all", total)]:
+        lines.append(f"| {axis} | {found.total()} | " + " | ".join(str(found[w]) for w in VERDICTS) + " |")
+    return "\n".join(lines)
+
+
+def _mark(v: Verdict, notes: dict[str, int]) -> str:
+    """Return what a cell shows: its error, or its verdict with the number of the message."""
+    error = "" if v.error is None else "exact" if v.error < 1e-15 else f"{v.error:.0e}"
+    if v.verdict == "holds":
+        return error
+    number = notes.setdefault(" ".join(v.message.split()), len(notes) + 1)
+    return {"degrades": f"*{error}* [{number}]", "refused": f"refused [{number}]", "slow": f"slow [{number}]",
+            "wrong": f"**wrong** {error} [{number}]"}[v.verdict]
+
+
+def grids(verdicts: Iterable[Verdict]) -> str:
+    """Return one table for each axis and measure: subjects down, values across, messages below."""
+    groups: dict[tuple[str, str], list[Verdict]] = {}
+    for v in verdicts:
+        groups.setdefault((v.axis, v.measure), []).append(v)
+    out = []
+    for (axis, measure), found in groups.items():
+        values = list(dict.fromkeys(v.value for v in found))
+        notes: dict[str, int] = {}
+        place = {(v.subject, v.value): v for v in found}
+        limits = sorted({v.limit for v in found})
+        ends = " to ".join(f"{x:.2g}" for x in dict.fromkeys((limits[0], limits[-1])))
+        lines = [f"**{axis}**: {measure}. Limit {ends}.", "", "| | " + " | ".join(values) + " |", "| --- |" + " --- |" * len(values)]
+        for subject in dict.fromkeys(v.subject for v in found):
+            cells = [_mark(place[subject, x], notes) if (subject, x) in place else "" for x in values]
+            lines.append(f"| {subject} | " + " | ".join(cells) + " |")
+        lines += ["", *(f"{number}. {text}" for text, number in notes.items())]
+        out.append("\n".join(lines).rstrip())
+    return "\n\n".join(out)

@@ -1,0 +1,75 @@
+"""Try ancf2d at its extremes, judge every cell, and write the map into docs/extremes.md, stamped.
+
+Cells that the store has are not tried again; ``--fresh`` begins anew. Exit code 1 where a cell is wrong.
+
+    python scripts/extremes_map.py [--only TEXT] [--store FILE] [--fresh] [--list] [--no-page]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+import time
+from collections import Counter
+from datetime import date
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from bench.stamp import machine, versions  # noqa: E402
+from extremes import cell, table  # noqa: E402
+from extremes.all_rows import all_rows  # noqa: E402
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "extremes.md"
+MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+
+
+def write(name: str, found: str) -> None:
+    """Put a table in its place on the page. Raises ValueError where the page has none."""
+    text = PAGE.read_text(encoding="utf-8")
+    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
+    if not place.search(text):
+        raise ValueError(f"{PAGE} has no place for '{name}'")
+    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
+
+
+def main() -> None:
+    """Try the cells that are asked for, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="cells whose axis, measure, value or element has this text")
+    parser.add_argument("--store", type=Path, default=Path("extremes.jsonl"), help="where verdicts are kept")
+    parser.add_argument("--fresh", action="store_true", help="forget what the store has")
+    parser.add_argument("--list", action="store_true", help="name the cells only")
+    parser.add_argument("--no-page", action="store_true", help="leave docs/extremes.md as it is")
+    args = parser.parse_args()
+    cells = [c for c in all_rows() if args.only in c.key]
+    if args.list:
+        print("\n".join(c.key for c in cells))
+        return
+    store, began = table.Store(args.store, args.fresh), time.perf_counter()
+    for k, c in enumerate(cells):
+        if c.key not in store.found:
+            store.add(cell.run(c))
+            _tell(k + 1, len(cells), store.found[c.key])
+    found = [store.found[c.key] for c in cells]
+    total = Counter(v.verdict for v in found)
+    print(", ".join(f"{total[w]} {w}" for w in cell.VERDICTS), f"({time.perf_counter() - began:.0f} s)")
+    if not args.no_page and not args.only:
+        write("stamp", f"{len(found)} cells by `python scripts/extremes_map.py` on {date.today()}: {machine()}; "
+                       f"{versions()}.")
+        write("counts", table.counts(found))
+        write("map", table.grids(found))
+    sys.exit(1 if total["wrong"] else 0)
+
+
+def _tell(k: int, n: int, v: cell.Verdict) -> None:
+    error = "" if v.error is None else f"{v.error:.1e}"
+    if v.verdict != "holds" or v.seconds > 5.0:
+        print(f"{k}/{n} {v.verdict:8} {error:8} {v.seconds:5.1f} s  {v.key}  {v.message[:150]!r}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

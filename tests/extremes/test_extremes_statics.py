@@ -1,0 +1,73 @@
+"""Linear statics at the floor of round-off, and sections that cannot thin: told, never returned as if it were right."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.solve.refine import refined
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from extremes import statics
+from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
+
+
+def known(warnings: list[str]) -> float:
+    """Return how far a run says that its displacements are known."""
+    found = [float(m[1]) for w in warnings if (m := re.search(r"known to about ([\d.e+-]+) of", w))]
+    return found[0] if found else 0.0
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner3", "ancf[2,2]", "vallejo:structural"])
+@pytest.mark.parametrize("ratio", [1e3, 1e5, 1e6])
+def test_a_linear_solution_says_how_far_round_off_lets_it_be_known(label: str, ratio: float) -> None:
+    """EA L^2/EI = 12e12: soft bending is told from stiff shear by differences of displacements."""
+    found = statics.linear_tip(label, statics.slender(ratio), 16)
+    assert found.error < 4.0 * known(found.warnings) + 1e-4
+    assert known(found.warnings) < 1e-9 * (ratio / 1e3) ** 2 * 1e3 + 1e-7
+
+
+@pytest.mark.parametrize("label", ["vallejo", "cable", "reissner3"])
+def test_an_ordinary_linear_solution_says_nothing(label: str) -> None:
+    assert not statics.linear_tip(label, statics.slender(20), 100).warnings
+
+
+def test_what_round_off_has_drowned_is_refused() -> None:
+    with pytest.raises(ancf2d.ComputationError, match="no digit of the displacements is known"):
+        statics.linear_tip("2d3n", statics.slender(20), 10_000)
+
+
+def test_conjugate_directions_find_what_wrong_factors_do_not() -> None:
+    """Three of fifty motions are a hundred times too soft in the factors: plain refinement would diverge."""
+    rng = np.random.default_rng(1)
+    Q = np.linalg.qr(rng.standard_normal((50, 50)))[0]
+    stiff = np.logspace(0, 3, 50)
+    wrong = np.where(np.arange(50) < 3, stiff / 100, stiff)
+    b = rng.standard_normal(50)
+    z, left = refined(lambda x: Q @ (stiff * (Q.T @ x)), lambda r: Q @ ((Q.T @ r) / wrong),
+                      lambda x: float(np.abs(x).max()), b, 0.0)
+    np.testing.assert_allclose(z, Q @ ((Q.T @ b) / stiff), atol=1e-12)
+    assert left < 1e-12
+
+
+@pytest.mark.parametrize("nu", [-0.9, 0.3, 0.499])
+@pytest.mark.parametrize("label", [s.label for s in SUBJECTS])
+def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label: str, nu: float) -> None:
+    beam = Beam(nu=nu)
+    found = statics.linear_tip(label, beam, 16)
+    said = [float(m[1]) / 100 for w in found.warnings if (m := re.search(r"too stiff by ([\d.]+) %", w))]
+    bound = any("too stiff in bending where" in w for w in found.warnings)
+    if said:
+        assert found.error == pytest.approx(said[0] / (1 + said[0]), rel=0.03)
+    elif not bound:
+        assert found.error < 0.02
+
+
+def test_a_weak_excess_is_left_to_the_documents() -> None:
+    case = cantilever(BY_LABEL["omar:continuum"], Beam(nu=0.1), 4, [])
+    assert not ancf2d.solve(case, states=False).warnings
