@@ -32,6 +32,7 @@ COMMANDS = {
     "elements": "List element types and formulations.",
     "audit": "Examine an element type, listed or your own.",
     "schema": "The JSON Schema of case files, for editors.",
+    "completion": "Let the shell complete commands, options and names.",
 }
 
 
@@ -98,7 +99,8 @@ def _survive_any_title() -> None:
 
 
 @click.group("ancf2d", cls=App, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-             epilog="'ancf2d COMMAND --help' says more. Start with 'ancf2d new beam', then 'ancf2d run beam.yaml'.")
+             epilog="'ancf2d COMMAND --help' says more, with examples. Start with 'ancf2d new beam', then 'ancf2d run "
+                    "beam.yaml'.")
 @click.version_option(__version__, prog_name="ancf2d")
 @debug_option
 def app() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import debug_option, json_option, quiet_option
+from .options import complete_types, debug_option, examples, json_option, quiet_option
 from .progress import Bar
 from .run import compiling
 from .session import Session
@@ -30,9 +30,10 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
     return found
 
 
-@click.command(epilog="Examples: 'ancf2d audit 2d2n', 'ancf2d audit omar --preset paper', 'ancf2d audit ancf[3,2]', "
-                      "'ancf2d audit mine.yaml --formulation continuum --quadrature 3,2 --json'.")
-@click.argument("element", metavar="ELEMENT")
+@click.command(epilog=examples("ancf2d audit 2d2n", "ancf2d audit omar --preset paper",
+                               'ancf2d audit "ancf[3,2]" --json',
+                               "ancf2d audit mine.yaml --formulation continuum --quadrature 3,2"))
+@click.argument("element", metavar="ELEMENT", shell_complete=complete_types)
 @click.option("--preset", type=click.Choice(["paper"]), help="Formulation, quadrature and shear factor of the paper.")
 @click.option("--formulation", help="Formulation. Default: the one that the type is recommended with.")
 @click.option("--quadrature", callback=_quadrature, metavar="NX,NY",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import click
 
 from .failures import FAILED
-from .options import debug_option, json_option
+from .options import debug_option, examples, json_option
 from .session import Session
 
 
-@click.command(epilog="Example: 'ancf2d compare beam.h5 stored/beam.h5 --rtol 1e-8'.")
+@click.command(epilog=examples("ancf2d compare beam.h5 stored.h5",
+                               "ancf2d compare beam.h5 stored.h5 --rtol 1e-6 --json"))
 @click.argument("a", type=click.Path(), metavar="A.h5")
 @click.argument("b", type=click.Path(), metavar="B.h5")
 @click.option("--rtol", type=click.FloatRange(min=0), default=1e-9, show_default=True,

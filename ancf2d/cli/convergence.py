@@ -12,7 +12,9 @@ from ..errors import ResultsError
 from .failures import FAILED
 from .options import (
     case_argument,
+    complete_types,
     debug_option,
+    examples,
     force_option,
     jobs_option,
     json_option,
@@ -70,8 +72,10 @@ def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) 
     return found
 
 
-@click.command(epilog="Examples: 'ancf2d convergence beam.yaml', 'ancf2d convergence beam.yaml --elements 2,4,8,16 "
-                      "--element 2d2n,vallejo:structural,ancf[3,2] -o study.h5', then 'ancf2d plot study.h5'.")
+@click.command(epilog=examples("ancf2d convergence beam.yaml",
+                               "ancf2d convergence beam.yaml --elements 2,4,8,16 -o study.h5",
+                               'ancf2d convergence beam.yaml --element "2d2n,vallejo:structural,ancf[3,2]"',
+                               "ancf2d convergence swing.yaml --dt 0.02,0.01,0.005"))
 @case_argument
 @click.option("--elements", "meshes", callback=element_counts, metavar="N,N,...",
               help="Numbers of elements of the whole model, shared by its bodies in the proportions of the case. "
@@ -80,7 +84,7 @@ def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) 
               help="Of a motion: fixed time steps to refine by, on the case's mesh, instead of meshes.")
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
               help="Of a motion: tolerances of adaptive steps to refine by, instead of meshes.")
-@click.option("--element", "types", metavar="TYPE,...",
+@click.option("--element", "types", metavar="TYPE,...", shell_complete=complete_types,
               help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
                    "Default: the case's own.")
 @click.option("--formulation", help="Formulation of the types that name none.")

@@ -6,13 +6,13 @@ import os
 
 import click
 
-from .options import debug_option, json_option, quiet_option
+from .options import debug_option, examples, json_option, quiet_option
 from .progress import Bar
 from .session import Session
 
 
-@click.command(epilog="Examples: 'ancf2d export beam.h5 beam.vtkhdf' for ParaView, 'ancf2d export beam.h5 tip.csv', "
-                      "'ancf2d export beam.h5 beam.json'.")
+@click.command(epilog=examples("ancf2d export swing.h5 swing.vtkhdf", "ancf2d export swing.h5 tip.csv",
+                               "ancf2d export swing.h5 swing.json"))
 @click.argument("source", type=click.Path(), metavar="OUT.h5")
 @click.argument("file", type=click.Path(), metavar="FILE")
 @click.option("--force", is_flag=True, help="Replace FILE where it exists.")

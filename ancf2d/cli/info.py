@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import click
 
-from .options import debug_option, json_option
+from .options import debug_option, examples, json_option
 from .session import Session
 
 
-@click.command(epilog="Example: 'ancf2d info beam.h5'.")
+@click.command(epilog=examples("ancf2d info beam.h5", "ancf2d info beam.h5 --json"))
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
 @json_option
 @debug_option

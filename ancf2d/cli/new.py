@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, force_option
+from .options import debug_option, examples, force_option
 from .schema import schema_text, write_schema
 from .session import Session
 
@@ -15,7 +15,7 @@ from .session import Session
 KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 
 
-@click.command(epilog="Example: 'ancf2d new beam --kind simply_supported', then edit beam.yaml.")
+@click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
 @click.argument("name", type=click.Path(), metavar="NAME")
 @click.option("--kind", type=click.Choice(KINDS), default=KINDS[0], show_default=True, help="What to start from.")
 @force_option

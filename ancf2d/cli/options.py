@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from .session import Session
 
@@ -27,10 +28,36 @@ def _switch(*names: str, attribute: str, help: str) -> Callable[[F], F]:
     return click.option(*names, is_flag=True, is_eager=True, expose_value=False, callback=noted, help=help)
 
 
+def examples(*lines: str) -> str:
+    """Return command lines as the end of a command's help shows them, each on its own line."""
+    # click leaves what follows \\b as it is
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
+
+
 debug_option = _switch("--debug", attribute="debug", help="Show the Python traceback of a failure.")
 json_option = _switch("--json", attribute="json", help="Print one JSON object on stdout, also on failure.")
 quiet_option = _switch("-q", "--quiet", attribute="quiet", help="Print errors only.")
 verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Say what was built and what was left out.")
+
+def complete_types(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return the element types that a list separated by commas may go on with, or else files."""
+    from ..elements import registry
+
+    before, _, begun = incomplete.rpartition(",")
+    start = f"{before}," if before else ""
+    names = [name for name in registry.ELEMENTS if name.startswith(begun)]
+    return [CompletionItem(start + name) for name in names] or [CompletionItem(incomplete, type="file")]
+
+
+def complete_kinds(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return the kinds of figure behind the first file, or else files."""
+    names: list[str] = []
+    if ctx.params.get(parameter.name or ""):
+        from ..plot import KINDS
+
+        names = [name for name in KINDS if name.startswith(incomplete)]
+    return [CompletionItem(name) for name in names] or [CompletionItem(incomplete, type="file")]
+
 
 case_argument = click.argument("case", type=click.Path(), metavar="CASE")
 set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE",

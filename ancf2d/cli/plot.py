@@ -10,14 +10,17 @@ from typing import Any
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, quiet_option
+from .options import complete_kinds, debug_option, examples, quiet_option
 from .session import Session
 from .text import table
 
 
-@click.command(epilog="Examples: 'ancf2d plot beam.h5', 'ancf2d plot a.h5 b.h5 load_deflection --save path.pdf', "
-                      "'ancf2d plot beam.h5 --list'.")
-@click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]")
+@click.command(epilog=examples("ancf2d plot beam.h5", "ancf2d plot beam.h5 --list",
+                               "ancf2d plot beam.h5 stored.h5 load_deflection --save path.pdf",
+                               "ancf2d plot swing.h5 snapshots --count 5 --data swing.csv",
+                               "ancf2d plot swing.h5 --animate swing.gif --frames 30"))
+@click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]",
+                shell_complete=complete_kinds)
 @click.option("--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
               "Default, where nothing else is asked for: NAME-KIND.png in the working directory.")
 @click.option("--show", is_flag=True, help="Open a window; needs a display.")

@@ -17,6 +17,7 @@ from .failures import FAILED
 from .options import (
     case_argument,
     debug_option,
+    examples,
     force_option,
     json_option,
     quiet_option,
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
     from ..solve.state import State
 
 
-@click.command(epilog="Examples: 'ancf2d run beam.yaml', 'ancf2d run beam.yaml -o fine.h5 --set "
-                      "bodies.beam.element.count=64', 'ancf2d run beam.yaml --json | jq .probes'.")
+@click.command(epilog=examples("ancf2d run beam.yaml",
+                               "ancf2d run beam.yaml -o fine.h5 --set bodies.beam.element.count=64",
+                               "ancf2d run beam.yaml --accuracy 1e-4", "ancf2d run beam.yaml --json"))
 @case_argument
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5",
               help="Result file; default: the case's name with .h5, in the working directory.")

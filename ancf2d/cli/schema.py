@@ -9,12 +9,11 @@ from typing import Any
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, force_option
+from .options import debug_option, examples, force_option
 from .session import Session
 
 
-@click.command(epilog="Example: 'ancf2d schema -o ancf2d.schema.json'; cases that 'ancf2d new' writes name it in their "
-                      "first line, where editors with a YAML language server find it.")
+@click.command(epilog=examples("ancf2d schema -o ancf2d.schema.json", "ancf2d schema --markdown"))
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
 @click.option("--markdown", is_flag=True, help="The reference of all keys as Markdown, instead of the JSON Schema.")
 @click.option("--definition", is_flag=True, help="The schema of files that describe an element of your own.")

@@ -14,6 +14,7 @@ from .failures import FAILED
 from .options import (
     case_argument,
     debug_option,
+    examples,
     jobs_option,
     json_option,
     quiet_option,
@@ -30,9 +31,10 @@ if TYPE_CHECKING:
     from ..study.sweep import Row, Sweep
 
 
-@click.command(epilog="Examples: 'ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8,16', 'ancf2d sweep "
-                      "beam.yaml --over bodies.beam.section.height=0.1,0.2 --over "
-                      "bodies.beam.element.quadrature=[2,2],[3,2] --csv table.csv'.")
+@click.command(epilog=examples("ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8,16",
+                               'ancf2d sweep beam.yaml --over "loads.tip.value=[0,-1e3],[0,-2e3]" --csv table.csv',
+                               "ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8 "
+                               "--over bodies.beam.element.type=cable,reissner3"))
 @case_argument
 @click.option("--over", "over", multiple=True, required=True, metavar="PATH=A,B,...",
               help="A value of the case and what it becomes, as YAML has it; lists are told apart by their brackets. "

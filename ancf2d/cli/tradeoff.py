@@ -15,7 +15,9 @@ from .convergence import element_counts, positive_numbers, reference_value
 from .failures import FAILED
 from .options import (
     case_argument,
+    complete_types,
     debug_option,
+    examples,
     force_option,
     jobs_option,
     json_option,
@@ -46,11 +48,12 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
     return seconds
 
 
-@click.command(epilog="Examples: 'ancf2d tradeoff beam.yaml', 'ancf2d tradeoff beam.yaml --element 2d2n,vallejo:"
-                      "structural,reissner3 --elements 2,4,8,16 --accuracy 1e-3 -o study.h5', then 'ancf2d plot "
-                      "study.h5'; of a motion '--method radau5,generalized_alpha --dt 4e-3,2e-3,1e-3'.")
+@click.command(epilog=examples("ancf2d tradeoff beam.yaml --element cable,reissner3 --budget 5s",
+                               "ancf2d tradeoff beam.yaml --elements 2,4,8,16 --accuracy 1e-3,1e-6 -o study.h5",
+                               "ancf2d tradeoff swing.yaml --method radau5,generalized_alpha "
+                               "--dt 0.02,0.01 --element reissner3 --budget 5s"))
 @case_argument
-@click.option("--element", "types", metavar="TYPE,...",
+@click.option("--element", "types", metavar="TYPE,...", shell_complete=complete_types,
               help="Element types, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). Default: the case's "
                    "own, reissner3, cable, vallejo, ancf[3,1], 2d2n and 2d3n.")
 @click.option("--elements", "meshes", callback=element_counts, metavar="N,N,...",

@@ -8,12 +8,12 @@ import click
 
 from ..errors import CaseError, Problem
 from .failures import WRONG, problem_object
-from .options import debug_option, json_option, quiet_option, set_option
+from .options import debug_option, examples, json_option, quiet_option, set_option
 from .session import Session
 from .text import many
 
 
-@click.command(epilog="Example: 'ancf2d validate cases/*.yaml'.")
+@click.command(epilog=examples("ancf2d validate beam.yaml", "ancf2d validate beam.yaml swing.yaml --json"))
 @click.argument("cases", nargs=-1, required=True, type=click.Path(), metavar="CASE...")
 @set_option
 @json_option

@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, quiet_option
+from .options import debug_option, examples, quiet_option
 from .session import Session
 
 
-@click.command(epilog="Examples: 'ancf2d view pendulum.h5', 'ancf2d view pendulum.h5 --save pendulum.html'.")
+@click.command(epilog=examples("ancf2d view swing.h5", "ancf2d view swing.h5 --save swing.html"))
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
 @click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page as one file that can be mailed, "
               "instead of serving it.")

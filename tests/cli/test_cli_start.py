@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from click.testing import Result
 from commandline import run_python
 
+import ancf2d
 import ancf2d.cli
 from ancf2d.cli.app import COMMANDS, app
 
@@ -57,7 +65,51 @@ os.environ.update(COMP_WORDS={words!r}, COMP_CWORD="{number}", _ANCF2D_COMPLETE=
 sys.argv = ["ancf2d"]
 runpy.run_module("ancf2d", run_name="__main__")
 """)
-        return [line.split(",")[1] for line in found.stdout.split()]
+        return [line.partition(",")[2] for line in found.stdout.split()]
     assert complete("ancf2d ", 1) == list(COMMANDS)
     assert "frame" in complete("ancf2d new --kind f", 3)
     assert "--set" in complete("ancf2d run --s", 2)
+    assert complete("ancf2d elements reis", 2) == ["reissner2", "reissner3"]
+    assert complete("ancf2d convergence beam.yaml --element cable,reis", 4) == ["cable,reissner2", "cable,reissner3"]
+    assert complete("ancf2d plot beam.h5 sn", 3) == ["snapshots"]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash is installed")
+@pytest.mark.parametrize(("words", "expected"), [
+    (["ancf2d", "conv"], ["convergence"]), (["ancf2d", "run", "--acc"], ["--accuracy"]),
+    (["ancf2d", "completion", "f"], ["fish"]), (["ancf2d", "plot", "be"], [])])
+def test_bash_completes_once_it_has_read_what_completion_prints(words: list[str], expected: list[str],
+                                                                folder: Path) -> None:
+    (folder / "bin").mkdir()
+    program = folder / "bin" / "ancf2d"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ancf2d "$@"\n')
+    program.chmod(0o755)
+    quoted = " ".join(words)
+    # compopt speaks only to a completion under way; what it would be told is printed in its place
+    script = f"""
+compopt() {{ printf 'compopt %s %s\\n' "$@"; }}
+eval "$(ancf2d completion bash)"
+complete -p ancf2d
+COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}
+_ancf2d_completion ancf2d
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+    done = subprocess.run(["bash", "--norc", "-c", script], capture_output=True, text=True, check=True, timeout=60,
+                          env={**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"})
+    first, *found = done.stdout.split("\n")
+    assert "-F _ancf2d_completion ancf2d" in first
+    assert [line for line in found if line] == (expected or ["compopt -o default"])
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_are_told_how_to_ask(shell: str, call: Callable[..., Result]) -> None:
+    script = call("completion", shell).stdout
+    assert f"_ANCF2D_COMPLETE={shell}_complete" in script
+
+
+def test_a_shell_without_completion_is_refused(call: Callable[..., Result]) -> None:
+    assert call("completion", "csh").exit_code == 2
+
+
+def test_the_version_is_that_of_the_package(call: Callable[..., Result]) -> None:
+    assert call("--version").stdout.split()[-1] == metadata.version("ancf2d") == ancf2d.__version__

@@ -1,0 +1,31 @@
+"""``ancf2d completion``: what a shell reads so that it completes command lines."""
+
+from __future__ import annotations
+
+import click
+from click.shell_completion import get_completion_class
+
+from .options import debug_option, examples
+from .session import Session
+
+SHELLS = ("bash", "zsh", "fish")
+# the variable by which the shell asks, as click derives it from the program's name
+VARIABLE = "_ANCF2D_COMPLETE"
+
+
+@click.command(epilog=examples("ancf2d completion bash >> ~/.bashrc", "ancf2d completion zsh >> ~/.zshrc",
+                               "ancf2d completion fish > ~/.config/fish/completions/ancf2d.fish"))
+@click.argument("shell", type=click.Choice(SHELLS))
+@debug_option
+@click.pass_context
+def command(context: click.Context, shell: str) -> int:
+    """Print the lines by which a shell completes commands, options, element types and files.
+
+    They are for the shell's start file; bash must be 4.4 or newer.
+    """
+    found = get_completion_class(shell)
+    assert found is not None, "click knows the shells that are offered"
+    session = context.find_object(Session)
+    assert session is not None, "every invocation has one"
+    session.out(found(context.find_root().command, {}, "ancf2d", VARIABLE).source())
+    return 0
