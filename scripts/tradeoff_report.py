@@ -1,6 +1,6 @@
 """Measure what accuracy costs in four cases, draw it, and write the tables into docs/tradeoff.md, stamped.
 
-About ten minutes; on a machine that does nothing else, or the times are not those of the solves.
+About a quarter of an hour; on a machine that does nothing else, or the times are not those of the solves.
 
     OPENBLAS_NUM_THREADS=1 python scripts/tradeoff_report.py [--studies cantilever,beam]
 """
@@ -8,6 +8,7 @@ About ten minutes; on a machine that does nothing else, or the times are not tho
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import tempfile
 from dataclasses import dataclass
@@ -23,13 +24,18 @@ from ancf2d.plot.output import save
 from ancf2d.results import Results
 from ancf2d.study.run import load
 from ancf2d.study.tradeoff.file import write_tradeoff
+from ancf2d.study.tradeoff.front import cheapest
 from ancf2d.study.tradeoff.plan import Choice
-from ancf2d.study.tradeoff.result import Study, accuracy_name
+from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
 from ancf2d.study.tradeoff.study import tradeoff
+from ancf2d.study.variants import parse_variants
 
 PAGE = ROOT / "docs" / "tradeoff.md"
 MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
+FORMULATIONS = ("enhanced", "structural", "strain_split", "continuum")
+METHODS = ("radau5", "radau9", "generalized_alpha", "hht", "newmark", "RK45")
+SMALL_STEPS = ("solver={type: static, steps: 100}",)  # so that a solve takes long enough to be measured
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,21 @@ class Subject:
     overrides: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Contest:
+    """A study in which a default stands beside what else could be one: what each needs for each accuracy.
+
+    ``default``: how the default goes by in the table; ``elements``: of the mesh whose errors are told instead, where
+    times cannot be told apart.
+    """
+
+    case: str
+    default: str
+    choice: Choice
+    overrides: tuple[str, ...] = ()
+    elements: int | None = None
+
+
 SUBJECTS = {
     "cantilever": Subject("cases/paper/table2_2d2n.yaml", "Cantilever bent by a third of its length (Table 2)", 60.0,
                           overrides=("bodies.beam.element.count=64",)),
@@ -51,6 +72,19 @@ SUBJECTS = {
                               120.0, continuum=True),
     "pendulum1": Subject("cases/dynamic/pendulum1_reissner3.yaml", "Slender stiff pendulum (1)", 240.0),
     "pendulum2": Subject("cases/dynamic/pendulum2_reissner3.yaml", "Thick soft pendulum (2)", 120.0),
+}
+
+CONTESTS = {
+    "points": Contest("cases/paper/table2_2d2n.yaml", "reissner3, [2, 1]", Choice(
+        variants=tuple(parse_variants("reissner3")), quadratures=((2, 1), (3, 1), (4, 1)), meshes=(2, 4, 8, 16, 32),
+        repeat=9, accuracies=ACCURACIES), overrides=("bodies.beam.element={type: reissner3, count: 4}", *SMALL_STEPS)),
+    "formulations": Contest("cases/static/thick_cantilever.yaml", "vallejo (enhanced), [2, 2]", Choice(
+        variants=tuple(parse_variants(",".join(f"vallejo:{name}" for name in FORMULATIONS))),
+        quadratures=((2, 2), (3, 2), (2, 3)), meshes=(4, 8, 16, 32), repeat=1),
+        overrides=("bodies.beam.element={type: vallejo, count: 4}",), elements=4),
+    "integrators": Contest("cases/dynamic/pendulum2_reissner3.yaml", "radau5", Choice(
+        variants=tuple(parse_variants("reissner3")), methods=METHODS, meshes=(4, 8, 16, 32), key="tolerance",
+        steps=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6), repeat=9, budget=240.0, accuracies=(1e-2, 1e-3, 1e-4, 1e-5))),
 }
 
 
@@ -100,6 +134,44 @@ def tail(study: Study) -> str:
             + (f"{left} had no room in {study.budget:.0f} s." if left else "none was left out."))
 
 
+def name_of(row: Row) -> str:
+    """Return what a row of a contest is: its integrator, or its formulation and quadrature."""
+    setting = row.task.setting
+    if setting.method is not None:
+        return str(setting.method)
+    named = setting.variant.formulation
+    return f"{row.measured.element}{f' ({named})' if named else ''}, {list(setting.quadrature)}"
+
+
+def contest(study: Study, default: str) -> str:
+    """Return the time of the cheapest mesh and steps of each for each accuracy; the default first, bold the fastest."""
+    sorts: dict[str, list[Row]] = {default: []}
+    for row in study.rows:
+        sorts.setdefault(name_of(row), []).append(row)
+    best = [study.recommended(a) for a in study.accuracies]
+    lines = []
+    for name, rows in sorts.items():
+        cells = []
+        for accuracy, winner in zip(study.accuracies, best, strict=True):
+            k = cheapest([math.inf if r.measured.wall_s is None else r.measured.wall_s for r in rows],
+                         [r.judged for r in rows], accuracy)
+            found = "-" if k is None else f"{time_text(rows[k])}, {rows[k].measured.elements}"
+            cells.append(f"**{found}**" if k is not None and rows[k] is winner else found)
+        lines.append([f"`{name}`{' (default)' if name == default else ''}", *cells])
+    return table(["", *(accuracy_name(a) for a in study.accuracies)], lines)
+
+
+def alike(study: Study, default: str, elements: int) -> str:
+    """Return errors on one mesh, and how far the limits are from the continuum."""
+    lines = []
+    for row in study.rows:
+        if row.measured.elements == elements:
+            name, known = name_of(row), study.series[row.series]
+            lines.append([f"`{name}`{' (default)' if name == default else ''}", error_text(row).replace("<", "&lt;"),
+                          model_text(known).replace("<", "&lt;")])
+    return table(["", f"error, {elements} elements", "model error"], lines)
+
+
 def write(name: str, found: str) -> None:
     """Put a text in its place on the page. Raises ValueError where the page has none."""
     text = PAGE.read_text(encoding="utf-8")
@@ -117,20 +189,31 @@ def picture(study: Study, subject: Subject, name: str, folder: Path) -> None:
     shrunk(folder / f"{name}.png", IMAGES / f"tradeoff_{name}.png")
 
 
+def study_of(name: str) -> list[str]:
+    """Return what the page says of a subject or a contest, and draw the subject."""
+    if name in CONTESTS:
+        known = CONTESTS[name]
+        study = tradeoff(load(str(ROOT / known.case), known.overrides), known.choice)
+        if known.elements is not None:
+            return [alike(study, known.default, known.elements)]
+        return [contest(study, known.default)]
+    subject = SUBJECTS[name]
+    choice = Choice(budget=subject.budget, accuracies=ACCURACIES, continuum=subject.continuum)
+    study = tradeoff(load(str(ROOT / subject.case), subject.overrides), choice)
+    with tempfile.TemporaryDirectory() as folder:
+        picture(study, subject, name, Path(folder))
+    return [recommended(study)] if subject.continuum else [recommended(study), limits(study), tail(study)]
+
+
 def main() -> None:
     """Measure the studies that are asked for, and write each as it is done."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--studies", default=",".join(SUBJECTS), help="some of %(default)s")
+    parser.add_argument("--studies", default=",".join((*SUBJECTS, *CONTESTS)), help="some of %(default)s")
     wanted = parser.parse_args().studies.split(",")
-    if unknown := [name for name in wanted if name not in SUBJECTS]:
-        parser.error(f"no study {', '.join(unknown)}; there are {', '.join(SUBJECTS)}")
+    if unknown := [name for name in wanted if name not in {**SUBJECTS, **CONTESTS}]:
+        parser.error(f"no study {', '.join(unknown)}; there are {', '.join((*SUBJECTS, *CONTESTS))}")
     for name in wanted:
-        subject = SUBJECTS[name]
-        choice = Choice(budget=subject.budget, accuracies=ACCURACIES, continuum=subject.continuum)
-        study = tradeoff(load(str(ROOT / subject.case), subject.overrides), choice)
-        parts = [recommended(study)] if subject.continuum else [recommended(study), limits(study), tail(study)]
-        with tempfile.TemporaryDirectory() as folder:
-            picture(study, subject, name, Path(folder))
+        parts = study_of(name)
         write(name, "\n\n".join(parts))
         print(f"{name}\n\n" + "\n\n".join(parts) + "\n", flush=True)
     write("stamp", f"Measured with one thread by `python scripts/tradeoff_report.py` on {date.today()}: {machine()}; "
