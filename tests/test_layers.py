@@ -1,0 +1,68 @@
+"""Who may know whom: each room of the package imports from those below it alone; files and functions stay readable."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "ancf2d"
+BASE = {"errors", "plain", "__version__"}
+# what a room may import from, besides itself and the base
+BELOW = {
+    "case": set(), "elements": set(), "results": set(),
+    "kernels": {"elements"},
+    "model": {"case", "elements", "kernels"},
+    # a motion may begin with the last state of a result file
+    "solve": {"case", "elements", "kernels", "model", "results"},
+    "study": {"case", "elements", "kernels", "model", "results", "solve"},
+    "plot": {"results"}, "view": {"results"},
+    # a solution is printed as the command line prints it
+    "api": {"case", "cli", "plot", "results", "study"},
+    "cli": {"case", "elements", "plot", "results", "solve", "study", "view"},
+}
+ROOMS = sorted(BELOW)
+# the loop of a motion, and the step that keeps energy: one compiled function each, as calls there cost time
+LONG = {"advance": 75, "conserving_step": 60}
+
+
+def imported(path: Path, tree: ast.AST) -> Iterator[str]:
+    """The rooms that a file imports from."""
+    parts = ("ancf2d", *path.relative_to(PACKAGE).parent.parts)
+    for node in ast.walk(tree):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(parts[:len(parts) - node.level + 1]) if node.level else ""
+            module = ".".join(filter(None, [base, node.module]))
+            names = [f"{module}.{alias.name}" for alias in node.names]
+        yield from (name.split(".")[1] for name in names if name.startswith("ancf2d."))
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_import_from_those_below(room: str) -> None:
+    wrong = [f"{path.relative_to(PACKAGE)} imports {other}"
+             for path in (PACKAGE / room).rglob("*.py") for other in imported(path, ast.parse(path.read_text("utf-8")))
+             if other not in BELOW[room] | BASE | {room}]
+    assert not wrong
+
+
+def test_every_room_is_known() -> None:
+    assert sorted(p.name for p in PACKAGE.iterdir() if p.is_dir() and any(p.glob("*.py"))) == ROOMS
+
+
+def test_files_and_functions_are_short() -> None:
+    long = []
+    for path in PACKAGE.rglob("*.py"):
+        text = path.read_text("utf-8")
+        if len(text.splitlines()) > 400:
+            long.append(str(path.relative_to(PACKAGE)))
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                lines = (node.end_lineno or 0) - node.lineno + 1
+                if lines > LONG.get(node.name, 50):
+                    long.append(f"{path.relative_to(PACKAGE)}: {node.name}")
+    assert not long
