@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
-from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, apart, choose, judge
+from ancf2d.study.accuracy.mesh import Ladder
+from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, Told, apart, choose, judge, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least, with_setting
 from ancf2d.study.answer import Answer, solve_for_goal
 from ancf2d.study.record import Progress
@@ -119,6 +123,16 @@ def test_the_simplest_type_that_the_accuracy_allows():
     assert abs(rough.accuracy["value"] - exact.value) / exact.size <= rough.accuracy["estimate"] <= 2e-2
 
 
+def test_coarse_meshes_of_a_simple_model_are_not_taken_for_its_error():
+    """Of a slender beam the meshes of ``cable`` err more than its model: it is found once they are fine enough."""
+    slender = case(CANTILEVER.replace("height: 0.1", "height: 0.01").replace("-500e3", "-500"), "auto", "accuracy=1e-4")
+    reached = solve_to_accuracy(slender)
+    assert reached.achieved
+    assert reached.accuracy["types"]["beam"]["element"] == "cable"
+    exact = limit(case(slender.text, "", "bodies.beam.element={type: reissner3, count: 1}"), 64)
+    assert abs(reached.accuracy["value"] - exact.value) / exact.size <= reached.accuracy["estimate"] <= 1e-4
+
+
 def test_a_continuum_needs_an_element_with_a_section_that_deforms():
     reached = solve_to_accuracy(case(CANTILEVER, "auto", "accuracy=1e-4", "goal.model=continuum"))
     assert reached.accuracy["types"]["beam"]["element"] in ("ancf[3,2]", "ancf[3,3]")
@@ -215,6 +229,55 @@ def test_where_load_steps_end_elsewhere_all_is_solved_with_them(monkeypatch):
     assert reached.achieved
     last = [level for level in reached.accuracy["path"][-3:]]
     assert all(level["iterations"] > 20 for level in last)
+
+
+class Invented(Pursuit):
+    """A pursuit whose answers are a function of elements and tolerance."""
+
+    def __init__(self, loaded: LoadedCase, answer: Callable[[int, float | None], float]) -> None:
+        super().__init__(loaded, 1e-3, Progress())
+        self.answer = answer
+
+    def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
+        level = Level(setting, why, Answer(self.answer(setting.elements, setting.tolerance), 1.0), iterations=10)
+        self.levels.append(level)
+        return level
+
+
+def test_a_goal_without_a_limit_is_given_up():
+    """f = 1 + log n: differences never fall."""
+    pursuit = Invented(case(CANTILEVER, "{type: cable, count: 1}"), lambda n, tolerance: 1.0 + math.log(n))
+    _, error, found = Ladder(pursuit, {}, None).climb(1e-3)
+    assert error > 1e-3
+    assert "have not made the error smaller" in found.note
+    assert len(pursuit.levels) < 10
+
+
+def test_a_mesh_that_costs_too_much_is_not_solved():
+    pursuit = Invented(case(CANTILEVER, "{type: cable, count: 1}"), lambda n, tolerance: 1.0 + n**-1.0)
+    _, error, found = Ladder(pursuit, {}, None).climb(1e-9)
+    assert error > 1e-9
+    assert "more than 200000 elements would be needed" in found.note
+    assert max(level.setting.elements for level in pursuit.levels) <= 200_000
+
+
+def test_smaller_steps_are_taken_where_meshes_differ_because_of_them():
+    """f = 1 + n^-4 + what a tolerance leaves, of changing sign: meshes alone would never come closer."""
+    def answer(n: int, tolerance: float | None) -> float:
+        assert tolerance is not None
+        return 1.0 + n**-4.0 + 30.0 * tolerance * math.cos(2.0 * n)
+
+    pursuit = Invented(case(SWING), answer)
+    ladder = Ladder(pursuit, {}, 1e-3)
+    level, error, _ = ladder.climb(1e-3)
+    assert error <= 1e-3
+    assert level is not None
+    assert level.setting.tolerance <= 1e-4
+    assert any("because of the steps" in tried.why for tried in pursuit.levels)
+
+
+def test_a_tenth_has_no_more_digits_than_the_whole():
+    assert [tenth(1e-3), tenth(tenth(1e-3)), tenth(3e-7)] == [1e-4, 1e-5, 3e-8]
 
 
 def test_polylines_begin_with_elements_of_one_length():

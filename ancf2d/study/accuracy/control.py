@@ -15,14 +15,13 @@ from ..run import Outcome, describe_goal, prepare
 from ..variants import Variant, flexible
 from .fidelity import BEAM, choose_types
 from .mesh import Ladder
-from .pursuit import Pursuit, Target, apart
+from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
 from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
 # of the wanted error: what steps in time, and what simpler models, may take
 TIME, MODEL = 0.2, 0.3
-TENTH, LEAST_TOLERANCE = 0.1, 1e-12
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
 
@@ -112,12 +111,14 @@ def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         return found, error + pursuit.report["time_error"]
 
     while True:
-        tolerance = TENTH * (rough.setting.tolerance or 1.0)
+        tolerance = tenth(rough.setting.tolerance or 1.0)
         fine = pursuit.solve(replace(rough.setting, tolerance=tolerance), "steps in time: how much they matter", told)
         pursuit.write(fine, told)
         accuracy = pursuit.accuracy(fine, *told(fine))
-        if accuracy["achieved"] or error > pursuit.wanted or fine.reason or tolerance < LEAST_TOLERANCE:
+        if accuracy["achieved"] or error > pursuit.wanted or fine.reason:
             return accuracy
+        if tolerance <= LEAST_TOLERANCE or 2 * fine.work > MOST_WORK:
+            return accuracy | {"note": "steps in time so small as would be needed take too long"}
         rough = fine
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ..order import Estimate
 from ..variants import Variant
-from .pursuit import MOST_ELEMENTS, MOST_LEVELS, Pursuit, choose, judge
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, choose, judge, tenth
 from .setting import Level, Setting, bodies_with_meshes, least
 
 LADDER = 3          # levels at least, the first of which is the least mesh
@@ -18,6 +18,10 @@ LEAP, HOP = 32.0, 4.0  # largest refinement at once, and the largest that needs 
 STEP = 1.5          # smallest refinement that says anything
 # levels before several bodies are shared out, and the least share of a body in that
 EVEN, SLIGHT = 4, 3
+# meshes in a row that do not make the error smaller: where it is given up
+STALLED = 4
+# of the difference between meshes: what steps in time may move before they are made smaller
+NOISE = 0.25
 
 
 class Ladder:
@@ -41,7 +45,7 @@ class Ladder:
 
         Returns that level, or the finest that was solved (None where none was), its error, and what meshes tell.
         """
-        size, shared = 1.0, len(self.shares) < 2
+        size, shared, hopeless = 1.0, len(self.shares) < 2, ""
         for _ in range(MOST_LEVELS):
             why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted by the order seen"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
@@ -49,15 +53,47 @@ class Ladder:
             level, error, found = self._chosen(wanted)
             if len(self.levels) >= LADDER and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
                 break
+            if self._steps_matter():
+                size = max(1.0, size / 4.0)
+                continue
             if not shared and len(self.levels) >= EVEN:
                 shared = True
                 size = self._share(size)
                 continue
             size *= self._factor(error / wanted, found)
-            if self.setting(size).elements > MOST_ELEMENTS:
-                note = f"{found.note + '; ' if found.note else ''}more than {MOST_ELEMENTS} elements would be needed"
-                return level, error, replace(found, note=note)
-        return self._chosen(wanted)
+            hopeless = self._hopeless(size)
+            if hopeless:
+                break
+        level, error, found = self._chosen(wanted)
+        return level, error, replace(found, note="; ".join(note for note in (found.note, hopeless) if note))
+
+    def _hopeless(self, size: float) -> str:
+        """Return why a mesh of a size is not worth its solve, empty where it is."""
+        elements = self.setting(size).elements
+        if elements > MOST_ELEMENTS:
+            return f"more than {MOST_ELEMENTS} elements would be needed"
+        if self.levels and elements * self.levels[-1].iterations > MOST_WORK:
+            return f"{elements} elements and about {self.levels[-1].iterations} iterations would be needed"
+        recent = [level.estimate or 0.0 for level in self.levels[-STALLED - 1:]]
+        if len(self.levels) >= LADDER + STALLED and recent[-1] >= 0.5 * max(recent[:-1]):
+            return f"{STALLED} finer meshes have not made the error smaller"
+        return ""
+
+    def _steps_matter(self) -> bool:
+        """Whether meshes differ because of the steps in time; the tolerance is smaller then, and levels begin again."""
+        if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
+            return False
+        middle, last = self.levels[-2:]
+        gap = apart(middle, last)
+        if gap < 0.5 * apart(self.levels[-3], middle):
+            return False
+        finer = self.pursuit.solve(replace(middle.setting, tolerance=tenth(self.tolerance)),
+                                   "whether meshes differ because of the steps in time")
+        if not apart(middle, finer) > NOISE * gap:
+            return False
+        self.tolerance = tenth(self.tolerance)
+        self.levels = []
+        return True
 
     def _chosen(self, wanted: float) -> tuple[Level | None, float, Estimate]:
         """Return the coarsest level that will do, or the finest where it is written already and its order confirmed."""

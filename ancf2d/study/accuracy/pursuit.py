@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 # of all bodies, on the way to an accuracy
 MOST_ELEMENTS = 200_000
+# elements times iterations of one solve: some minutes
+MOST_WORK = 10**7
 MOST_LEVELS = 30
+LEAST_TOLERANCE = 1e-12
 # orders that errors are estimated by, how much neighbouring ones may differ, and what is added to be safe
 LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 # what an order that nothing confirms may promise, one that changes sign, and what is added there
@@ -162,6 +165,11 @@ class Pursuit:
 
 def _named(types: dict[str, Variant]) -> tuple[tuple[str, Variant], ...]:
     return tuple(types.items())
+
+
+def tenth(tolerance: float) -> float:
+    """Return a tenth of a tolerance, without the digits that tenths of decimal numbers leave."""
+    return float(f"{0.1 * tolerance:.6g}")
 
 
 def apart(level: Level, finest: Level) -> float:
