@@ -2,9 +2,11 @@
 
     python scripts/reproduce_paper.py [--table 1] [--json]
     python scripts/reproduce_paper.py --figures FOLDER
+    python scripts/reproduce_paper.py --report report.html
 
-The second form draws Figures 3 to 5 into a folder instead, with the result files that they are drawn from. Exit code
-0 where every verdict is the documented one (see paper_tables.py), else 1.
+The second form draws Figures 3 to 5 into a folder instead, with the result files that they are drawn from; the third
+writes all tables and figures into one page, in a few minutes. Exit code 0 where every verdict is the documented one
+(see paper_tables.py), else 1.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -68,19 +71,45 @@ def report(table: Table, verdicts: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines + [f"[{i}] {text}." for i, text in enumerate(reasons, 1)])
 
 
+def write_report(file: Path) -> bool:
+    """Write all tables and figures into one HTML page; return whether every verdict is the documented one."""
+    from paper_figures import Workshop  # matplotlib only where something is drawn
+    from paper_report import page
+
+    with tempfile.TemporaryDirectory() as folder:
+        text, documented = page(Workshop(Path(folder), suffix="svg", told=_tell), examine)
+    file.write_text(text, encoding="utf-8")
+    return documented
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def draw_figures(folder: Path) -> list[Path]:
+    """Draw Figures 3 to 5 into a folder; return the pictures."""
+    from paper_figures import Workshop, static_figures
+
+    folder.mkdir(parents=True, exist_ok=True)
+    return [drawn.file for drawn in static_figures(Workshop(folder))]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Examine the tables that are asked for, or draw the figures; return the exit code."""
+    """Examine the tables that are asked for, draw the figures, or write the report; return the exit code."""
     parser = argparse.ArgumentParser(description="The paper's tables beside what ancf2d computes, or its figures.")
     parser.add_argument("--table", choices=sorted(TABLES), action="append", help="only this table (repeatable)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--figures", type=Path, metavar="FOLDER", help="draw Figures 3 to 5 into a folder instead")
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write all tables and figures into one page")
     options = parser.parse_args(arguments)
-    if options.figures is not None:
-        if options.table or options.json:
-            parser.error("--figures goes without --table and --json")
-        from paper_figures import make_figures  # matplotlib only where something is drawn
-
-        print("\n".join(f"wrote {picture}" for picture in make_figures(options.figures)))
+    if options.figures is not None or options.report is not None:
+        if options.table or options.json or None not in (options.figures, options.report):
+            parser.error("--figures and --report go alone")
+        if options.report is not None:
+            documented = write_report(options.report)
+            print(f"wrote {options.report}")
+            return 0 if documented else 1
+        print("\n".join(f"wrote {picture}" for picture in draw_figures(options.figures)))
         return 0
     found = {name: examine(TABLES[name]) for name in options.table or sorted(TABLES)}
     if options.json:

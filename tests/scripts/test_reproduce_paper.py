@@ -71,30 +71,38 @@ def test_command_line() -> None:
 
 
 def test_figures_are_drawn_from_the_papers_cases(reproduce, tmp_path: Path) -> None:
-    from paper_figures import make_figures
+    from paper_figures import Workshop, static_figures
 
     from ancf2d.results import open_results
 
-    pictures = make_figures(tmp_path / "new" / "folder", meshes=(2, 4), elements=4)
+    pictures = [d.file for d in static_figures(Workshop(tmp_path, meshes=(2, 4), elements=4))]
     assert [p.name for p in pictures] == ["figure3_ux.png", "figure3_uy.png", "figure4.png", "figure5_linear.png",
                                           "figure5_nonlinear.png"]
     assert all(p.read_bytes().startswith(b"\x89PNG") for p in pictures)
-    folder = tmp_path / "new" / "folder"
     for name, types in (("linear", "2d2n"), ("nonlinear", "2d2n")):
-        with open_results(folder / f"{name}_{types}.h5") as results:
+        with open_results(tmp_path / f"{name}_{types}.h5") as results:
             assert results.solver == {"linear": "linear_static", "nonlinear": "static"}[name]
             assert (results.body("beam").element_type, len(results.body("beam").dofs)) == (types, 4)
-    with open_results(folder / "figure3_ux_beam189.h5") as results:
+    with open_results(tmp_path / "figure3_ux_beam189.h5") as results:
         table = results.tables["convergence"]
         assert (list(table["elements"]), set(table["element"])) == ([2, 4], {"reissner3"})
         assert table.attrs["goal"] == "tip ux"
 
 
 def test_figures_from_the_command_line(reproduce, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    import paper_figures
-
-    monkeypatch.setattr(paper_figures, "make_figures", lambda folder: [folder / "figure4.png"])
+    monkeypatch.setattr(reproduce, "draw_figures", lambda folder: [folder / "figure4.png"])
     assert reproduce.main(["--figures", str(tmp_path)]) == 0
     assert capsys.readouterr().out == f"wrote {tmp_path / 'figure4.png'}\n"
-    with pytest.raises(SystemExit):
-        reproduce.main(["--figures", str(tmp_path), "--table", "1"])
+    for more in (["--table", "1"], ["--report", "a.html"], ["--json"]):
+        with pytest.raises(SystemExit):
+            reproduce.main(["--figures", str(tmp_path), *more])
+
+
+@pytest.mark.parametrize(("documented", "code"), [(True, 0), (False, 1)])
+def test_the_report_tells_of_verdicts_that_are_not_as_documented(reproduce, tmp_path: Path, documented: bool,
+                                                                 code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    import paper_report
+
+    monkeypatch.setattr(paper_report, "page", lambda shop, examine: ("<p>page</p>", documented))
+    assert reproduce.main(["--report", str(tmp_path / "a.html")]) == code
+    assert (tmp_path / "a.html").read_text(encoding="utf-8") == "<p>page</p>"
