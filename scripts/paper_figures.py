@@ -81,8 +81,8 @@ class Workshop:
 
 
 def length(meters: float) -> str:
-    """Return a length in millimetres, two digits."""
-    return f"{1e3 * meters:.2g} mm"
+    """Return a length in metres or, below a tenth of one, millimetres, two digits."""
+    return f"{meters:.2g} m" if meters >= 0.1 else f"{1e3 * meters:.2g} mm"
 
 
 def static_figures(shop: Workshop) -> list[Drawn]:

@@ -40,7 +40,7 @@ h1 { font-size: 1.5rem; line-height: 1.25; } h2 { margin-top: 2.4rem; border-bot
 table { border-collapse: collapse; margin: 0.8rem 0; font-variant-numeric: tabular-nums; width: 100%; }
 th, td { text-align: left; padding: 0.15rem 0.7rem 0.15rem 0; vertical-align: top; border-bottom: 1px solid #eee; }
 th { border-bottom: 1px solid #888; } td.n, th.n { text-align: right; }
-td:first-child { white-space: nowrap; }
+td:first-child, table.numbers td:nth-child(2) { white-space: nowrap; }
 .same { color: #1a6b3c; } .differs { color: #a33; } .alarm { background: #fdd; font-weight: bold; }
 figure { margin: 1.6rem 0; break-inside: avoid; } figure img { max-width: 100%; width: 40rem; display: block; }
 figure img.wide { width: 60rem; }
@@ -60,13 +60,13 @@ class Count:
     documented: bool
 
 
-def table_html(head: Sequence[tuple[str, bool]], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table; of the head each (text, whether it is a number); the cells are HTML."""
+def table_html(head: Sequence[tuple[str, bool]], rows: Sequence[Sequence[str]], kind: str = "numbers") -> str:
+    """Return an HTML table of a kind with a style; of the head each (text, whether it is a number); cells are HTML."""
     marks = [' class="n"' if number else "" for _, number in head]
     top = "".join(f"<th{m}>{escape(text)}</th>" for (text, _), m in zip(head, marks, strict=True))
     body = "\n".join("<tr>" + "".join(f"<td{m}>{c}</td>" for c, m in zip(row, marks, strict=True)) + "</tr>"
                      for row in rows)
-    return f"<table><thead><tr>{top}</tr></thead><tbody>\n{body}\n</tbody></table>"
+    return f'<table class="{kind}"><thead><tr>{top}</tr></thead><tbody>\n{body}\n</tbody></table>'
 
 
 def difference(printed: str, computed: str, sign_lost: bool = False) -> str:
@@ -78,7 +78,7 @@ def difference(printed: str, computed: str, sign_lost: bool = False) -> str:
 
 def verdict(same: bool, documented: bool = True, mark: str = "") -> str:
     """Return the verdict on one number as HTML."""
-    word = f'<span class="same">{SAME}</span>' if same else f'<span class="differs">differs</span>{mark}'
+    word = '<span class="same">same digits</span>' if same else f'<span class="differs">differs</span>{mark}'
     return word if documented else f'<span class="alarm">{word}, not as documented</span>'
 
 
@@ -155,7 +155,7 @@ def summary(counts: Sequence[Count], figures: Sequence[Drawn]) -> str:
         of = [d for d in figures if d.name == name]
         rows.append([name, escape(of[0].claim), _borne(of[0] if all(d.holds for d in of) else
                                                        next(d for d in of if not d.holds))])
-    return table_html([("", False), ("", False), ("here", False)], rows)
+    return table_html([("", False), ("", False), ("here", False)], rows, "summary")
 
 
 def page(shop: Workshop, examine: Callable[[Any], list[dict[str, Any]]]) -> tuple[str, bool]:
