@@ -1,7 +1,8 @@
-"""Make the pictures of docs/plots.md anew, by the commands that stand there."""
+"""Make the pictures of documents anew, by the commands that stand there; without names, those of all."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import shutil
@@ -13,15 +14,27 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENT = ROOT / "docs" / "plots.md"
-IMAGES = ROOT / "docs" / "images"
+DOCS = ROOT / "docs"
+IMAGES = DOCS / "images"
+# documents all of whose pictures are made by their own commands, and pages of which one is a picture in motion
+DOCUMENTS = ("tutorial", "gallery", "plots")
+PAGES = {"plots": ("crank.html", "view.png")}
 WIDTH, COLORS = 760, 256
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def commands(text: str) -> list[str]:
-    """Return the lines of the document's bash blocks."""
-    return [line for block in re.findall(r"^```bash\n(.*?)^```$", text, re.M | re.S) for line in block.splitlines()]
+    """Return the lines of a document's bash blocks and those of its console blocks that are typed, in their order."""
+    out = []
+    for language, body in re.findall(r"^```(bash|console)\n(.*?)^```$", text, re.M | re.S):
+        lines = body.splitlines()
+        out += lines if language == "bash" else [line[2:] for line in lines if line.startswith("$ ")]
+    return out
+
+
+def files(text: str) -> dict[str, str]:
+    """Return the files that a document asks to save, with what is in them."""
+    return dict(re.findall(r"[Ss]ave this as `([\w.-]+)`:\n\n```\w+\n(.*?)^```$", text, re.M | re.S))
 
 
 def shrunk(source: Path, target: Path) -> None:
@@ -47,25 +60,36 @@ def screenshot(page: Path, target: Path) -> bool:
     return True
 
 
-def main() -> int:
-    """Run the commands in a folder of their own and put the pictures that the document shows beside it."""
-    text = DOCUMENT.read_text(encoding="utf-8")
+def make(document: str) -> None:
+    """Run the commands of a document in a folder of their own and put the pictures that it shows beside it."""
+    text = (DOCS / f"{document}.md").read_text(encoding="utf-8")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "cases").symlink_to(ROOT / "cases")
+        for file, content in files(text).items():
+            (folder / file).write_text(content, encoding="utf-8")
         for command in commands(text):
             print(command, flush=True)
             subprocess.run(command, shell=True, cwd=folder, env={**os.environ, "PATH": path}, check=True,
                            stdout=subprocess.DEVNULL)
-        if not screenshot(folder / "crank.html", folder / "view.png"):
-            print("no browser is installed: images/view.png stays as it is")
-        for shown in re.findall(r"\]\(images/([\w.]+)\)", text):
+        page, picture = PAGES.get(document, ("", ""))
+        if page and not screenshot(folder / page, folder / picture):
+            print(f"no browser is installed: images/{picture} stays as it is")
+        for shown in re.findall(r"\]\(images/([\w.-]+)\)", text):
             made = folder / shown
             if made.suffix == ".png" and made.exists():
                 shrunk(made, IMAGES / shown)
             elif made.exists():
                 shutil.copy(made, IMAGES / shown)
+
+
+def main() -> int:
+    """Make the pictures of the documents that are named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("documents", nargs="*", metavar="NAME", help=f"among {', '.join(DOCUMENTS)}")
+    for document in parser.parse_args().documents or DOCUMENTS:
+        make(document)
     return 0
 
 

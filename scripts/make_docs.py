@@ -7,16 +7,19 @@ Exit code of --check: 0 where everything is current, else 1 with the names of wh
 from __future__ import annotations
 
 import argparse
+import inspect
 import re
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import audit_table
+import click
 import reproduce_paper
 
 from ancf2d.case import markdown_reference
+from ancf2d.cli.app import COMMANDS, app
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.errors import ComputationError
@@ -122,6 +125,22 @@ def case_reference() -> str:
     return text
 
 
+def command_line(name: str) -> str:
+    """Return the usage, the help and the options of a command, but for those that all commands have."""
+    command = app.get_command(None, name)  # type: ignore[arg-type]
+    assert command is not None
+    context = click.Context(command, info_name=name)
+    rows = [["option", "meaning"]]
+    for option in (p for p in command.params if isinstance(p, click.Option) and p.name != "debug"):
+        record = option.get_help_record(context)
+        if record is not None:
+            rows.append([f"`{record[0]}`", " ".join(record[1].split())])
+    usage = " ".join(["ancf2d", name, *command.collect_usage_pieces(context)])
+    # a | would end the cell
+    table = markdown_table([[cell.replace("|", "\\|") for cell in row] for row in rows])
+    return "\n\n".join([f"```text\n{usage}\n```", inspect.cleandoc(command.help or ""), *([table] if rows[1:] else [])])
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "elements": elements,
     "accuracy": lambda: accuracy((8,), BEAMS),
@@ -131,6 +150,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "paper": paper,
     "audit-verdicts": audit_table.verdicts,
     "audit-failures": audit_table.failures,
+    **{f"command-{name}": partial(command_line, name) for name in COMMANDS},
 }
 
 

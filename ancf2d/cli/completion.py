@@ -15,13 +15,13 @@ VARIABLE = "_ANCF2D_COMPLETE"
 
 @click.command(epilog=examples("ancf2d completion bash >> ~/.bashrc", "ancf2d completion zsh >> ~/.zshrc",
                                "ancf2d completion fish > ~/.config/fish/completions/ancf2d.fish"))
-@click.argument("shell", type=click.Choice(SHELLS))
+@click.argument("shell", type=click.Choice(SHELLS), metavar="SHELL")
 @debug_option
 @click.pass_context
 def command(context: click.Context, shell: str) -> int:
     """Print the lines by which a shell completes commands, options, element types and files.
 
-    They are for the shell's start file; bash must be 4.4 or newer.
+    SHELL is bash (4.4 or newer), zsh or fish; the lines belong into its start file.
     """
     found = get_completion_class(shell)
     assert found is not None, "click knows the shells that are offered"

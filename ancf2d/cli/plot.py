@@ -27,26 +27,33 @@ from .text import table
 @click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write what is drawn as a table of numbers.")
 @click.option("--animate", type=click.Path(), metavar="FILE", help="Write an animation: .gif, or .mp4 where ffmpeg is "
               "installed (shape, fields, modes).")
-@click.option("--frames", type=click.IntRange(2), default=60, show_default=True, help="Frames of it at most.")
-@click.option("--fps", type=click.IntRange(1, 100), default=20, show_default=True, help="Frames of it a second.")
+@click.option("--frames", metavar="N", type=click.IntRange(2), default=60, show_default=True,
+              help="Frames of it at most.")
+@click.option("--fps", metavar="N", type=click.IntRange(1, 100), default=20, show_default=True,
+              help="Frames of it a second.")
 @click.option("--list", "list_only", is_flag=True, help="List the kinds of figure that the file can be drawn as.")
-@click.option("--scale", type=float, help="Magnification of displacements (shape, fields, snapshots).")
-@click.option("--state", type=int, help="Stored state that is drawn; negative counts from the end (shape, fields, "
+@click.option("--scale", metavar="FACTOR", type=float,
+              help="Magnification of displacements (shape, fields, snapshots).")
+@click.option("--state", metavar="N", type=int,
+              help="Stored state that is drawn; negative counts from the end (shape, fields, "
               "section_forces, difference).")
-@click.option("--field", help="Field that is drawn: stress, strain or energy (fields).")
-@click.option("--component", help="Component of it: xx, yy, xy, or mises of stress (fields).")
+@click.option("--field", metavar="NAME", help="Field that is drawn: stress, strain or energy (fields).")
+@click.option("--component", metavar="NAME", help="Component of it: xx, yy, xy, or mises of stress (fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies over arc length and height, or where they are; "
               "default: unrolled where they are thin (fields).")
 @click.option("--at", metavar="T,T,...", help="Times or load factors that are drawn (snapshots).")
-@click.option("--probe", multiple=True, help="Probe that is drawn; may be given several times (curves).")
-@click.option("--quantity", multiple=True, help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
+@click.option("--probe", metavar="NAME", multiple=True,
+              help="Probe that is drawn; may be given several times (curves).")
+@click.option("--quantity", metavar="NAME", multiple=True,
+              help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
               help="What the error is drawn over (convergence, tradeoff).")
 @click.option("--values", is_flag=True, default=None, help="Draw the goal itself instead of its error (convergence).")
 @click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
               "(difference).")
-@click.option("--first", type=click.IntRange(1), help="First mode that is drawn (modes).")
-@click.option("--count", type=click.IntRange(1), help="Number of modes or moments that are drawn (modes, snapshots).")
+@click.option("--first", metavar="N", type=click.IntRange(1), help="First mode that is drawn (modes).")
+@click.option("--count", metavar="N", type=click.IntRange(1),
+              help="Number of modes or moments that are drawn (modes, snapshots).")
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
               "cases have in common.")
 @quiet_option
