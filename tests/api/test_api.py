@@ -269,3 +269,25 @@ def test_refinement_by_types_that_do_not_exist_names_the_nearest() -> None:
 def test_refinement_by_two_kinds_of_steps_is_refused() -> None:
     with pytest.raises(ancf2d.CaseError, match="one of them"):
         ancf2d.convergence(TEXT, MOTION, dt=[1e-3], tolerance=[1e-3])
+
+
+# ---------------------------------------------------------------------------- types
+
+@pytest.mark.slow
+def test_scripts_that_use_the_interface_pass_a_strict_type_checker(tmp_path: Path) -> None:
+    import re
+
+    document = (Path(ancf2d.__file__).parents[1] / "docs" / "python.md").read_text(encoding="utf-8")
+    for number, script in enumerate(re.findall(r"^```python\n(.*?)^```$", document, re.M | re.S)):
+        (tmp_path / f"script{number}.py").write_text(script)
+    (tmp_path / "wrong.py").write_text("import ancf2d\nancf2d.solve('beam.yaml').value + 'metres'\n"
+                                       "ancf2d.solve('beam.yaml', acuracy=1e-3)\n")
+
+    def check(*files: Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"),
+                               *map(str, files)], capture_output=True, text=True, cwd=tmp_path, check=False)
+    right = check(*tmp_path.glob("script*.py"))
+    assert right.returncode == 0, right.stdout
+    wrong = check(tmp_path / "wrong.py").stdout
+    assert "wrong.py:2: error: Unsupported" in wrong
+    assert 'wrong.py:3: error: Unexpected keyword argument "acuracy"' in wrong

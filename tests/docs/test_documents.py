@@ -69,7 +69,8 @@ def test_commands_run_and_print_what_is_shown(document: Path, workplace: Path) -
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
         if shown is not None:
             # a terminal shows both streams; progress and warnings need not stand in a document
-            assert agrees(shown, done.stdout) or agrees(shown, done.stderr + done.stdout), f"{command} prints\n{done.stdout}\n{done.stderr}"
+            assert agrees(shown, done.stdout) or agrees(shown, done.stderr + done.stdout), (
+                f"{command} prints\n{done.stdout}\n{done.stderr}")
 
 
 @EVERY
@@ -81,12 +82,16 @@ def test_links_lead_to_files(document: Path) -> None:
     assert [p for p in paths if not (ROOT / p).exists()] == []
 
 
+def headings(document: Path) -> set[str]:
+    """Return the names by which links lead to the headings of a document."""
+    text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-") for h in re.findall(r"^#+ (.*)$", text, re.M)}
+
+
 @EVERY
 def test_links_to_headings_lead_to_headings(document: Path) -> None:
-    text = document.read_text(encoding="utf-8")
-    slugs = {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-")
-             for h in re.findall(r"^#+ (.*)$", text, re.M)}
-    assert [a for a in re.findall(r"\]\(#([^)]+)\)", text) if a not in slugs] == []
+    links = re.findall(r"\]\(([^)#\s]*\.md)?#([^)]+)\)", document.read_text(encoding="utf-8"))
+    assert [(f, a) for f, a in links if a not in headings(document.parent / f if f else document)] == []
 
 
 def test_readme_has_two_set_up_commands_of_one_line_each() -> None:
