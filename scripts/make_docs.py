@@ -1,6 +1,7 @@
 """Write the parts of README.md and docs/ that are made from the program itself; --check only compares.
 
-A part stands between ``<!-- generated: NAME -->`` and ``<!-- end -->``; docs/case-reference.md is made as a whole.
+A part stands between ``<!-- generated: NAME -->`` and ``<!-- end -->``; case-reference.md and verification.md are made
+as a whole.
 Exit code of --check: 0 where everything is current, else 1 with the names of what is not.
 """
 
@@ -17,6 +18,7 @@ from pathlib import Path
 import audit_table
 import click
 import reproduce_paper
+import verification_manual
 
 from ancf2d.case import markdown_reference
 from ancf2d.cli.app import COMMANDS, app
@@ -28,7 +30,7 @@ from ancf2d.study.run import load, run_case, vocabulary
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "cases"
-MARKED = re.compile(r"(<!-- generated: (\S+) -->\n).*?(\n<!-- end -->)", re.S)
+MARKED = re.compile(r"(<!-- generated: (\S+) -->\n)(?:(?!<!-- ).*\n)*(<!-- end -->)")
 # a difference below this is round-off, whose digits depend on the machine
 ROUND_OFF = 1e-9
 
@@ -92,20 +94,6 @@ def accuracy(counts: Sequence[int], beams: Sequence[tuple[str, str, str]]) -> st
     return markdown_table(rows)
 
 
-def benchmarks() -> str:
-    """Return every expected value of every case beside the computed one."""
-    rows = [["case", "what", "expected", "computed", "off by", "allowed", "source"]]
-    for file in sorted(CASES.rglob("*.yaml")):
-        name = file.relative_to(CASES).with_suffix("").as_posix()
-        for c in run_case(load(file)).summary["checks"]:
-            scale = abs(c["expected"]) or 1.0
-            off, tiny = abs(c["difference"]), abs(c["value"]) < ROUND_OFF * c["allowed"]
-            rows.append([f"[{name}](../cases/{name}.yaml)", c["what"], f"{c['expected']:.9g}",
-                         "0" if tiny else f"{c['value']:.7g}",
-                         "round-off" if off < ROUND_OFF * scale else f"{off:.1e}", f"{c['allowed']:.1e}", c["source"]])
-    return markdown_table(rows)
-
-
 def paper() -> str:
     """Return the paper's tables with a verdict per entry."""
     tables = reproduce_paper.TABLES.values()
@@ -146,7 +134,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "accuracy": lambda: accuracy((8,), BEAMS),
     "accuracy-meshes": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[1:2]),
     "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
-    "benchmarks": benchmarks,
     "paper": paper,
     "audit-verdicts": audit_table.verdicts,
     "audit-failures": audit_table.failures,
@@ -154,11 +141,17 @@ PARTS: dict[str, Callable[[], str]] = {
 }
 
 
+WHOLE: dict[str, Callable[[], str]] = {
+    "case-reference.md": case_reference,
+    "verification.md": verification_manual.manual,
+}
+
+
 def current(file: Path) -> str:
     """Return what a document should say."""
-    if file.name == "case-reference.md":
-        return case_reference()
-    return MARKED.sub(lambda m: m[1] + PARTS[m[2]]() + m[3], file.read_text(encoding="utf-8"))
+    if file.name in WHOLE:
+        return WHOLE[file.name]()
+    return MARKED.sub(lambda m: f"{m[1]}{PARTS[m[2]]()}\n{m[3]}", file.read_text(encoding="utf-8"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -167,14 +160,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 where one is not current")
     check = parser.parse_args(arguments).check
     stale = []
-    for file in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "docs" / "case-reference.md"):
+    files = {*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / name for name in WHOLE)}
+    for file in (ROOT / "README.md", *sorted(files)):
         text = current(file)
         if not file.exists() or file.read_text(encoding="utf-8") != text:
             stale.append(file.relative_to(ROOT).as_posix())
             if not check:
                 file.write_text(text, encoding="utf-8")
     if stale:
-        print(f"{'not current' if check else 'written'}: {', '.join(dict.fromkeys(stale))}")
+        print(f"{'not current' if check else 'written'}: {', '.join(stale)}")
     return 1 if check and stale else 0
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from paper_tables import MESHES
 
+from ancf2d.errors import ComputationError
 from ancf2d.plot import Curves, Picture, build, rendered, save
 from ancf2d.results import open_results
 from ancf2d.study.convergence import convergence
@@ -98,7 +99,10 @@ def _figure_3(shop: Workshop, quantity: str) -> Drawn:
         files[label] = shop.folder / f"figure3_{quantity}_{name}.h5"
         found = convergence(loaded, meshes=shop.meshes)
         write_convergence(found, loaded, str(files[label]))
-        last[name] = found.rows[-1].answer.value
+        answer = found.rows[-1].answer
+        if answer is None:
+            raise ComputationError(f"Figure 3: {label} has no solution with {shop.meshes[-1]} elements")
+        last[name] = answer.value
     way = DIRECTIONS[quantity]
     picture = shop.build(files, "convergence", f"Figure 3: {way} displacement of the tip", values=True)
     off = {name: abs(last[name] / last["beam189"] - 1) for name in ("2d2n", "2d3n", "omar")}

@@ -1,0 +1,118 @@
+"""The verification manual: every case with its references, what is computed, and whether they agree.
+
+What a case is about stands at the head of its file, and is taken from there.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ancf2d.study.run import load, run_case
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
+# a difference below this is round-off, whose digits depend on the machine
+ROUND_OFF = 1e-9
+AREAS = {
+    "paper": "The paper's tables", "static": "Static equilibrium", "paths": "Equilibrium paths and limit points",
+    "buckling": "Buckling loads", "modes": "Natural frequencies", "dynamic": "Motion",
+}
+TOP = """# Verification manual
+
+Every case below `cases/` with its references: closed forms, differential equations solved to many digits, other
+programs, and print, each with its source. Written by `python scripts/make_docs.py`, which solves them all.
+
+*Allowed* is the tolerance of the case: half a unit of the last printed digit where the source is print, else the error
+of the mesh that the case is meant to show. The verdict is `ok` where the value is within it. `ancf2d run CASE` prints
+the same comparison:
+
+```bash
+ancf2d run cases/static/elastica.yaml
+```
+
+What errors of meshes and of models are to be expected is in [accuracy.md](accuracy.md), motions over all of their time
+are in [motion.md](motion.md), all printed frequencies in [modes.md](modes.md), and what single elements can represent
+is in [audit.md](audit.md).
+"""
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A case: its name below cases, its title, what it is about, and its checks as a run tells them."""
+
+    name: str
+    title: str
+    about: str
+    checks: list[dict[str, Any]]
+
+    @property
+    def met(self) -> int:
+        """How many of the references are met."""
+        return sum(c["met"] for c in self.checks)
+
+
+def about(text: str) -> str:
+    """Return the comment at the head of a case as Markdown: lines that it indents stay as they are."""
+    head = re.match(r"(?:#.*\n)*", text)
+    lines = [line[1:].removeprefix(" ") for line in head[0].splitlines()] if head else []
+    out: list[str] = []
+    inside = False
+    for line in lines:
+        code = line.startswith("    ")
+        if code != inside:
+            out += ["", "```text"] if code else ["```"]
+            inside = code
+        out.append(line[4:] if code else _escaped(line))
+    return "\n".join(out + (["```"] if inside else []))
+
+
+def _escaped(text: str) -> str:
+    return text.replace("<", "&lt;").replace("*", "\\*")
+
+
+def verified(file: Path) -> Verified:
+    """Solve a case. Raises CaseError where it is no case."""
+    loaded = load(file)
+    return Verified(file.relative_to(CASES).with_suffix("").as_posix(), loaded.case.title,
+                    about(file.read_text(encoding="utf-8")), run_case(loaded).summary["checks"])
+
+
+def row(check: dict[str, Any]) -> list[str]:
+    """Return a reference beside the computed value; digits that are round-off are not shown."""
+    expected, value, allowed = check["expected"], check["value"], check["allowed"]
+    if value is None:
+        return [check["what"], f"{expected:.9g}", "-", "-", f"{allowed:.1e}", "not solved", check["source"]]
+    off = abs(check["difference"])
+    return [check["what"], f"{expected:.9g}", "0" if abs(value) < ROUND_OFF * allowed else f"{value:.7g}",
+            "round-off" if off < ROUND_OFF * (abs(expected) or 1.0) else f"{off:.1e}", f"{allowed:.1e}",
+            "ok" if check["met"] else "**not met**", check["source"]]
+
+
+def table(rows: list[list[str]]) -> str:
+    """Return rows, the first of them the head, as a Markdown table."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def section(case: Verified) -> str:
+    """Return what the manual says of a case."""
+    head = ["value", "reference", "computed", "off by", "allowed", "verdict", "source"]
+    found = table([head, *map(row, case.checks)]) if case.checks else "An example; no reference is known."
+    return f"### {case.name}\n\n[{_escaped(case.title)}](../cases/{case.name}.yaml)\n\n{case.about}\n\n{found}\n"
+
+
+def manual() -> str:
+    """Return docs/verification.md."""
+    found = {area: [verified(file) for file in sorted((CASES / area).glob("*.yaml"))] for area in AREAS}
+    summary = [["", "cases", "references", "met"]]
+    for area, cases in found.items():
+        title = AREAS[area]
+        anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        summary.append([f"[{title}](#{anchor})", str(len(cases)), str(sum(len(c.checks) for c in cases)),
+                        str(sum(c.met for c in cases))])
+    parts = [TOP, table(summary) + "\n"]
+    for area, cases in found.items():
+        parts += [f"## {AREAS[area]}\n", *map(section, cases)]
+    return "\n".join(parts)
