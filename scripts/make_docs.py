@@ -18,6 +18,7 @@ from pathlib import Path
 import audit_table
 import click
 import reproduce_paper
+import shape_functions
 import verification_manual
 
 from ancf2d.case import markdown_reference
@@ -135,6 +136,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "accuracy-meshes": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[1:2]),
     "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
     "paper": paper,
+    "shape-functions": shape_functions.all_types,
     "audit-verdicts": audit_table.verdicts,
     "audit-failures": audit_table.failures,
     **{f"command-{name}": partial(command_line, name) for name in COMMANDS},
