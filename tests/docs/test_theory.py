@@ -8,8 +8,8 @@ import pytest
 
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
-from ancf2d.solve.methods import MAKERS
 from ancf2d.solve.registry import SOLVERS
+from ancf2d.solve.schemes import INTEGRATORS
 
 ROOT = Path(__file__).parents[2]
 THEORY = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
@@ -26,7 +26,7 @@ def rows(heading: str) -> str:
 @pytest.mark.parametrize(("heading", "names"), [
     ("### Which type when", [*ELEMENTS, "ancf", "rigid"]),
     ("## Formulations", list(FORMULATIONS)),
-    ("## Motion", [*MAKERS, "RK45", "DOP853", "Radau", "BDF", "LSODA"]),
+    ("## Motion", list(INTEGRATORS)),
 ])
 def test_everything_has_a_row_that_says_when_to_take_it(heading: str, names: list[str]) -> None:
     assert [name for name in names if f"`{name}`" not in rows(heading)] == []
