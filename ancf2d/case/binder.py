@@ -66,25 +66,37 @@ class Binder:
     def fail(self, mark: Mark, path: Path, message: str, expected: str = "",
              near: str = "") -> Any:
         """Report a problem; return INVALID."""
-        if len(self.problems) < MAX_PROBLEMS:
-            self.problems.append(mark.problem(message, path, expected, near))
-        else:
+        if self.full:
             self.unreported += 1
+        else:
+            self.problems.append(mark.problem(message, path, expected, near))
         return INVALID
+
+    @property
+    def full(self) -> bool:
+        """Whether further problems are counted only, so that their words need not be found."""
+        return len(self.problems) >= MAX_PROBLEMS
+
+    def nearest(self, word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
+        """Return the name most like a word; empty where none is near, or nobody would see it."""
+        return "" if self.full else nearest(word, names, cutoff)
 
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
         """Report that a value is not what is wanted; return INVALID."""
         if isinstance(node, Broken):
             return INVALID
+        if self.full:
+            return self.fail(node.mark, path, "")
         what = "has no value" if node.shape == "null" else None
         message = (f"{dotted(path)} {what}" if what
                    else f"{dotted(path)} must be {wanted}, got {node.shown()}")
         return self.fail(node.mark, path, message, wanted if what else "", near)
 
-
     def unknown(self, mark: Mark, path: Path, shown: str, names: Iterable[str],
                 near: str) -> Any:
         """Report that a text is none of some names; return INVALID."""
+        if self.full:
+            return self.fail(mark, path, "")
         names = list(names)
         if near and len(names) > _MANY:
             message = f"{dotted(path)}: {shown} is not known"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import quoted
 from .records import walk
 from .schema import Case, Gravity, LimitPoints, Point, Prescribed, Stiffness
@@ -53,6 +53,7 @@ class _Checker:
         self.solver = "" if case.solver is INVALID else type(case.solver).tag
         self.failed = {problem.path[:i] for problem in binder.problems
                        for i in range(1, len(problem.path) + 1)}
+        self._known: dict[str, tuple[set[str], bool]] = {}
 
     def fail(self, path: Path, message: str, expected: str = "", near: str = "",
              on_key: bool = False) -> None:
@@ -61,6 +62,11 @@ class _Checker:
 
     def known(self, what: str) -> tuple[set[str], bool]:
         """Return the names of bodies, probes or reactions, and whether these are all."""
+        if what not in self._known:
+            self._known[what] = self._names_of(what)
+        return self._known[what]
+
+    def _names_of(self, what: str) -> tuple[set[str], bool]:
         case = self.case
         if what == "bodies":
             return (set(case.bodies), True) if case.bodies is not INVALID else (set(), False)
@@ -89,7 +95,7 @@ class _Checker:
         names, complete = self.known(what)
         if name in names or not complete:
             return
-        near = nearest(name, names)
+        near = self.binder.nearest(name, names)
         one, many = _WHAT[what]
         expected = listed(sorted(names)) if names and not near else ""
         none = "" if names else f"; there are no {many}"

@@ -8,10 +8,12 @@ from typing import Any
 import yaml
 
 from ..errors import CaseError, Problem
+from .binder import MAX_PROBLEMS
 from .nodes import Broken, Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 40
+MAX_VALUES = 500_000  # keys and values; as many take ten seconds and 300 MB
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 # libyaml's words -> ours; the first that occurs in its message is taken
@@ -85,7 +87,7 @@ class _Composer:
         self.origin, self.line, self.column = origin, line, column
         self.problems = problems
         self.root: Node | None = None
-        self.documents = 0
+        self.documents = self.values = 0
         # open collections, each with the key that waits for its value, and whether it is readable
         self.stack: list[tuple[Node, list[Entry | str | None], bool]] = []
 
@@ -93,18 +95,23 @@ class _Composer:
         shift = self.column - 1 if place.line == 0 else 0
         return Mark(self.origin, place.line + self.line, place.column + 1 + shift)
 
-    def refuse(self, place: Any, message: str) -> None:
-        self.problems.append(self.mark(place).problem(message))
+    def refuse(self, mark: Mark, message: str) -> None:
+        """Report a construct; the rest of a file with very many of them is not read."""
+        self.problems.append(mark.problem(message))
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise CaseError([*self.problems, mark.problem("the rest of the file was not read after so many problems")])
 
     def take(self, event: Any) -> None:
         if isinstance(event, yaml.ScalarEvent):
+            self.count(event)
             self.scalar(event)
         elif isinstance(event, yaml.CollectionStartEvent):
+            self.count(event)
             self.open(event)
         elif isinstance(event, yaml.CollectionEndEvent):
             self.close()
         elif isinstance(event, yaml.AliasEvent):
-            self.refuse(event.start_mark, f"the alias *{event.anchor} is not supported; "
+            self.refuse(self.mark(event.start_mark), f"the alias *{event.anchor} is not supported; "
                         "write the value out")
             self.add(Broken(self.mark(event.start_mark)))
         elif isinstance(event, yaml.DocumentStartEvent):
@@ -113,14 +120,20 @@ class _Composer:
                 raise CaseError([*self.problems, self.mark(event.start_mark).problem(
                     "a second document begins here; a file holds one")])
 
+    def count(self, event: Any) -> None:
+        self.values += 1
+        if self.values > MAX_VALUES:
+            raise CaseError([*self.problems, self.mark(event.start_mark).problem(
+                f"the file holds more than {MAX_VALUES} keys and values")])
+
     def plain(self, event: Any) -> bool:
         """Refuse anchors and tags; return whether the value can be read without its tag."""
         if event.anchor:
-            self.refuse(event.start_mark, f"the anchor &{event.anchor} is not supported; "
+            self.refuse(self.mark(event.start_mark), f"the anchor &{event.anchor} is not supported; "
                         "write the value out where it is needed")
         if event.tag is not None:
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
-            self.refuse(event.start_mark, f"the tag {quoted(tag)} is not supported; leave it out")
+            self.refuse(self.mark(event.start_mark), f"the tag {quoted(tag)} is not supported; leave it out")
         return event.tag is None
 
     def scalar(self, event: Any) -> None:
@@ -136,15 +149,13 @@ class _Composer:
         assert isinstance(node, MapNode)
         first = node.entries.get(text)
         if text == "<<":
-            self.problems.append(mark.problem("the merge key << is not supported; "
-                                              "write the keys out"))
             waiting[0] = ""
             node.partial = True
+            self.refuse(mark, "the merge key << is not supported; write the keys out")
         elif first is not None:
             where = f"line {first.mark.line}" if first.mark.line != mark.line else "this line"
-            self.problems.append(mark.problem(f"duplicate key {quoted(text)}, first given in "
-                                              f"{where} (column {first.mark.column})"))
             waiting[0] = ""
+            self.refuse(mark, f"duplicate key {quoted(text)}, first given in {where} (column {first.mark.column})")
         else:
             waiting[0] = Entry(mark, Broken(mark))
             waiting[1] = text
@@ -172,9 +183,9 @@ class _Composer:
         elif isinstance(parent, MapNode):
             if waiting[0] is None:
                 # a list or a mapping in the place of a key
-                self.problems.append(node.mark.problem("a key must be plain text"))
                 waiting[0] = ""
                 parent.partial = True
+                self.refuse(node.mark, "a key must be plain text")
                 return
             if isinstance(waiting[0], Entry):
                 if isinstance(node, MapNode):

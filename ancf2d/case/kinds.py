@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import Broken, ListNode, MapNode, Node, Scalar, quoted
 
 JsonSchema = dict[str, Any]
@@ -196,7 +196,7 @@ class Choice(Kind):
             if node.text in names or (not names and node.shape == "text"):
                 return node.text
             return binder.unknown(node.mark, path, quoted(node.text), names,
-                                  nearest(node.text, names))
+                                  binder.nearest(node.text, names))
         return binder.wrong(node, path, self.words(binder))
 
     def schema(self, book: Book) -> JsonSchema:

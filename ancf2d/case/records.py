@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from .binder import INVALID, Binder, Path, dotted, listed, nearest
+from .binder import INVALID, Binder, Path, dotted, listed
 from .kinds import Book, JsonSchema, Kind
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
@@ -117,13 +117,13 @@ class OneOf(Kind):
         if tag not in self.options:
             shown = quoted(tag) if tag else entry.node.shown()
             return binder.unknown(entry.node.mark, (*path, "type"), shown, self.options,
-                                  nearest(tag, self.options))
+                                  binder.nearest(tag, self.options))
         return bind_record(self.options[tag], node, path, binder,
                            {f"type {name}": cls for name, cls in self.options.items()})
 
     def untyped(self, node: MapNode, path: Path, binder: Binder) -> Any:
         """Report a mapping without ``type``; return INVALID."""
-        near = nearest("type", node.entries, cutoff=0.7)
+        near = binder.nearest("type", node.entries, cutoff=0.7)
         if near:
             return binder.fail(node.entries[near].mark, (*path, near), f"unknown key "
                                f"{quoted(near)} in {dotted(path)}", near="type")
@@ -216,7 +216,7 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
         if name in keys or (tag and name == "type"):
             continue
         free = [k for k in keys if k not in node.entries]
-        near = nearest(name, free) or nearest(name, keys)
+        near = binder.nearest(name, free) or binder.nearest(name, keys)
         meant.add(near)
         where = f" in {dotted(path)}" if path else ""
         of = f" of type {tag}" if tag else ""

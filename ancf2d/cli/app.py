@@ -13,6 +13,7 @@ import click
 
 from .. import __version__
 from .failures import FAILED, explain
+from .interrupts import patient_interrupts
 from .options import debug_option
 from .session import Session
 
@@ -73,7 +74,7 @@ class App(click.Group):
         session = Session(list(sys.argv[1:] if args is None else args))
         _survive_any_title()
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), patient_interrupts():
                 if not (sys.warnoptions or "--debug" in session.arguments):
                     warnings.simplefilter("ignore")
                 code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,

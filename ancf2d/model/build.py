@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Buckling, Case, Dynamic, Eigen, GroundPoint, LinearStatic, LoadedCase, Point, Static
-from ..elements.shape import Array
+from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .constraints import Equations
 from .elimination import Elimination, eliminate, inconsistent
@@ -45,14 +45,15 @@ def must_be_held(case: Case) -> bool:
 
 def support_names(case: Case) -> list[str]:
     """Return the name of each support, its point where it has none, made unique."""
-    names: list[str] = []
+    names: dict[str, None] = {}
+    met: dict[str, int] = {}
     for support in case.boundary_conditions:
         name = base = support.name or f"{support.at.body}@{support.at.s:g}"
-        k = 2
         while name in names:
-            name, k = f"{base} ({k})", k + 1
-        names.append(name)
-    return names
+            met[base] = met.get(base, 1) + 1
+            name = f"{base} ({met[base]})"
+        names[name] = None
+    return list(names)
 
 
 class _Builder:
@@ -66,9 +67,16 @@ class _Builder:
         self.meshes: dict[str, BodyMesh] = {}
         dof = node = 0
         for name, plan in self.plans.items():
-            mesh = BodyMesh(plan, dof, node)
+            try:
+                self.meshes[name] = mesh = BodyMesh(plan, dof, node)
+            except UnsolvableBasisError as error:
+                self.report(("bodies", name, "element"), f"bodies.{name}: elements as long as {plan.pieces[0].l:.3g} "
+                            f"beside a height of {plan.section.height:.3g} cannot be computed with ({error})",
+                            "fewer elements, or a length and a height that differ less")
+                continue
             dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
-            self.meshes[name] = mesh
+        if self.problems:
+            raise CaseError(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
         self.extent = reference_extent(self.plans)
         self.equations = Equations()

@@ -57,8 +57,13 @@ class Piece:
 
 
 def share_count(lengths: list[float], count: int) -> list[int]:
-    """Share ``count`` elements among pieces in proportion to their lengths, at least one each."""
+    """Share ``count`` elements among pieces in proportion to their lengths, at least one each.
+
+    Raises OverflowError where the lengths together are no number.
+    """
     total = sum(lengths)
+    if not math.isfinite(count * total):
+        raise OverflowError("the length is no number")
     ideal = [count * length / total for length in lengths]
     shares = [max(1, math.floor(i)) for i in ideal]
     while sum(shares) < count:

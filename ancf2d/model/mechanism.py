@@ -82,7 +82,8 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
     held = _held(meshes, rows, constraints, springs, e0, centres, sizes)
     n = 3 * len(meshes)
     if len(held):
-        _, s, vt = np.linalg.svd(held)
+        # all of vt, whose last rows are the motions, but no more of u than there are unknowns
+        _, s, vt = np.linalg.svd(held, full_matrices=len(held) < n)
         rank = int((s > 1e-9 * s[0]).sum())
         null = vt[rank:]
     else:
@@ -93,7 +94,6 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
         p, c = np.unravel_index(np.argmax(np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()), null[k:].shape)
         null[[k, k + p]] = null[[k + p, k]]
         null[k] /= null[k, c]
-        for m in range(len(null)):
-            if m != k:
-                null[m] -= null[m, c] * null[k]
+        others = (np.arange(len(null)) != k) & (null[:, c] != 0.0)
+        null[others] -= np.outer(null[others, c], null[k])
     return [_describe(meshes, v, centres, sizes) for v in null]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from .curve import Array, Piece, pieces_of
 from .own_element import DefinitionError, own_element, undetermined
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
+MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
+MAX_COORDINATES = 2_000_000  # of all bodies together: as many take 1 to 2 GB while they are solved
 
 @dataclass(frozen=True)
 class BodyPlan:
@@ -43,6 +46,12 @@ class BodyPlan:
     def count(self) -> int:
         """Number of elements."""
         return sum(p.count for p in self.pieces)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of nodal coordinates, but for the last node of each piece."""
+        sizes = [sum(self.element.components for c in n.coordinates if c != "theta") for n in self.element.nodes]
+        return self.count * sum(sizes[:-1])
 
     def locate(self, s: float) -> tuple[int, float]:
         """Return (piece, arclength within it) of the point at fraction s of the body's arclength."""
@@ -123,7 +132,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
         raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
-    curved = any(p.kappa != 0.0 for p in pieces_of(body.geometry, spec.count))
+    pieces = pieces_of(body.geometry, spec.count)
+    curved = any(p.kappa != 0.0 for p in pieces)
     own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
     k = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
@@ -131,7 +141,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
-    return BodyPlan(name, element, formulation, rule, section, pieces_of(body.geometry, spec.count))
+    return BodyPlan(name, element, formulation, rule, section, pieces)
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
@@ -151,15 +161,40 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
 def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:
     """Resolve every body of a case; return the plans that could be made and all problems found."""
     plans, problems = {}, []
+    if len(loaded.case.bodies) > MAX_BODIES:
+        return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
+                                          f"at most {MAX_BODIES}")]
     for name, body in loaded.case.bodies.items():
         try:
-            plans[name] = plan_body(name, body, loaded.definitions.get(name))
+            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name)))
+        except ArithmeticError:
+            problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
         except (RefusedError, SectionError) as error:
             path = ("bodies", name, *error.key)
             problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
         except CaseError as error:
             problems.extend(error.problems)
+    count = sum(p.coordinates for p in plans.values())
+    if count > MAX_COORDINATES:
+        largest = max(plans, key=lambda name: plans[name].coordinates)
+        problems.append(loaded.source.problem(
+            ("bodies", largest, "element", "count"), f"bodies.{largest}.element.count: all bodies together have "
+            f"{count} nodal coordinates", f"at most {MAX_COORDINATES}"))
     return plans, problems
+
+
+def _computable(plan: BodyPlan) -> BodyPlan:
+    """Return a plan. Raises RefusedError where its length or section is beyond what numbers can hold."""
+    section = plan.section
+    sizes = (plan.length, *(1.0 / p.l for p in plan.pieces), *(p.kappa for p in plan.pieces), section.height,
+             section.width, section.EA, section.kGA, section.EI, section.rhoA, section.rhoI)
+    if not all(map(math.isfinite, sizes)) or plan.length == 0.0:
+        raise RefusedError((), _incomputable(plan.name))
+    return plan
+
+
+def _incomputable(name: str) -> str:
+    return f"bodies.{name}: its length, section or stiffnesses are too large or too small to be computed with"
 
 
 def warnings_of(plan: BodyPlan) -> list[str]:

@@ -1,0 +1,142 @@
+"""Case files that no one should send: refused in words, in bounded time and memory."""
+
+from __future__ import annotations
+
+import json
+import resource
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ancf2d.case.compose import MAX_BYTES, MAX_VALUES
+from ancf2d.errors import CaseError
+from ancf2d.model.plan import MAX_BODIES, MAX_COORDINATES
+from ancf2d.study.run import check, load
+
+BEAM: dict[str, Any] = {
+    "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
+                        "section": {"height": 0.5, "width": 0.1}, "material": {"E": 1e9, "nu": 0.3},
+                        "element": {"type": "2d2n", "count": 2}}},
+    "boundary_conditions": [{"type": "clamp", "at": "beam@0"}], "solver": {"type": "linear_static"}}
+
+
+def problems(folder: Path, content: bytes | str) -> list[str]:
+    """Return what is said of a case file, which must take few seconds and little memory."""
+    path = folder / "case.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    memory, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    try:
+        check(load(path))
+    except CaseError as error:
+        found = [p.message for p in error.problems]
+    else:
+        found = []
+    assert time.process_time() - began < 10
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory < 500_000  # kB
+    return found
+
+
+def changed(path: str, value: Any) -> str:
+    """Return the beam with one value changed."""
+    data = json.loads(json.dumps(BEAM))
+    *parents, last = path.split(".")
+    place = data
+    for name in parents:
+        place = place[name]
+    place[last] = value
+    return json.dumps(data)
+
+
+def test_a_case_of_100_mb_is_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "case.yaml").open("wb") as stream:
+        stream.write(json.dumps(BEAM).encode() + b"\n#")
+        stream.truncate(100_000_000)
+    began = time.process_time()
+    with pytest.raises(CaseError, match=f"the file is larger than {MAX_BYTES >> 20} MB"):
+        load(tmp_path / "case.yaml")
+    assert time.process_time() - began < 1
+
+
+@pytest.mark.parametrize("content", ["loads: [" + "1," * MAX_BYTES, "loads: [" + "{a: 1}," * MAX_VALUES],
+                         ids=["scalars", "mappings"])
+def test_a_file_of_very_many_values_is_read_to_the_limit(tmp_path: Path, content: str) -> None:
+    found = problems(tmp_path, content[:MAX_BYTES])
+    assert found == [f"the file holds more than {MAX_VALUES} keys and values"]
+
+
+@pytest.mark.parametrize("content", ["a: 1\n" * 100_000, "a: *b\n" * 100_000, "a: [" + "&x 1, " * 100_000 + "]",
+                                     "".join(f"[{i}]: 1\n" for i in range(100_000))],
+                         ids=["duplicate keys", "aliases", "anchors", "lists as keys"])
+def test_reading_ends_after_many_refusals(tmp_path: Path, content: str) -> None:
+    found = problems(tmp_path, content)
+    assert len(found) == 101
+    assert found[-1] == "the rest of the file was not read after so many problems"
+
+
+def test_names_near_to_a_hundred_thousand_unknown_ones_are_not_looked_for(tmp_path: Path) -> None:
+    found = problems(tmp_path, json.dumps({**BEAM, **{f"lods{i}": 1 for i in range(100_000)}}))
+    assert len(found) == 101
+    assert "99900 more problems, not shown after the first 100" in found
+
+
+def test_ten_thousand_references_to_ten_thousand_bodies(tmp_path: Path) -> None:
+    data = {**BEAM, "bodies": {f"b{i}": 1 for i in range(10_000)}, "loads": [
+        {"type": "force", "at": f"b{i}@1", "value": [0, 1]} for i in range(10_000)]}
+    assert len(problems(tmp_path, json.dumps(data))) == 101
+
+
+def test_many_supports_of_one_point(tmp_path: Path) -> None:
+    supports = [{"type": "clamp", "at": "beam@0"} for _ in range(2000)]
+    assert problems(tmp_path, json.dumps({**BEAM, "boundary_conditions": supports})) == []
+
+
+def chain(count: int) -> dict[str, Any]:
+    """Return a static case of so many bodies in a row that nothing holds."""
+    body = BEAM["bodies"]["beam"]
+    bodies = {f"b{i}": {**body, "geometry": {"type": "line", "start": [i, 0], "end": [i + 1, 0]}} for i in range(count)}
+    return {"bodies": bodies, "solver": {"type": "static"}}
+
+
+def test_three_hundred_motions_that_nothing_holds(tmp_path: Path) -> None:
+    found = problems(tmp_path, json.dumps(chain(100)))
+    assert len(found) == 300
+    assert all(text.startswith("a mechanism: b") for text in found)
+
+
+def test_more_bodies_than_can_be_checked(tmp_path: Path) -> None:
+    assert problems(tmp_path, json.dumps(chain(MAX_BODIES + 1))) == [f"there are {MAX_BODIES + 1} bodies"]
+
+
+def test_an_alias_bomb_is_refused_where_it_begins(tmp_path: Path) -> None:
+    rows = ["a0: &a0 [1, 1]", *(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]" for i in range(1, 60))]
+    assert problems(tmp_path, "\n".join(rows))[0].startswith("the anchor &a0 is not supported")
+
+
+@pytest.mark.parametrize(("path", "value", "said"), [
+    ("bodies.beam.element.count", 10**9, "6000000000 nodal coordinates"),
+    ("bodies.beam.element.count", MAX_COORDINATES // 6 + 1, "2000004 nodal coordinates"),
+    ("bodies.beam.geometry.end", [1.7e308, 1.7e308], "too large or too small"),
+    ("bodies.beam.geometry.end", [5e-324, 0], "too large or too small"),
+    ("bodies.beam.section.height", 1e200, "too large or too small"),
+    ("bodies.beam.section", {"A": 1e300, "I": 1e-300, "height": 1}, "too large or too small"),
+    ("bodies.beam.geometry.end", [1e-9, 0], "cannot be computed with"),
+    ("bodies.beam.geometry", {"type": "polyline", "points": [[-1e308, 0], [0, 0], [1e308, 0]]},
+     "too large or too small"),
+    ("bodies.beam.geometry", {"type": "arc", "center": [0, 0], "radius": 5e-324, "from": 0, "to": 1},
+     "too large or too small")])
+def test_sizes_beyond_what_numbers_hold(tmp_path: Path, path: str, value: Any, said: str) -> None:
+    found = problems(tmp_path, changed(path, value))
+    assert len(found) == 1
+    assert said in found[0]
+
+
+@pytest.mark.parametrize(("encoding", "said"), [
+    ("utf-16", "the file is not UTF-8 text but UTF-16"), ("utf-32", "the file is not UTF-8 text but UTF-16"),
+    ("utf-16-le", "not valid YAML: the control character U+0000 is not allowed"),
+    ("cp037", "the file is not UTF-8 text"), ("utf-8-sig", None), ("utf-8", None)])
+def test_encodings(tmp_path: Path, encoding: str, said: str | None) -> None:
+    found = problems(tmp_path, json.dumps({"title": "Balken", **BEAM}).encode(encoding))
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
