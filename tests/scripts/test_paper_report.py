@@ -70,7 +70,7 @@ def test_the_papers_elements_carry_its_shear_unless_told() -> None:
 
     assert paper_run("pendulum2", "2d3n", 8).overrides == ("bodies.rod.element={type: 2d3n, count: 8, preset: paper}",)
     run = paper_run("slider_crank", "2d3n", 4, preset=False)
-    assert run.case == "slider_crank_2d2n_4"
+    assert run.case == "slider_crank_2d2n_8"
     assert run.overrides == ("bodies.crank.element={type: 2d3n, count: 2}", "bodies.rod.element={type: 2d3n, count: 4}")
 
 
