@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +123,15 @@ class BodyMesh:
         return np.concatenate(parts)
 
     @cached_property
+    def gradients(self) -> Array:
+        """Rotation or strain that a unit of each coordinate stands for (n_dofs,): 0 for r; 1 for r_x, r_y and theta."""
+        element, half = self.plan.element, self.plan.section.height / 2
+        l = max(p.l for p in self.plan.pieces)
+        orders = [derivative_order(name) for _, name in element.functionals]
+        sizes = [w * max(i / l, j / half) for w, (i, j) in zip(shape_weights(self).tolist(), orders, strict=True)]
+        return self.tile([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
+
+    @cached_property
     def kinds(self) -> NDArray[np.int8]:
         """What each coordinate is (n_dofs,): 0, 1 for x, y of r; 2 for theta; 3, 4 for x, y of a gradient."""
         nc = self.plan.element.components
@@ -157,6 +167,16 @@ class BodyMesh:
         pieces = self.plan.pieces
         return [(self.piece_first[k + 1] - 1, self.piece_first[k + 1], pieces[k + 1].angle - pieces[k].angle)
                 for k in range(len(pieces) - 1)]
+
+
+def shape_weights(mesh: BodyMesh) -> Array:
+    """Return the displacement [m] that a unit of each shape function's coordinate stands for (n_shape,).
+
+    1 for r, l for r_x, h/2 for r_y, ...
+    """
+    half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
+    orders = [derivative_order(name) for _, name in mesh.plan.element.functionals]
+    return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])
 
 
 def over_body(sampler: Sampler, upto: float = 1.0) -> tuple[Array, Array]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from math import factorial
-
 import numpy as np
 
-from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from .mesh import BodyMesh, Index
+from .mesh import BodyMesh, Index, shape_weights
 
 
 def half_bandwidth(position: Index, sets: list[Index]) -> int:
@@ -61,10 +58,7 @@ def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
 def coordinate_weights(mesh: BodyMesh) -> Array:
     """Return the displacement that a unit of each coordinate stands for: 1 for r, l for r_x, h/2 for r_y, ... [m]."""
     element, half = mesh.plan.element, mesh.plan.section.height / 2
-    l = max(p.l for p in mesh.plan.pieces)
     pattern: list[float] = []
-    for _, name in element.functionals:
-        i, j = derivative_order(name)
-        w = l**i / factorial(i) * half**j / factorial(j)
+    for w in shape_weights(mesh).tolist():
         pattern += [w, w] if element.components == 2 else [w, w, half]
     return mesh.tile(pattern)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, count_turns
 from ..elements.shape import Array
+from ..errors import ComputationError
 from .mesh import Index
 from .points import PointRef, dot
 
@@ -163,3 +164,14 @@ def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
         kinds.append(kind)
         fields += more
     return kinds, fields
+
+
+def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
+    """Raise ComputationError where a section stands opposite to where a constraint holds it, at d (n_full,)."""
+    for constraint in constraints:
+        if isinstance(constraint, PointConstraint) and constraint.opposed(d, t):
+            raise ComputationError(
+                f"{constraint.owner}: the section stands opposite to where it is held, as its element has turned "
+                "inside out", at={"t": t},
+                advice="smaller steps or a gentler motion, more elements there, or reissner3, whose sections cannot "
+                       "vanish")

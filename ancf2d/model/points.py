@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..elements.shape import Array, gauss
-from .mesh import BodyMesh, Index
+from .mesh import BodyMesh, Index, shape_weights
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,9 @@ class PointRef:
             eta = 2 * y - 1
             weight = w if spread == "uniform" else 1.5 * w * (1 - eta**2)
             row = weight @ shape(np.full(6, self.xi), eta, i, j)
-        row[np.abs(row) < 1e-14 * np.abs(row).max()] = 0.0
+        # coordinates of different kinds have different units: what counts is what they move
+        moves = np.abs(row) / shape_weights(self.mesh)
+        row[moves < 1e-14 * moves.max()] = 0.0
         return row
 
     def columns(self, row: Array, component: int) -> tuple[Index, Array]:

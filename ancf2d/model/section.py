@@ -14,6 +14,8 @@ from .curve import Piece
 
 # height over length that a rigid body without a section is drawn with
 DRAWN = 0.05
+# of the constants of a section: products of several of them stay within what floating-point numbers hold
+LEAST, MOST = 1e-100, 1e100
 
 
 class SectionError(ValueError):
@@ -38,7 +40,18 @@ def is_axis_type(element: ElementType) -> bool:
 
 
 def resolve_section(body: Body, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
-    """Return the section constants of a body. Raises SectionError for what the element cannot have."""
+    """Return the section constants of a body. Raises SectionError for what the element or arithmetic cannot have."""
+    section = _resolved(body, element, formulation, k)
+    constants = {"A": section.height * section.width, "EA": section.EA, "kGA": section.kGA, "EI": section.EI,
+                 "rhoA": section.rhoA or 1.0}
+    for name, value in constants.items():
+        if not LEAST <= value <= MOST:
+            raise SectionError(("section",), f"the section has {name} = {value:g}, whose products leave the range of "
+                               "floating-point numbers", f"{LEAST:g} to {MOST:g}, in other units perhaps")
+    return section
+
+
+def _resolved(body: Body, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
     if isinstance(body.section, Stiffness):
         return _from_stiffness(body.section, element, formulation)
     material = body.material

@@ -107,9 +107,9 @@ def _expanded(model: Model, z: Array) -> Array:
 def response_size(pencil: Pencil, u: Array) -> float:
     """Return the rotation or strain that a response u (n_full,) is."""
     model = pencil.model
-    gradients = np.concatenate([mesh.kinds >= 2 for mesh in model.meshes.values()])
+    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
     moved = pencil.system.norm(u[model.numbering.free]) / model.extent
-    return max(moved, float(np.abs(u[:model.n_q][gradients]).max(initial=0.0)))
+    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
 
 
 def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:

@@ -17,6 +17,7 @@ from ..case import Probe
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..model.point_patch import check_facing
 from ..model.points import PointRef
 from ..model.rotation import Rotation
 from ..model.sliding import check_ends
@@ -250,6 +251,7 @@ class Curve:
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
         check_ends(self.model.constraints, found.d)
+        check_facing(self.model.constraints, found.d, found.t)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))

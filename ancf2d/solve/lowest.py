@@ -19,6 +19,8 @@ EXTRA = 5
 ROUND_OFF = 4e-15
 # eigenvalues within this share of the shift cannot be told from zero
 NOTHING = 1e-8
+# nor those within this share of what is below the elastic modes; round-off of K can push the shift far beyond that
+SOFT = 1e-4
 # relative changes by Rayleigh-Ritz beyond which the vectors are corrected too
 CORRECT = 5e-5
 # of Lanczos itself; Rayleigh-Ritz squares what this leaves
@@ -175,4 +177,5 @@ def lowest(pencil: Pencil, m: int) -> Modes:
         values, V = _lanczos(pencil, shift, m + EXTRA, np.zeros((0, pencil.n)), 0)
         values, V, rest, counted = _complete(pencil, m, shift, *_refine(pencil, values, V, shift))
     m = min(m, len(values))
-    return Modes(values[:m], V[:m], rest[:m], NOTHING * abs(shift), counted)
+    floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil.model))
+    return Modes(values[:m], V[:m], rest[:m], floor, counted)

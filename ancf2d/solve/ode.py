@@ -104,7 +104,9 @@ class OdeStepper(Stepper):
         self.begun = self.scale.copy()
         y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
         longest = min(self.dt or np.inf, self._largest())
-        more = {"jac": self.jacobian} if self.scheme.jacobian else {}
+        more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
+        # SciPy's own first step knows a second, and so a unit of time
+        more["first_step"] = min(self._first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self.tolerance, atol=self._weights(), **more)
         if self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
@@ -215,10 +217,6 @@ class OdeStepper(Stepper):
         accelerations(self.p, self.w, self.factors, self.s, self.t)
         self.log = []
         return super().last()
-
-    def _first_step(self) -> float:
-        """Return 0: SciPy chooses."""
-        return 0.0
 
     def _stuck(self, message: str | None) -> ComputationError:
         """Return what to say of a step that SciPy could not make."""

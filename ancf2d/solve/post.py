@@ -119,24 +119,27 @@ def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
         return np.zeros(0), R
     coords = np.unique(np.concatenate([r.coords for r in rows]))
     where = {int(c): k for k, c in enumerate(coords)}
+    # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
+    coefs = [r.coefs / model.weights[r.coords] for r in rows]
+    sizes = np.array([np.linalg.norm(c) for c in coefs])
+    data = np.concatenate([c / size for c, size in zip(coefs, sizes, strict=True)])
+    index = np.array([where[int(c)] for r in rows for c in r.coords])
+    owner = np.repeat(np.arange(len(rows)), [len(c) for c in coefs])
+    b = R[coords] / model.weights[coords]
     if len(rows) * len(coords) <= 4_000_000:
-        C = np.zeros((len(rows), len(coords)))
-        for i, row in enumerate(rows):
-            C[i, [where[int(c)] for c in row.coords]] = row.coefs
-        lam = np.linalg.lstsq(C.T, R[coords], rcond=None)[0]
+        A = np.zeros((len(coords), len(rows)))
+        A[index, owner] = data
+        lam = np.linalg.lstsq(A, b, rcond=None)[0]
     else:
-        lam = _sparse_least_squares(rows, where, R[coords])
-    return lam, R
+        lam = _sparse_least_squares(data, index, owner, (len(coords), len(rows)), b)
+    return lam / sizes, R
 
 
-def _sparse_least_squares(rows: list, where: dict[int, int], b: Array) -> Array:
+def _sparse_least_squares(data: Array, index: Array, owner: Array, shape: tuple[int, int], b: Array) -> Array:
     from scipy.sparse import csr_matrix
     from scipy.sparse.linalg import lsmr
 
-    index = [where[int(c)] for r in rows for c in r.coords]
-    owner = [i for i, r in enumerate(rows) for _ in r.coords]
-    data = np.concatenate([r.coefs for r in rows])
-    return lsmr(csr_matrix((data, (index, owner)), shape=(len(where), len(rows))), b, atol=1e-14, btol=1e-14)[0]
+    return lsmr(csr_matrix((data, (index, owner)), shape=shape), b, atol=1e-14, btol=1e-14)[0]
 
 
 def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:

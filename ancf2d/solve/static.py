@@ -10,6 +10,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
 from .refine import refined
 from .state import State
@@ -26,7 +27,8 @@ FLOOR = 4.0
 POOR = 1e-6
 # and of no use where this share of them is not known
 HOPELESS = 0.5
-# a step that moves this much further than the one before has left the branch
+# a step that moves this much further than the one before, or the first than it would by linear theory, has left the
+# branch
 JUMP = 8.0
 SMALLEST_STEP = 2.0**-16
 # tries within one full step before the path is given up
@@ -222,8 +224,9 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             result = newton(system, path.extrapolate(target), target if len(path.t) > 1 else t, target, tolerance,
                             max_iterations)
             check_ends(model.constraints, result.d)
+            check_facing(model.constraints, result.d, target)
             rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
-            if rate > JUMP * moved:
+            if rate > JUMP * (moved if number else result.increments[0] / target):
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
         except ComputationError as error:
             h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
@@ -251,6 +254,7 @@ def _near(system: System, start: Start, t: float, tolerance: float, max_iteratio
     try:
         result = newton(system, guess, t, t, tolerance, max_iterations)
         check_ends(system.model.constraints, result.d)
+        check_facing(system.model.constraints, result.d, t)
     except ComputationError:
         return None
     strayed = system.norm((result.d - guess)[free]) > NEAR * system.norm(guess[free])

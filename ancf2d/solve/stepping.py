@@ -19,7 +19,7 @@ from ..kernels.points import point_accept
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Break, all_breakpoints
 from ..model.model import Model
-from ..model.point_patch import PointConstraint
+from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
 from .methods import make_method
 from .schemes import DEFAULT, INTEGRATORS, Integrator
@@ -131,7 +131,8 @@ class Stepper:
         times = [self._largest()]
         times += [size / speed] if speed > 0.0 else []
         times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
-        return min(times) * 0.1 * self.tolerance ** (1.0 / self.m.order)
+        order = self.method.order if self.m is None else self.m.order
+        return min(times) * 0.1 * self.tolerance ** (1.0 / order)
 
     def _largest(self) -> float:
         return self.spec.t_end / (50.0 if self.breaks or self.tracks else 10.0)
@@ -271,12 +272,7 @@ class Stepper:
         d = np.zeros(len(self.p.place))
         evaluate(self.p.programs, self.t, self.w.amps)
         to_full(self.p, self.s.z, self.w.amps, 0, d)
-        for constraint in self.facing:
-            if constraint.opposed(d, self.t):
-                raise ComputationError(
-                    f"{constraint.owner}: the section stands opposite to where it is held, as its element has turned "
-                    "inside out", at={"t": self.t},
-                    advice="a gentler motion, more elements there, or reissner3, whose sections cannot vanish")
+        check_facing(self.facing, d, self.t)
         bad = -1 if self.p.sliding is None else sliding_check(self.p.sliding, d)
         if bad >= 0:
             joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]

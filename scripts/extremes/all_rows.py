@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import statics
+from . import modes, scaling, statics, traps
 from .cell import Cell
 
-ROOMS = (statics,)
+ROOMS = (scaling, statics, modes, traps)
 
 
 def all_rows() -> Iterator[Cell]:

@@ -80,7 +80,8 @@ def slenderness() -> Iterator[Cell]:
                 yield Cell(axis, f"{ratio:g}", s.label, "bent to P L^2/EI = 2, 16 elements, beside Reissner",
                            0.05 if ratio == 10 else 0.02, partial(bent_far, s.label, beam, 16), quick=ratio == 1e4)
                 yield Cell(axis, f"{ratio:g}", s.label, "the same: reactions beside load and arm",
-                           max(1e-7, 1e-16 * 12 * ratio**2 / ALPHA), partial(equilibrium, s.label, beam, 16), quick=ratio == 1e4)
+                           max(1e-7, 1e-16 * 12 * ratio**2 / ALPHA), partial(equilibrium, s.label, beam, 16),
+                           quick=ratio == 1e4)
 
 
 def stretched(label: str, nu: float) -> Found:
@@ -116,14 +117,14 @@ def counts() -> Iterator[Cell]:
         for s in DEFAULTS if count <= 10**4 else USUAL:
             yield Cell("elements", f"{count:g}", s.label, "small bending, L/h = 20, beside Timoshenko",
                        0.35 if count == 1 else 0.02, partial(linear_tip, s.label, slender(20), count), 120.0)
-            if count <= 1000 or count == 10**4 and s in (*USUAL, BY_LABEL["2d3n"]):
+            if count <= 1000 or (count == 10**4 and s in USUAL):
                 yield Cell("elements", f"{count:g}", s.label, "bent to P L^2/EI = 2, L/h = 20, beside Reissner",
                            0.7 if count == 1 else 0.02, partial(bent_far, s.label, slender(20), count), 120.0)
 
 
 def aspects() -> Iterator[Cell]:
     """Yield elements from 1e-3 to 1e4 times as long as high."""
-    for count, ratio in ((10**3, 1.0), (10**3, 10.0), (100, 10.0), (10, 10.0), (8, 80.0), (8, 800.0), (8, 8e3),
+    for count, ratio in ((10**3, 10.0), (100, 10.0), (10, 10.0), (8, 80.0), (8, 800.0), (8, 8e3),
                          (8, 8e4)):
         for s in DEFAULTS:
             yield Cell("element length over height", f"{ratio / count:g}", s.label,

@@ -64,7 +64,8 @@ def grids(verdicts: Iterable[Verdict]) -> str:
         place = {(v.subject, v.value): v for v in found}
         limits = sorted({v.limit for v in found})
         ends = " to ".join(f"{x:.2g}" for x in dict.fromkeys((limits[0], limits[-1])))
-        lines = [f"**{axis}**: {measure}. Limit {ends}.", "", "| | " + " | ".join(values) + " |", "| --- |" + " --- |" * len(values)]
+        lines = [f"**{axis}**: {measure}. Limit {ends}.", "",
+                 "| | " + " | ".join(values) + " |", "| --- |" + " --- |" * len(values)]
         for subject in dict.fromkeys(v.subject for v in found):
             cells = [_mark(place[subject, x], notes) if (subject, x) in place else "" for x in values]
             lines.append(f"| {subject} | " + " | ".join(cells) + " |")

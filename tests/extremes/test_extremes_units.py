@@ -1,0 +1,42 @@
+"""The same scene in other units gives the same numbers, and modes are found however slender a beam is."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from extremes import modes, scaling
+from extremes.scenes import DEFAULTS
+from extremes.statics import slender
+
+UNITS = dict(scaling.AXES["all units"])
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("scene", ["linear statics", "statics", "arc length", "modes", "buckling"])
+@pytest.mark.parametrize("label", [s.label for s in DEFAULTS if s.label != "ancf[3,3]"])
+def test_statics_modes_and_buckling_do_not_depend_on_units(label: str, scene: str, units: str) -> None:
+    """Coordinates like r_yy have units of their own: in micrometres their numbers are 1e6 times those of r_y."""
+    assert scaling.compared(scene, label, UNITS[units]).error < scaling.SAME
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("scene", ["motion, radau5", "motion, energy_momentum", "motion, RK45", "motion, BDF"])
+def test_motions_do_not_depend_on_units(scene: str, units: str) -> None:
+    assert scaling.compared(scene, "cable", UNITS[units]).error < scaling.SAME
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner3", "kerkkanen", "ancf[2,2]", "cable"])
+@pytest.mark.parametrize("ratio", [1e2, 1e6])
+def test_bending_of_a_very_slender_beam_is_no_motion_without_stiffness(label: str, ratio: float) -> None:
+    """Its eigenvalue is 1e-8 of the shift that keeps the factors of K positive, not 0."""
+    assert modes.first_bending(label, slender(ratio), 16).error < 0.02
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner3", "cable"])
+@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e6])
+def test_a_free_beam_has_three_rigid_modes(label: str, ratio: float) -> None:
+    assert modes.free_modes(label, slender(ratio), 16).error < 0.01
