@@ -18,6 +18,8 @@ from .curve import Piece
 from .plan import BodyPlan
 
 Index = NDArray[np.int64]
+# where along an element its axis is looked at
+STATIONS = np.array([0.0, 0.5, 1.0])
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,13 @@ class BodyMesh:
         for piece in self.plan.pieces:
             parts += [np.tile(pattern[:self.stride], piece.count), np.asarray(pattern[-self.node_sizes[-1]:])]
         return np.concatenate(parts)
+
+    @cached_property
+    def axis_rows(self) -> list[tuple[Array, Array, Array]]:
+        """dS/dx, dS/dy and S (stations, n_shape) at ``STATIONS`` on the axis, for each class of elements."""
+        axis = np.zeros(len(STATIONS))
+        return [(c.shape(STATIONS, axis, 1, 0), c.shape(STATIONS, axis, 0, 1), c.shape(STATIONS, axis))
+                for c in self.classes]
 
     @cached_property
     def gradients(self) -> Array:

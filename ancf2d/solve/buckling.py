@@ -11,6 +11,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from ..model.timing import PathTiming
+from .classify import Classifier
 from .eigen import full_shapes
 from .pencil import Pencil, each, ritz
 from .state import State
@@ -30,6 +31,8 @@ REAL = 1e-6
 EXTRA = 3
 LANCZOS = 1e-10
 RESTARTS = 200
+# share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
+GAPS = 1e-3
 
 
 def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
@@ -56,10 +59,20 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     factors, V = factors[known], V[known]
     if unstable:
         warnings.append("the state without the scaled loads is unstable already")
+    warnings += _meshed(model, base, factors, V)
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
                         + ("" if len(factors) else ": these loads do not buckle the model in this direction"))
     yield _state(pencil, base, u, factors, V, warnings, iterations)
+
+
+def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
+    """Return a warning for each shape in which neighbouring elements part, as no beam does."""
+    classifier = Classifier(model, base)
+    return [f"shape {k + 1}, of load factor {factor:.6g}, is the mesh's, not the beam's: neighbouring elements part; "
+            "fewer elements, or a type whose sections are common to neighbours, such as vallejo"
+            for k, (factor, v) in enumerate(zip(factors, full_shapes(model, V), strict=True))
+            if classifier(v, False).gaps > GAPS]
 
 
 def _begin(model: Model) -> tuple[Array, list[str], int]:

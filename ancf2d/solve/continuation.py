@@ -16,6 +16,7 @@ import numpy as np
 from ..case import Probe
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from ..model.points import PointRef
@@ -252,6 +253,7 @@ class Curve:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
         check_ends(self.model.constraints, found.d)
         check_facing(self.model.constraints, found.d, found.t)
+        check_inverted(self.model, found.d, None, found.t)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))

@@ -12,6 +12,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.dynamics import forces
 from ..kernels.motion import COUNT, REJECTED
+from ..model.inversion import inverted
 from ..model.model import Model
 from .energy import Energies, is_constant
 from .estimate import Estimate
@@ -82,6 +83,7 @@ class Run:
         self.times = np.zeros(0) if every else stored_times(model, spec)
         kind = OdeStepper if spec.method in SCHEMES else Stepper
         self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
+        self.inverted: str | None = None
         self.balance = Balance(model, self.stepper)
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
         beside = spec.method not in SCHEMES and not (every and spec.dt is None)
@@ -128,6 +130,8 @@ class Run:
         Q, F = self._forces(row)
         energies = self.balance.take(row, d, v)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
+        if self.inverted is None and (found := inverted(self.model, d)) is not None:
+            self.inverted = f"{found} at t = {row.t:.6g}: what follows is the motion of no body"
         state = State(row.t, d, Q, F, energies["strain"], history=energies, v=v, a=a, blocks=blocks)
         if self.estimate is not None:
             self.estimate.take(row.t, d)
@@ -151,6 +155,8 @@ class Run:
         state.report = {
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
+        if self.inverted is not None:
+            state.warnings.append(self.inverted)
         if self.estimate is not None:
             state.report["accuracy"] = self.estimate.report()
             state.warnings += self.estimate.warnings()

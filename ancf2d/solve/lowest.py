@@ -27,6 +27,8 @@ CORRECT = 5e-5
 LANCZOS = 1e-8
 # relative rest of an eigenvalue's correction that is left standing
 SETTLED = 1e-11
+# corrections of an eigenvalue within which it cannot be told from zero
+UNSURE = 10.0
 MAX_CORRECTIONS = 6
 
 
@@ -178,4 +180,6 @@ def lowest(pencil: Pencil, m: int) -> Modes:
         values, V, rest, counted = _complete(pencil, m, shift, *_refine(pencil, values, V, shift))
     m = min(m, len(values))
     floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil.model))
+    unsure = np.abs(values) <= UNSURE * rest * (np.abs(values) + abs(shift))
+    values = np.where(unsure, 0.0, values)
     return Modes(values[:m], V[:m], rest[:m], floor, counted)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
@@ -225,6 +226,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
                             max_iterations)
             check_ends(model.constraints, result.d)
             check_facing(model.constraints, result.d, target)
+            check_inverted(model, result.d, path.d[-1], target)
             rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
             if rate > JUMP * (moved if number else result.increments[0] / target):
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
@@ -255,6 +257,7 @@ def _near(system: System, start: Start, t: float, tolerance: float, max_iteratio
         result = newton(system, guess, t, t, tolerance, max_iterations)
         check_ends(system.model.constraints, result.d)
         check_facing(system.model.constraints, result.d, t)
+        check_inverted(system.model, result.d, None, t)
     except ComputationError:
         return None
     strayed = system.norm((result.d - guess)[free]) > NEAR * system.norm(guess[free])

@@ -10,14 +10,14 @@ import pytest
 import ancf2d
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from extremes import cell, traps
-from extremes.scenes import SUBJECTS
+from extremes import cell, modes, statics, traps
+from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever, force
 
 
 @pytest.mark.parametrize("label", ["vallejo", "reissner3", "cable", "patel"])
 def test_a_frame_that_snaps_through_in_the_first_step_is_not_solved(label: str) -> None:
     """The first step alone exceeds the limit load twice: the state beyond is no continuation of the reference."""
-    with pytest.raises(ancf2d.ComputationError, match="beyond load factor 0.[01]"):
+    with pytest.raises(ancf2d.ComputationError, match=r"beyond load factor 0\.[01]"):
         traps.snap(label)
 
 
@@ -30,6 +30,40 @@ def test_a_section_turned_in_one_step_stands_where_it_is_told(label: str, turn: 
     except ancf2d.ComputationError:
         return
     assert found.error < 1e-6
+
+
+@pytest.mark.parametrize("label", [s.label for s in SUBJECTS if s.type.degree_y <= 1])
+def test_no_bar_is_pressed_through_itself(label: str) -> None:
+    """Equations have such equilibria; a run ends where the length vanishes, 1/1.1 of the way."""
+    with pytest.raises(ancf2d.ComputationError, match=r"beyond load factor 0\.909"):
+        statics.pressed(label, -0.1)
+
+
+@pytest.mark.parametrize("label", ["vallejo", "cable", "reissner3", "omar"])
+def test_a_bar_pressed_to_a_hundredth_is_right(label: str) -> None:
+    assert statics.pressed(label, 0.01).error < 1e-9
+
+
+def test_a_motion_that_turns_an_element_inside_out_says_so() -> None:
+    """Rubber hit by a force that would throw its end through its wall."""
+    case = cantilever(BY_LABEL["vallejo"], Beam(L=0.1, E=1e4), 2, [force([-3e3, 0])],
+                      {"type": "dynamic", "t_end": 0.02, "dt": 1e-4, "method": "newmark", "estimate": False})
+    run = ancf2d.solve(case, states=False, partial=True)
+    assert run.status == "failed" or any("inside out" in w for w in run.warnings)
+
+
+@pytest.mark.parametrize("label", ["2d2n", "2d3n", "2d2n-nu", "2d3n-nu"])
+def test_buckling_of_the_mesh_is_told_from_that_of_the_beam(label: str) -> None:
+    found = modes.euler(label, statics.slender(20), 1000)
+    assert found.error > 0.9
+    assert any("is the mesh's" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("label", ["2d2n", "vallejo", "cable", "reissner3"])
+def test_buckling_of_a_beam_is_not_told_to_be_the_meshs(label: str) -> None:
+    found = modes.euler(label, statics.slender(20), 100)
+    assert found.error < 0.03
+    assert not found.warnings
 
 
 @pytest.mark.parametrize("change", ["bodies.beam.section.height=1e-150", "bodies.beam.material.E=1e300",

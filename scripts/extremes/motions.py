@@ -1,0 +1,172 @@
+"""Motion at the extremes: slenderness, steps from far too short to far too long, very many steps and turns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache, partial
+from typing import Any
+
+from evidence import conservation
+
+from .cell import Cell, Found
+from .scenes import BY_LABEL, DEFAULTS, USUAL, Beam, Subject, force, solve
+
+G = 9.81
+METHODS = ("radau5", "radau9", "generalized_alpha", "hht", "newmark", "energy_momentum")
+
+
+def falling(ratio: float, stiff: float = 0.5) -> Beam:
+    """Return a pendulum of that length over height with EI = ``stiff`` rho A g L^3, so that all fall alike."""
+    h = 1.0 / ratio
+    return Beam(L=1.0, h=h, b=h, E=12.0 * stiff * 1000.0 * G / h**2, rho=1000.0)
+
+
+def pendulum(subject: Subject, beam: Beam, count: int, t_end: float, **solver: Any) -> dict[str, Any]:
+    """Return a pendulum that falls from the horizontal."""
+    return {"bodies": {"beam": beam.body(subject, count)}, "boundary_conditions": [{"type": "pin", "at": "beam@0"}],
+            "loads": [{"type": "gravity", "value": [0, -G]}],
+            "solver": {"type": "dynamic", "t_end": t_end, **solver}, "output": {"probes": {"tip": "beam@1"}}}
+
+
+@cache
+def fallen(ratio: float, t_end: float) -> tuple[float, float]:
+    """Return where the tip is, by the geometrically exact beam with a tight tolerance."""
+    run = solve(pendulum(BY_LABEL["reissner3"], falling(min(ratio, 1e3)), 16, t_end, method="radau9", tolerance=1e-9,
+                         estimate=False))
+    return run.probes["tip"]["x"], run.probes["tip"]["y"]
+
+
+def told(summary: dict[str, Any], error: float) -> list[str]:
+    """Return the estimate of the error of the steps as a warning, where it announces the error."""
+    estimate = summary.get("accuracy", {}).get("estimate")
+    return [f"error of the steps: about {estimate:.1g}"] if estimate is not None and estimate > 0.2 * error else []
+
+
+def slender_fall(label: str, ratio: float) -> Found:
+    """Compare a falling pendulum, steps by the default tolerance, with the geometrically exact one."""
+    t_end = 0.6
+    run = solve(pendulum(BY_LABEL[label], falling(ratio), 8, t_end, estimate=False, tolerance=1e-6))
+    x, y = fallen(ratio, t_end)
+    off = math.hypot(run.probes["tip"]["x"] - x, run.probes["tip"]["y"] - y)
+    return Found(max(off, run.summary["energy_drift"]), run.warnings)
+
+
+def stiff_fall(label: str) -> Found:
+    """Compare a pendulum of steel, L/h = 100 and all but rigid, with the rigid one: theta'' = -3 g sin(theta)/(2 L)."""
+    from scipy.integrate import solve_ivp
+
+    beam = Beam(L=1.0, h=0.01, b=0.01, E=2.07e14, rho=7850.0)
+    run = solve(pendulum(BY_LABEL[label], beam, 4, 2.0, estimate=False, tolerance=1e-6))
+    angle = solve_ivp(lambda t, u: [u[1], -1.5 * G * math.cos(u[0])], (0, 2.0), [0.0, 0.0], rtol=1e-11, atol=1e-12,
+                      method="DOP853").y[0, -1]
+    tip = run.probes["tip"]
+    return Found(math.hypot(tip["x"] - math.cos(angle), tip["y"] - math.sin(angle)), run.warnings)
+
+
+def stepped(label: str, method: str, ratio: float) -> Found:
+    """Compare a pendulum with fixed steps, ``ratio`` times its fastest period, with one of tight tolerance."""
+    subject, t_end = BY_LABEL[label], 0.5
+    beam = Beam(L=1.0, h=0.05, b=0.05, E=1e7, rho=1000.0)
+    # a wave along the shortest element, there and back
+    period = 2.0 * (beam.L / 4) * math.sqrt(beam.rho / beam.E)
+    run = solve(pendulum(subject, beam, 4, t_end, method=method, dt=min(ratio * period, t_end)))
+    x, y = _fine(label, t_end)
+    off = math.hypot(run.probes["tip"]["x"] - x, run.probes["tip"]["y"] - y)
+    return Found(off, [*run.warnings, *told(run.summary, off)])
+
+
+@cache
+def _fine(label: str, t_end: float) -> tuple[float, float]:
+    beam = Beam(L=1.0, h=0.05, b=0.05, E=1e7, rho=1000.0)
+    run = solve(pendulum(BY_LABEL[label], beam, 4, t_end, method="radau9", tolerance=1e-10, estimate=False))
+    return run.probes["tip"]["x"], run.probes["tip"]["y"]
+
+
+def many_steps(label: str, steps: int) -> Found:
+    """Return the largest relative change of energy and momenta of a rod in free flight."""
+    found = conservation.drift(label, steps)
+    return Found(max(found["energy"], found["linear"], found["angular"]))
+
+
+def over_the_top(label: str, speed: float) -> Found:
+    """Compare a stiff pendulum thrown upwards with the rigid one, through the upright or nearly so.
+
+    ``speed`` : the rate of rotation at the start over that which just reaches the upright from below.
+    """
+    from scipy.integrate import solve_ivp
+
+    subject, omega, t_end = BY_LABEL[label], speed * math.sqrt(6.0 * G), 1.5
+    beam = Beam(L=1.0, h=0.05, b=0.05, E=2e11, rho=1000.0)
+    case = pendulum(subject, beam, 4, t_end, estimate=False, tolerance=1e-7)
+    case["bodies"]["beam"] = beam.body(subject, 4, angle=-math.pi / 2)
+    case["initial"] = {"rotation_rate": {"omega": omega, "about": [0, 0]}}
+    run = solve(case)
+    angle = solve_ivp(lambda t, u: [u[1], -1.5 * G * math.cos(u[0])], (0, t_end), [-math.pi / 2, omega], rtol=1e-11,
+                      atol=1e-12, method="DOP853").y[0, -1]
+    tip = run.probes["tip"]
+    return Found(math.hypot(tip["x"] - math.cos(angle), tip["y"] - math.sin(angle)), run.warnings)
+
+
+def crank(label: str, method: str, turns: float) -> Found:
+    """Compare a slider, driven by a crank through its dead points, with geometry."""
+    subject = BY_LABEL[label]
+    arm, rod = Beam(L=0.3, h=0.02, b=0.02, E=2e11), Beam(L=0.7, h=0.02, b=0.02, E=2e11)
+    case = {"bodies": {"crank": {"geometry": {"type": "line", "start": [0, 0], "end": [arm.L, 0]},
+                                 "element": {"type": "rigid", "mass": 0.1}},
+                       "rod": rod.body(subject, 2, (arm.L, 0.0))},
+            "boundary_conditions": [{"type": "pin", "at": "crank@0"},
+                                    {"type": "prescribed", "at": "crank@0",
+                                     "angle": {"type": "expression", "value": f"{2 * math.pi * turns}*t^3"}}],
+            "joints": [{"type": "pin", "between": ["crank@1", "rod@0"]},
+                       {"type": "slider", "at": "rod@1", "through": [0, 0], "along": [1, 0]}],
+            "solver": {"type": "dynamic", "t_end": 1.0, "method": method, "tolerance": 1e-6, "estimate": False},
+            "output": {"probes": {"slider": "rod@1"}}}
+    run = solve(case)
+    angle = 2 * math.pi * turns
+    x = arm.L * math.cos(angle) + math.sqrt(rod.L**2 - (arm.L * math.sin(angle)) ** 2)
+    return Found(abs(run.probes["slider"]["x"] - x), run.warnings)
+
+
+def pushed_dead(label: str) -> Found:
+    """Press on a slider whose crank and rod are stretched: nothing turns by itself, or the run says why it stops."""
+    subject, rod = BY_LABEL[label], Beam(L=0.7, h=0.02, b=0.02, E=2e11)
+    case = {"bodies": {"crank": Beam(L=0.3, h=0.02, b=0.02, E=2e11).body(subject, 2),
+                       "rod": rod.body(subject, 2, (0.3, 0.0))},
+            "boundary_conditions": [{"type": "pin", "at": "crank@0"}],
+            "joints": [{"type": "pin", "between": ["crank@1", "rod@0"]},
+                       {"type": "slider", "at": "rod@1", "through": [0, 0], "along": [1, 0]}],
+            "loads": [force([-10.0, 0], at="rod@1")], "solver": {"type": "dynamic", "t_end": 0.01, "tolerance": 1e-6},
+            "output": {"probes": {"slider": "rod@1"}}}
+    run = solve(case)
+    return Found(abs(run.probes["slider"]["x"] - 1.0), run.warnings)
+
+
+def rows() -> Iterator[Cell]:
+    """Yield every motion."""
+    for ratio in (10, 1e2, 1e3, 1e4, 1e5, 1e6):
+        for s in DEFAULTS if ratio <= 1e4 else USUAL:
+            yield Cell("motion: slenderness L/h", f"{ratio:g}", s.label,
+                       "falling pendulum at tolerance 1e-6, EI = rho A g L^3/2, beside the beam; energy",
+                       0.05, partial(slender_fall, s.label, ratio), 40.0)
+    for s in DEFAULTS:
+        yield Cell("motion: traps", "radau5", s.label, "stiff thin pendulum at tolerance 1e-6, beside the rigid one",
+                   1e-3, partial(stiff_fall, s.label), 40.0, quick=s in USUAL)
+    for s in USUAL:
+        for speed in (0.9, 0.999, 1.001, 1.5):
+            yield Cell("motion: traps", f"{speed:g} of the speed", s.label, "pendulum thrown to and over the upright",
+                       1e-2, partial(over_the_top, s.label, speed), 40.0, quick=s.label == "cable")
+        for method in METHODS:
+            yield Cell("motion: traps", method, s.label, "crank through its dead points, two turns", 1e-3,
+                       partial(crank, s.label, method, 2.0), 40.0)
+        yield Cell("motion: traps", "radau5", s.label, "slider pressed at its dead point", 1e-3,
+                   partial(pushed_dead, s.label), 40.0)
+        for method in METHODS:
+            for ratio in (1e-2, 0.1, 1.0, 10.0, 100.0):
+                yield Cell("motion: step over fastest period", f"{ratio:g}", f"{s.label}, {method}",
+                           "falling pendulum, tip after half a second", 2e-3,
+                           partial(stepped, s.label, method, ratio), 60.0, quick=ratio == 10 and s.label == "cable")
+    for label in ("vallejo", "cable"):
+        for steps in (10**4, 10**6):
+            yield Cell("motion: steps", f"{steps:g}", f"{label}, energy_momentum", "free flight: energy and momenta",
+                       1e-9, partial(many_steps, label, steps), 240.0, quick=steps == 10**4)
