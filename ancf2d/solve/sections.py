@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,10 @@ def class_motions(sampler: Sampler) -> ClassMotions:
     Least squares of the velocity over each section, weighted with rho dV: v_t ~ a - omega (y - y_0),
     v_n ~ w + s (y - y_0) with y_0 the centre of mass, so that the four are orthogonal; what they leave is the rest.
     """
+    if not sampler.section.rhoA:
+        # shapes of buckling are told apart by volume where bodies have no density
+        uniform = replace(sampler.section, rhoA=1.0, rhoI=sampler.section.EI / sampler.section.EA)
+        sampler = replace(sampler, section=uniform)
     element, section = sampler.shape.element, sampler.section
     x, wx = gauss(element.degree_x + 2)
     ny = element.degree_y + 2

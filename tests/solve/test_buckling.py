@@ -147,3 +147,11 @@ def test_a_case_without_scaled_loads_says_so():
     constant = [{"type": "force", "at": "c@1", "value": [-1.0, 0], "amplitude": {"type": "constant"}}]
     with pytest.raises(ComputationError, match="no load grows"):
         column("reissner3", 4, "pinned", constant)
+
+
+@pytest.mark.parametrize("density", [{}, {"rho": 7850.0}], ids=["no density", "steel"])
+def test_shapes_of_the_mesh_are_told_whether_or_not_there_is_a_density(density: dict[str, float]) -> None:
+    thick = h.body(h.line(2.0), h.element("2d2n", 16), {"height": 0.4, "width": 0.1}, {"E": E, "nu": 0.3, **density})
+    found = h.solved({"c": thick}, {"type": "buckling", "modes": 3}, bc=[{"type": "clamp", "at": "c@0"}],
+                     loads=[{"type": "force", "at": "c@1", "value": [-1e6, 0.0]}])
+    assert [w.split(",")[0] for w in found.state.warnings] == ["shape 3"]
