@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -11,7 +12,7 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
 from ancf2d.study.accuracy.mesh import Ladder
-from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, Told, apart, choose, judge, tenth
+from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, Told, apart, best, choose, judge, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least, with_setting
 from ancf2d.study.answer import Answer, solve_for_goal
 from ancf2d.study.record import Progress
@@ -274,6 +275,37 @@ def test_smaller_steps_are_taken_where_meshes_differ_because_of_them():
     assert level is not None
     assert level.setting.tolerance <= 1e-4
     assert any("because of the steps" in tried.why for tried in pursuit.levels)
+
+
+def test_coarse_meshes_that_lock_are_not_taken_for_converged():
+    """2d3n locks: on 1, 2 and 4 elements its tip hardly moves, and swings; the limit is half as far again."""
+    loaded = case(CANTILEVER.replace("-500e3", "-200e3"), "{type: 2d3n, count: 1}", "accuracy=1e-2")
+    reached = solve_to_accuracy(loaded)
+    assert reached.achieved
+    assert reached.accuracy["elements"]["beam"] >= 64
+    exact = limit(loaded, 1024)
+    assert abs(reached.accuracy["value"] - exact.value) / exact.size <= 1e-2
+
+
+def test_leaps_keep_the_nodes_of_the_mesh_before_the_last():
+    """f = 1 + n^-3: the mesh that the order predicts is rounded up to halves of the last one."""
+    pursuit = Invented(case(CANTILEVER.replace("static", "linear_static"), "{type: cable, count: 1}"),
+                       lambda n, tolerance: 1.0 + n**-3.0)
+    Ladder(pursuit, {}, None).climb(1e-7)
+    counts = [level.setting.elements for level in pursuit.levels]
+    assert counts[:4] == [1, 2, 4, 8]
+    assert all(2 * fine % coarse == 0 for coarse, fine in pairwise(counts))
+    assert max(pairwise(counts), key=lambda pair: pair[1] / pair[0])[1] > 2 * 8
+
+
+def test_the_best_is_kept_where_round_off_spoils_finer_meshes():
+    levels = levels_of({1: 1.1, 2: 1.025, 4: 1.00625, 8: 1.0015625, 16: 1.0004, 32: 1.5})
+    assert choose(levels, 1e-6)[0] is levels[-1]
+    level, error, _ = best(levels, 1e-6)
+    assert level is levels[-2]
+    assert 4e-4 <= error <= 4e-3
+    # what nothing spoilt is the finest
+    assert best(levels[:-1], 1e-6)[0] is levels[-2]
 
 
 def test_a_tenth_has_no_more_digits_than_the_whole():

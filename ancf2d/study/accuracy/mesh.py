@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ..answer import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, choose, judge, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
 from .setting import Level, Setting, bodies_with_meshes, least
 
 LADDER = 3          # levels at least, the first of which is the least mesh
@@ -18,6 +19,8 @@ LEAP, HOP = 32.0, 4.0  # largest refinement at once, and the largest that needs 
 STEP = 1.5          # smallest refinement that says anything
 # levels before several bodies are shared out, and the least share of a body in that
 EVEN, SLIGHT = 4, 3
+# of the goal: what two coarse meshes may differ by where a third goes back again
+SWING = 0.02
 # meshes in a row that do not make the error smaller: where it is given up
 STALLED = 4
 # of the difference between meshes: what steps in time may move before they are made smaller
@@ -51,7 +54,7 @@ class Ladder:
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
             level, error, found = self._chosen(wanted)
-            if len(self.levels) >= LADDER and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
+            if self._tells() and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
                 break
             if self._steps_matter():
                 size = max(1.0, size / 4.0)
@@ -64,8 +67,16 @@ class Ladder:
             hopeless = self._hopeless(size)
             if hopeless:
                 break
-        level, error, found = self._chosen(wanted)
+        level, error, found = self._chosen(wanted) if not hopeless else best(self.levels, wanted)
         return level, error, replace(found, note="; ".join(note for note in (found.note, hopeless) if note))
+
+    def _tells(self) -> bool:
+        """Whether there are levels enough: three, one more where they swing, as those of elements that lock can."""
+        if len(self.levels) != LADDER:
+            return len(self.levels) > LADDER
+        first, middle, last = sequence([level.answer for level in self.levels if level.answer is not None])
+        swings = (middle - first) * (last - middle) < 0.0
+        return not swings or apart(*self.levels[:2]) <= SWING
 
     def _hopeless(self, size: float) -> str:
         """Return why a mesh of a size is not worth its solve, empty where it is."""
@@ -132,9 +143,11 @@ class Ladder:
         if self.pursuit.begins or not found.asymptotic or found.order is None or len(self.levels) <= LADDER:
             return 2.0
         p = min(max(found.order, TRUSTED[0]), TRUSTED[1])
-        wanted = max((excess / AIM) ** (1.0 / p), STEP)
+        wanted = (excess / AIM) ** (1.0 / p)
         # a long way is gone in two leaps, the first of which confirms the order
-        return wanted if wanted <= HOP else min(wanted / 2.0, LEAP)
+        factor = wanted if wanted <= HOP else min(wanted / 2.0, LEAP)
+        # in halves: nodes stay where they were in the mesh before the last
+        return max(STEP, math.ceil(2.0 * factor - 0.25) / 2.0)
 
 
 def shares_by_weight(ladder: Ladder, size: float) -> dict[str, float] | None:

@@ -33,6 +33,12 @@ LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
 # a mesh that misses so much of the goal says little of the order: what it may promise there
 FAR, ROUGH = 0.1, 2.0
+# levels that the best is looked for in, and the share of the last estimate below which an earlier one is better
+RECENT, SPOILT = 4, 0.1
+# levels without which no order is confirmed
+CONFIRMING = 3
+# what the last of two orders promises at least, where the one before was none
+NONE_BEFORE = 1.0
 
 
 @dataclass
@@ -195,6 +201,19 @@ def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float,
     return levels[-1], last, found
 
 
+def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
+    """Return what ``choose`` does; where none will do, the one of the last few whose estimate is far the smallest.
+
+    Round-off grows with the mesh: the finest may be worse than those before.
+    """
+    level, last, found = choose(levels, wanted)
+    for n in range(len(levels) - 1, max(len(levels) - RECENT, CONFIRMING), -1):
+        before, error = judge(levels[:n])
+        if last > wanted and error < SPOILT * last:
+            return levels[n - 1], error, before
+    return level, last, found
+
+
 def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
     """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
 
@@ -226,7 +245,7 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
         trusted, safety = min(0.5 * (order + before), order, MOST), SAFETY
     else:
         most = ROUGH if gaps[0] > FAR * size else UNCONFIRMED
-        trusted = min(order, most, order if before is None else max(before, LEAST))
+        trusted = min(order, most, order if before is None else max(before, NONE_BEFORE))
         safety = DOUBTFUL
     step = (f[-1] - f[-2]) / math.expm1(trusted * ratio)
     note = "" if alike else "the order is not confirmed"
