@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from .errors import ResultsError as ResultsError
     from .results import Results as Results
     from .results import open_results as open_results
+    from .study.convergence import Convergence as Convergence
 
 __version__ = "0.1.0"
 
 # what the package offers and where it is; nothing is imported before it is used
 _PLACES = {
     "load": "api", "solve": "api", "convergence": "api", "Solution": "api", "LoadedCase": "case",
-    "open_results": "results", "Results": "results",
+    "open_results": "results", "Results": "results", "Convergence": "study.convergence",
     "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
 }
 __all__ = ["__version__", *_PLACES]
