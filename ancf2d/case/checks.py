@@ -224,7 +224,12 @@ class _Checker:
                 and solver.dt is None and solver.tolerance is None:
             self.fail(("solver",), "solver: neither dt nor tolerance is given",
                       "dt for fixed steps, tolerance for adaptive ones, or accuracy in the case")
-        if isinstance(case.accuracy, float) and case.goal is None and case.output is not INVALID \
-                and not case.output.probes and ("output",) not in self.failed:
+        if case.goal is not None:
+            return
+        if isinstance(case.accuracy, float):
             self.fail(("accuracy",), "accuracy is given, but no goal says of what",
                       "goal: {probe, quantity} or another goal")
+        for name, body in case.bodies.items() if case.bodies is not INVALID else ():
+            if body is not INVALID and body.element is not INVALID and body.element.type == "auto":
+                self.fail(("bodies", name, "element"), "element auto is chosen for a goal, and the case has none",
+                          "goal: {probe, quantity} or another goal; or an element type")

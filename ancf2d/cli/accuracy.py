@@ -29,7 +29,9 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     for text in summary["warnings"]:
         session.warn(text)
     session.out(path_table(reached.accuracy, loaded.case.units.time))
-    session.out(choices(reached.accuracy))
+    chosen = choices(reached.accuracy)
+    if chosen:
+        session.out(chosen)
     session.out(describe(reached.accuracy, loaded.case.goal) + "\n")
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")

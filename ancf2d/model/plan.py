@@ -89,7 +89,7 @@ def _element_type(spec: Element, definition: ElementDefinition | None) -> Elemen
     if definition is not None:
         return _user_element(spec, definition)
     if spec.type == "auto":
-        raise RefusedError(("element", "type"), "element auto is chosen by 'ancf2d run' and 'ancf2d validate' alone",
+        raise RefusedError(("element", "type"), "element auto is chosen by 'ancf2d run' and 'ancf2d sweep' alone",
                        "one of " + ", ".join(registry.names()))
     return registry.element_type(spec.type, spec.order)
 

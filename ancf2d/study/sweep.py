@@ -15,6 +15,8 @@ from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.overrides import OPTION as SET
 from ..errors import CaseError, ComputationError, Problem, ResultsError
+from .accuracy.control import is_pursued, solve_to_accuracy
+from .accuracy.pursuit import Target
 from .identity import content_name, files_of
 from .pool import DIED, Workers, run_jobs
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
@@ -199,9 +201,14 @@ def _fill(rows: Sequence[Row], goal: Goal | None, summary: dict[str, Any], reuse
         row.elements, row.dofs, row.wall_s = summary.get("elements"), summary.get("dofs"), summary.get("wall_s")
         row.accuracy, row.output = summary.get("accuracy"), summary.get("output")
         row.warnings = list(summary.get("warnings", ()))
-        if row.status == "converged":
+        if row.status == "converged" or _fell_short(summary):
             row.goal = None if goal is None else quantity(goal, summary)
             row.values = {describe_goal(goal): row.goal} if goal is not None else told(summary)
+
+
+def _fell_short(summary: dict[str, Any]) -> bool:
+    """Whether a run has a value, but not with the accuracy that its case asks for."""
+    return (summary.get("accuracy") or {}).get("achieved") is False
 
 
 def told(summary: dict[str, Any]) -> dict[str, float | None]:
@@ -259,6 +266,11 @@ def _solve(job: Job) -> dict[str, Any]:
         raise ResultsError(f"there is no folder '{os.path.dirname(job.output)}' on this worker; several machines need "
                            f"one that they share")
     options: dict[str, Any] = {"force": job.force, "command": job.command}
+    if is_pursued(loaded):
+        summary = solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary
+        wanted = summary["accuracy"]["wanted"]
+        short = {"status": "failed", "reason": f"the wanted accuracy {wanted:g} was not reached"}
+        return {**summary, **(short if _fell_short(summary) else {})}
     if not job.force and isinstance(loaded.case.solver, Dynamic) and part_path(job.output).exists():
         try:
             return run_case(loaded, job.output, resume=True, **options).summary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -92,3 +93,20 @@ def test_an_accuracy_needs_a_goal(call: Call, folder: Path) -> None:
     assert result.exit_code == 2
     assert "goal" in result.stderr
     assert "1 problem" in result.stderr
+
+
+def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_json: CallJson, folder: Path) -> None:
+    """One row for each accuracy; what cannot be reached fails, with the value that was found."""
+    (folder / "open.yaml").write_text(CASE.replace("{type: reissner3, count: 3}", "auto"))
+    rows = call_json("sweep", "open.yaml", "--over", "accuracy=2e-2,1e-4", "--json")["rows"]
+    assert [row["status"] for row in rows] == ["converged", "converged"]
+    for row in rows:
+        assert row["accuracy"]["achieved"]
+        assert row["accuracy"]["estimate"] <= row["set"]["accuracy"]
+    assert [row["accuracy"]["types"]["beam"]["element"] for row in rows] == ["cable", "reissner3"]
+    result = call("sweep", "bent.yaml", "--over", "accuracy=1e-3,1e-15", "--json")
+    assert result.exit_code == 1
+    good, bad = json.loads(result.stdout)["rows"]
+    assert (good["status"], bad["status"]) == ("converged", "failed")
+    assert bad["reason"] == "the wanted accuracy 1e-15 was not reached"
+    assert bad["goal"] == pytest.approx(good["goal"], rel=1e-3)

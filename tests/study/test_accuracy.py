@@ -159,8 +159,12 @@ def test_an_accuracy_below_round_off_is_not_reached_and_says_so():
 
 def test_without_a_goal_there_is_nothing_to_be_accurate_about():
     text = CANTILEVER.replace("goal: {probe: tip, quantity: uy}\n", "")
-    with pytest.raises(CaseError, match="needs a goal"):
-        solve_to_accuracy(case(text, "{type: reissner3, count: 3}", "accuracy=1e-3"))
+    with pytest.raises(CaseError, match="no goal"):
+        case(text, "{type: reissner3, count: 3}", "accuracy=1e-3")
+    with pytest.raises(CaseError, match="element auto is chosen for a goal"):
+        case(text, "auto")
+    with pytest.raises(CaseError, match="no goal"):
+        solve_to_accuracy(case(text, "{type: reissner3, count: 3}"))
 
 
 def test_only_cases_that_ask_for_it_are_pursued():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...case import Dynamic, LoadedCase
-from ...errors import CaseError, ComputationError
+from ...errors import ComputationError
 from ..answer import Answer
 from ..order import Estimate
 from ..record import Progress
@@ -61,9 +61,6 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
 
     Raises CaseError for a case without a goal or that cannot be solved at all, ComputationError where no mesh could be.
     """
-    if loaded.case.goal is None:
-        raise CaseError(loaded.source.problem(("accuracy",), "an accuracy needs a goal that it is of",
-                                              expected="for example goal: {probe: mid, quantity: uy}"))
     pursuit = Pursuit(loaded, loaded.case.accuracy or DEFAULT, progress or Progress(), target, tell)
     prepare(first_mesh(loaded))
     types = _types(pursuit)
