@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,9 @@ DOUBLE, TENFOLD = 2.0, 10.0
 SAFETY = 1.25
 # differences that grow by less between levels are no asymptotic sequence
 ASYMPTOTIC = 2.0**0.5
+# steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
+# between such levels tell nothing where they are below this share of the displacements
+ALIKE, TELLING = 0.8, 1e-4
 
 
 class Estimate:
@@ -106,7 +110,7 @@ class Estimate:
 
     def _richardson(self) -> tuple[float | None, float | None]:
         """Return what the differences of three levels say of the first, and the order that they show."""
-        if self.failed:
+        if self.failed or self._alike():
             return None, None
         size = np.where(self.moved > 0.0, self.moved, np.inf)
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
@@ -118,8 +122,19 @@ class Estimate:
             return max(fine, rough), order
         return SAFETY * fine / (self.factor ** min(order, self.order) - 1.0), order
 
+    def _alike(self) -> bool:
+        """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
+        if self.factor != DOUBLE or not self.moved.any():
+            return False
+        steps = [s.s.numbers[COUNT] for s in (self.run.stepper, *self.coarse)]
+        alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(steps))
+        return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
+
     def warnings(self) -> list[str]:
         """Return what is to be said of an estimate that cannot be trusted."""
+        if not self.failed and self._alike():
+            return ["no error estimate: runs with longer steps were cut to those of this motion, or it has too few; "
+                    "the steps are too long for it: smaller ones"]
         if self.failed:
             return [f"no error estimate: {self.failed}; {self._finer}"]
         estimate, order = self._richardson()

@@ -49,11 +49,11 @@ def pinned_omega(beam: Beam, mode: int = 1) -> float:
     return math.sqrt(2.0 * c / (-b + math.sqrt(b * b - 4.0 * a * c)))
 
 
-def pinned_load(beam: Beam) -> float:
-    """Return the buckling load of a pinned column that shears and shortens (Reissner), in closed form."""
+def pinned_load(beam: Beam, shears: bool) -> float:
+    """Return the buckling load of a pinned column that shears, if so, and shortens (Reissner), in closed form."""
     euler = beam.EI * (math.pi / beam.L) ** 2
     # P (1 + P (1/kGA - 1/EA)) = euler, from Reissner's linearised equations
-    a = 1.0 / beam.kGA - 1.0 / beam.EA
+    a = (1.0 / beam.kGA if shears else 0.0) - 1.0 / beam.EA
     return 2.0 * euler / (1.0 + math.sqrt(1.0 + 4.0 * a * euler))
 
 

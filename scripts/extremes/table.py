@@ -44,7 +44,7 @@ def counts(verdicts: Iterable[Verdict]) -> str:
 
 def _mark(v: Verdict, notes: dict[str, int]) -> str:
     """Return what a cell shows: its error, or its verdict with the number of the message."""
-    error = "" if v.error is None else "exact" if v.error < 1e-15 else f"{v.error:.0e}"
+    error = "lost" if v.error is None else "exact" if v.error < 1e-15 else f"{v.error:.0e}"
     if v.verdict == "holds":
         return error
     number = notes.setdefault(" ".join(v.message.split()), len(notes) + 1)

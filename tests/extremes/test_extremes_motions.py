@@ -1,0 +1,40 @@
+"""Motions: no estimate of the error where longer steps are cut to the same, and a quick part of the map."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+import ancf2d
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from extremes import cell, motions
+from extremes.scenes import BY_LABEL, Beam
+
+
+def solution(dt: float, method: str = "generalized_alpha") -> ancf2d.Solution:
+    """Return a pendulum that falls for half a second with such steps."""
+    beam = Beam(L=1.0, h=0.05, b=0.05, E=1e7)
+    return ancf2d.solve(motions.pendulum(BY_LABEL["vallejo"], beam, 4, 0.5, method=method, dt=dt), states=False)
+
+
+@pytest.mark.parametrize("method", ["generalized_alpha", "energy_momentum"])
+@pytest.mark.parametrize("dt", [0.1, 0.5])
+def test_runs_that_are_all_cut_to_the_same_steps_estimate_nothing(method: str, dt: float) -> None:
+    """Their differences vanish, and the error does not."""
+    run = solution(dt, method)
+    assert run.accuracy["estimate"] is None
+    assert any("no error estimate" in w for w in run.warnings)
+
+
+def test_steps_that_are_followed_are_estimated() -> None:
+    run = solution(2e-3)
+    assert 1e-6 < run.accuracy["estimate"] < 1e-2
+    assert not run.warnings
+
+
+@pytest.mark.parametrize("row", [c for c in motions.rows() if c.quick], ids=lambda c: c.key)
+def test_motions_hold_or_are_refused_or_told(row: cell.Cell) -> None:
+    assert cell.run(row).verdict in ("holds", "degrades", "refused")
