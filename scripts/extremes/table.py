@@ -11,7 +11,7 @@ from .cell import VERDICTS, Verdict
 
 
 class Store:
-    """Verdicts in a file that grows line by line, so that a map that is interrupted goes on."""
+    """Verdicts in a file that grows line by line: an interrupted map goes on, and tries again what was slow."""
 
     def __init__(self, path: Path, fresh: bool = False) -> None:
         self.path = path
@@ -21,7 +21,8 @@ class Store:
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines():
                 verdict = Verdict(**json.loads(line))
-                self.found[verdict.key] = verdict
+                if verdict.verdict != "slow":
+                    self.found[verdict.key] = verdict
 
     def add(self, verdict: Verdict) -> None:
         """Append a verdict."""
