@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import click
 
@@ -28,6 +27,7 @@ def command(session: Session, file: str, save: str | None, port: int, no_browser
     keeps everything.
     """
     from ..results import open_results
+    from ..results.replace import replacing
     from ..view import make_page, serve
 
     with open_results(file) as results:
@@ -36,10 +36,8 @@ def command(session: Session, file: str, save: str | None, port: int, no_browser
         page = make_page(results)
     if save is not None:
         content = page.html.encode()
-        try:
-            Path(save).write_bytes(content)
-        except OSError as error:
-            raise ResultsError(f"cannot write '{save}': {error.strerror}") from error
+        with replacing(save) as private:
+            private.write_bytes(content)
         size = f"{len(content) / 1e6:.1f} MB" if len(content) >= 1e6 else f"{len(content) / 1e3:.0f} kB"
         session.out(f"wrote {save} ({size}; {page.remark})")
         return 0

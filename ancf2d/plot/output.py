@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import Input, build, draw
 from ancf2d.plot.style import style
+from ancf2d.results.replace import replacing
 
 # without the moment of writing, equal figures are equal files
 _METADATA: dict[str, dict[str, Any]] = {
@@ -22,10 +23,8 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 
 def _write(path: Path, content: bytes) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise ResultsError(f"cannot write '{path}': {error.strerror}") from error
+    with replacing(path) as private:
+        private.write_bytes(content)
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:

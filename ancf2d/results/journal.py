@@ -28,7 +28,11 @@ def _up(size: int) -> int:
 
 
 class JournaledFile(io.RawIOBase):
-    """The file object that h5py writes to; ``commit`` makes everything so far permanent."""
+    """The file object that h5py writes to; ``commit`` makes everything so far permanent.
+
+    ``failure`` is the first error of the disk. HDF5 is not told of it, which it would not survive: what it goes on to
+    write is lost, and the next commit raises the error.
+    """
 
     def __init__(self, descriptor: int, pages: dict[int, bytearray] | None = None,
                  size: int | None = None) -> None:
@@ -36,6 +40,7 @@ class JournaledFile(io.RawIOBase):
         self._pages = pages or {}
         self._committed = self._size = os.fstat(descriptor).st_size if size is None else size
         self._at = 0
+        self.failure: OSError | None = None
 
     def readable(self) -> bool:
         """Always."""
@@ -99,13 +104,20 @@ class JournaledFile(io.RawIOBase):
                 self._pages[page] = bytearray(below.ljust(PAGE, b"\0"))
             self._pages[page][offset:offset + part] = view[done:done + part]
             done += part
-        _write_all(self._descriptor, view[waiting:], start + waiting)
+        try:
+            _write_all(self._descriptor, view[waiting:], start + waiting)
+        except OSError as error:
+            self.failure = self.failure or error
         self._at += count
         self._size = max(self._size, self._at)
         return count
 
     def commit(self) -> None:
-        """Put everything since the last commit into the file, so that no moment shows a part."""
+        """Put everything since the last commit into the file, so that no moment shows a part.
+
+        Raises OSError where it, or what was written since the last commit, cannot be put there.
+        """
+        self.check()
         if self._pages:
             end = max(os.fstat(self._descriptor).st_size, self._size, self._committed)
             numbers = sorted(self._pages)
@@ -118,6 +130,11 @@ class JournaledFile(io.RawIOBase):
         os.ftruncate(self._descriptor, self._size)
         self._committed = self._size
         self._pages = {}
+
+    def check(self) -> None:
+        """Raise the error that the disk gave to a write, if there was one."""
+        if self.failure is not None:
+            raise self.failure
 
 
 def _write_all(descriptor: int, data: memoryview, at: int) -> None:
@@ -153,6 +170,15 @@ def _waiting_pages(descriptor: int) -> tuple[dict[int, bytearray], int] | None:
     start = count * 8
     return {n: bytearray(body[start + k * PAGE:start + (k + 1) * PAGE])
             for k, n in enumerate(numbers)}, size
+
+
+def is_journaled(path: Path) -> bool:
+    """Whether a file ends with a commit that did not come to its end, so that what lies below may be torn."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        return _waiting_pages(descriptor) is not None
+    finally:
+        os.close(descriptor)
 
 
 def recovered(descriptor: int) -> JournaledFile:

@@ -90,6 +90,8 @@ class BodyRecord:
         for name, top in (("dofs", nq), ("classes", nclass), ("node_shape", nshape),
                           ("nodes", None)):
             array = getattr(self, name)
+            if array.dtype.kind not in "iu":
+                raise ResultsError(f"body '{self.name}': {name} are no whole numbers")
             if array.size and (array.min() < 0 or (top is not None and array.max() >= top)):
                 raise ResultsError(f"body '{self.name}': {name} points outside its range")
 

@@ -13,7 +13,8 @@ import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.journal import open_hdf5
+from ancf2d.results.heaps import endless_heap
+from ancf2d.results.journal import is_journaled, open_hdf5
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
 T = TypeVar("T")
@@ -89,6 +90,8 @@ def open_file(path: Path) -> h5py.File:
         what = "is empty" if not head else "is no HDF5 file"
         raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
                            f"'ancf2d run CASE' writes one")
+    if not is_journaled(path) and endless_heap(path) is not None:
+        raise ResultsError(f"'{path}' is damaged; run its case again or copy it again")
     try:
         file = open_hdf5(path)
     except (OSError, RuntimeError) as error:

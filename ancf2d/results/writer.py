@@ -296,8 +296,9 @@ class ResultWriter:
             with _uninterrupted():
                 yield
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
+            failure = (self._stream.failure if hasattr(self, "_stream") else None) or error
             self._abandon()
-            cause = getattr(error, "strerror", None) or str(error)
+            cause = getattr(failure, "strerror", None) or str(failure)
             raise ResultsError(f"cannot write '{self._target.path}': {cause}") from error
         except ResultsError:
             if begin:

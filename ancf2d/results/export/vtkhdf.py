@@ -9,6 +9,7 @@ Source: VTKHDF format specification, docs.vtk.org.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from numpy.polynomial.legendre import legvander
 from ancf2d.errors import ResultsError
 from ancf2d.results.export import Done
 from ancf2d.results.geometry import body_faces, body_rates
+from ancf2d.results.journal import JournaledFile
 from ancf2d.results.reader import Results
 from ancf2d.results.records import BodyRecord, FieldRecord
 
@@ -103,7 +105,18 @@ def make_parts(results: Results) -> list[Part]:
 def write(results: Results, path: Path, done: Done) -> None:
     """Write the grid of all bodies, state by state: points, displacement, velocity where stored, fields, modes."""
     parts = make_parts(results)
-    with h5py.File(path, "w") as file:
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+    try:
+        stream = JournaledFile(descriptor)  # HDF5 by itself does not survive a full disk
+        _fill(stream, results, parts, done)
+        stream.commit()
+    finally:
+        os.close(descriptor)
+
+
+def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done) -> None:
+    """Write the grid to an empty file. Raises OSError where the disk takes no more."""
+    with h5py.File(stream, "w") as file:
         # outside of the grid: readers of the format differ in the texts that they can read, and some crash
         file.attrs["bodies"] = [part.body.name for part in parts]
         root = file.create_group("VTKHDF")
@@ -114,6 +127,7 @@ def write(results: Results, path: Path, done: Done) -> None:
         grid.write_modes()
         for i in range(grid.steps):
             grid.write_state(i)
+            stream.check()
             done((i + 1) / grid.steps)
         grid.write_steps()
 

@@ -1,0 +1,83 @@
+"""What the commands make of one mutant of a case file."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ancf2d.errors import ResultsError
+
+from . import case_mutants
+from .command import CODES, INTERRUPTED, Called, call, unreal
+from .pen import Ended, Limits, confined
+
+SECONDS = 30.0  # within which a file must be validated
+# what is run although it was refused: as many of 100
+REFUSED = 10
+
+
+@dataclass
+class Trial:
+    """What came of one mutant: exit codes of validate and run (None: not run), seconds, and what broke a promise."""
+
+    number: int
+    validated: int = -1
+    ran: int | None = None
+    seconds: float = 0.0
+    faults: list[str] = field(default_factory=list)
+
+
+def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None) -> Iterator[tuple[Trial, Ended]]:
+    """Yield what came of each mutant, tried in a process of its own in an empty folder."""
+    def work(number: int) -> Trial:
+        return examine(folder, seed, number)
+
+    case_mutants.bases()
+    for number, ended in confined(work, numbers, limits or Limits()):
+        trial = ended.value or Trial(number)
+        trial.faults += [ended.fault] if ended.fault else []
+        yield trial, ended
+
+
+def examine(folder: Path, seed: int, number: int) -> Trial:
+    """Validate a mutant; run it where it is valid, and sometimes where it is not."""
+    content, definition = case_mutants.mutant(seed, number)
+    os.chdir(folder)
+    for name in os.listdir():
+        os.unlink(name)
+    Path("case.yaml").write_bytes(content)
+    Path("own.yaml").write_bytes(definition)
+    trial, began = Trial(number), time.monotonic()
+    checked = call("validate", "case.yaml")
+    trial.validated, trial.seconds = checked.code, time.monotonic() - began
+    trial.faults += checked.faults({0, 2})
+    if trial.seconds > SECONDS:
+        trial.faults.append(f"validate took {trial.seconds:.0f} s")
+    if checked.code == 0 or number % 100 < REFUSED:
+        ran = call("run", "case.yaml", "-o", "case.h5", "--json")
+        trial.ran = ran.code
+        trial.faults += ran.faults({*CODES, INTERRUPTED}) + _left(checked, ran)
+    return trial
+
+
+def _left(checked: Called, ran: Called) -> list[str]:
+    """Return what is wrong with what a run left behind."""
+    if (checked.code, ran.code) in ((0, 2), (2, 0), (2, 1)):
+        return [f"validate ends with {checked.code}, run with {ran.code}: {ran.err.strip()[:300]}"]
+    left = set(os.listdir()) - {"case.yaml", "own.yaml"}
+    wanted = ({"case.h5"},) if ran.code == 0 else ({"case.h5.part"}, set())
+    if left not in wanted:
+        return [f"run ends with {ran.code} and leaves {sorted(left)}"]
+    found = []
+    for name in left:
+        try:
+            wrong = unreal(Path(name))
+        except ResultsError as error:
+            found.append(f"what run left cannot be read: {error}")
+            continue
+        if wrong and ran.code == 0:
+            found.append(f"no numbers in a result: {', '.join(wrong[:5])}")
+    return found

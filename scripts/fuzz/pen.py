@@ -1,0 +1,124 @@
+"""Work on what may be hostile, in a process of its own: bounded in memory, interrupted, then killed, never trusted."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import resource
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+GRACE = 30.0  # seconds after an interruption in which work must have ended
+MEMORY = 2 << 30  # bytes that work may use beyond what its process uses before
+
+
+@dataclass
+class Limits:
+    """Seconds until work is interrupted, seconds from then until it is killed, and bytes of memory."""
+
+    patience: float = 5.0
+    grace: float = GRACE
+    memory: int = MEMORY
+
+
+@dataclass
+class Ended:
+    """How one piece of work ended: what it returned, or why it returned nothing."""
+
+    value: Any = None
+    fault: str = ""
+    memory: int = 0
+    notes: list[str] = field(default_factory=list)
+
+
+def confined(work: Callable[[Any], Any], jobs: Iterable[Any], limits: Limits) -> Iterator[tuple[Any, Ended]]:
+    """Yield each job with how its work ended, done one after the other in a forked process.
+
+    The process is replaced when it dies, hangs or has used much memory, so that jobs do not see each other.
+    """
+    context = multiprocessing.get_context("fork")
+    process: Any = None
+    here: Connection | None = None
+    try:
+        for job in jobs:
+            if process is None:
+                here, there = context.Pipe()
+                process = context.Process(target=_serve, args=(work, there, limits.memory), daemon=True)
+                process.start()
+                there.close()
+            assert here is not None
+            ended = _one(process, here, job, limits)
+            if ended.fault or ended.memory > limits.memory // 8:
+                _stop(process)
+                process = None
+            yield job, ended
+    finally:
+        if process is not None:
+            _stop(process)
+
+
+def _one(process: Any, here: Connection, job: Any, limits: Limits) -> Ended:
+    """Hand a job to the process and wait for its end."""
+    here.send(job)
+    try:
+        if not here.poll(limits.patience):
+            os.kill(process.pid, signal.SIGINT)
+            if not here.poll(limits.grace):
+                return Ended(fault=f"went on for {limits.grace:.0f} s after it was interrupted")
+        found: Ended = here.recv()
+        return found
+    except (EOFError, OSError):
+        process.join()
+        code = process.exitcode
+        return Ended(fault=f"its process was ended by {signal.Signals(-code).name}" if code < 0 else
+                     f"its process ended with {code}")
+
+
+def _stop(process: Any) -> None:
+    process.kill()
+    process.join()
+
+
+def _serve(work: Callable[[Any], Any], there: Connection, memory: int) -> None:
+    """Do the jobs that come, until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_AS, (_status("VmSize") + memory, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    while True:
+        with contextlib.suppress(KeyboardInterrupt):  # one that comes late, after the work has ended
+            try:
+                job = there.recv()
+            except EOFError:
+                return
+            there.send(_confess(work, job))
+
+
+def _confess(work: Callable[[Any], Any], job: Any) -> Ended:
+    """Do one job; tell what came of it and the memory it took."""
+    Path("/proc/self/clear_refs").write_text("5")  # the peak is that of this job
+    before = _status("VmRSS")
+    ended = Ended()
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        ended.value = work(job)
+    except KeyboardInterrupt:
+        ended.notes.append("interrupted outside of a command")
+    except BaseException as error:
+        ended.fault = f"{type(error).__name__}: {error}"
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ended.memory = max(0, _status("VmHWM") - before)
+    return ended
+
+
+def _status(name: str) -> int:
+    """Return a size (bytes) that the system tells of this process."""
+    for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
+        if line.startswith(name + ":"):
+            return int(line.split()[1]) * 1024
+    return 0

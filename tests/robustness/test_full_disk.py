@@ -1,0 +1,119 @@
+"""Disks that take nothing more: a sentence, no damaged file, and HDF5 outlives it."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ancf2d.errors import ResultsError
+from ancf2d.results import ResultWriter, open_results, part_path
+from ancf2d.study.warmup import keep_where_there_is_room
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
+from endurance import scenes
+from fuzz.command import Called, call
+from synthetic import HEADER, bent_beam, coordinates, tangent_body
+
+
+@contextmanager
+def room(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size (bytes), as on a disk that fills."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def refused(found: Called) -> None:
+    """Check that a command failed in one sentence."""
+    assert found.code in (1, 2)
+    assert found.faults() == []
+    assert found.err.count("error: ") == 1
+    assert "cannot write" in found.err
+    assert "File too large" in found.err
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working directory with a sound result."""
+    monkeypatch.chdir(tmp_path)
+    bent_beam(tmp_path / "sound.h5")
+    return tmp_path
+
+
+@pytest.mark.parametrize("size", [0, 10_000, 30_000, 60_000])
+def test_a_run_leaves_nothing_or_what_is_readable(folder: Path, size: int) -> None:
+    scenes.write(folder, "case", {**scenes.LONG, "solver": {"type": "dynamic", "t_end": 0.2, "dt": 1e-3}})
+    assert call("run", "case.yaml", "-q").code == 0  # its kernels are compiled
+    (folder / "case.h5").unlink()
+    with room(size):
+        refused(call("run", "case.yaml", "-q"))
+    assert {p.name for p in folder.iterdir()} <= {"case.yaml", "sound.h5", "case.h5.part"}
+    if (folder / "case.h5.part").exists():
+        open_results(folder / "case.h5.part").close()
+
+
+@pytest.mark.parametrize(("arguments", "size"), [
+    (["export", "sound.h5", "out.vtkhdf"], 5000), (["export", "sound.h5", "out.json"], 100),
+    (["export", "sound.h5", "out.csv"], 10), (["plot", "sound.h5", "--save", "out.png"], 5000),
+    (["plot", "sound.h5", "--data", "out.csv"], 100), (["view", "sound.h5", "--save", "out.html"], 5000)],
+    ids=lambda v: " ".join(v) if isinstance(v, list) else "")
+def test_what_a_command_could_not_write_to_its_end_is_not_there(folder: Path, arguments: list[str], size: int) -> None:
+    with room(size):
+        refused(call(*arguments))
+    assert [p.name for p in folder.iterdir()] == ["sound.h5"]
+
+
+def test_an_earlier_figure_stays(folder: Path) -> None:
+    (folder / "out.png").write_bytes(b"earlier")
+    with room(5000):
+        refused(call("plot", "sound.h5", "--save", "out.png"))
+    assert (folder / "out.png").read_bytes() == b"earlier"
+
+
+def _go_on(writer: ResultWriter) -> None:
+    for k in range(1, 20_000):
+        writer.append(k, np.full(12, 1.0 / k))
+        writer.flush()
+
+
+def test_what_earlier_commits_hold_outlives_errors_of_the_disk_within_hdf5(tmp_path: Path) -> None:
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
+        writer.append(0, np.zeros(12))
+        writer.flush()
+        size = part_path(tmp_path / "a.h5").stat().st_size
+        with room(size), pytest.raises(ResultsError, match=r"cannot write .*File too large"):
+            _go_on(writer)
+    with open_results(part_path(tmp_path / "a.h5")) as found:
+        assert found.nt == 1
+
+
+KERNEL = """
+import numba
+
+@numba.njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "kernel_of_a_full_disk.py").write_text(KERNEL)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    from kernel_of_a_full_disk import twice
+
+    keep_where_there_is_room()
+    with room(0):
+        assert twice(2) == 4
+    assert [p.name for p in (tmp_path / "cache").rglob("*.nb*")] == []

@@ -1,0 +1,66 @@
+"""Result files with damage that HDF5 does not see."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from ancf2d.errors import ResultsError
+from ancf2d.results import describe, open_results
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
+from synthetic import bent_beam
+
+
+@pytest.fixture(autouse=True)
+def _bounded() -> Iterator[None]:
+    """End the process where HDF5 goes round for ever: nothing else reaches it."""
+    signal.alarm(20)
+    yield
+    signal.alarm(0)
+
+
+def collections(content: bytes) -> list[int]:
+    """Return where HDF5 keeps texts of any length."""
+    found, at = [], content.find(b"GCOL")
+    while at >= 0:
+        found.append(at)
+        at = content.find(b"GCOL", at + 1)
+    return found
+
+
+@pytest.mark.parametrize(("index", "size"), [(0, 0), (1, 2**64 - 16), (1, 2**63), (7, 10**6)])
+def test_texts_that_lead_nowhere_are_damage(tmp_path: Path, index: int, size: int) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    at = collections(bytes(content))[0] + 16
+    content[at:at + 2], content[at + 8:at + 16] = index.to_bytes(2, "little"), size.to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(ResultsError, match=r"a\.h5' is damaged"):
+        describe(path)
+
+
+def test_the_mark_of_texts_within_data_is_no_damage(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        file["other"] = np.frombuffer(b"GCOL\x01\x00\x00\x00" + (2**60).to_bytes(8, "little") + bytes(64), np.uint8)
+    assert describe(path)["status"] == "converged"
+
+
+@pytest.mark.parametrize("name", ["dofs", "nodes", "classes", "node_shape"])
+def test_numbers_of_coordinates_are_whole(tmp_path: Path, name: str) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        group: Any = file["mesh/bodies/beam"]
+        values = group[name][()]
+        del group[name]
+        group[name] = values.astype(float)
+    with open_results(path) as found, pytest.raises(ResultsError, match=f"{name} are no whole numbers"):
+        _ = found.bodies
