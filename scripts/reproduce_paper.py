@@ -106,6 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.table or options.json or None not in (options.figures, options.report):
             parser.error("--figures and --report go alone")
         if options.report is not None:
+            if not options.report.absolute().parent.is_dir() or options.report.is_dir():
+                parser.error(f"--report: cannot write '{options.report}': no such folder, or a folder itself")
             documented = write_report(options.report)
             print(f"wrote {options.report}")
             return 0 if documented else 1

@@ -106,3 +106,11 @@ def test_the_report_tells_of_verdicts_that_are_not_as_documented(reproduce, tmp_
     monkeypatch.setattr(paper_report, "page", lambda shop, examine: ("<p>page</p>", documented))
     assert reproduce.main(["--report", str(tmp_path / "a.html")]) == code
     assert (tmp_path / "a.html").read_text(encoding="utf-8") == "<p>page</p>"
+
+
+@pytest.mark.parametrize("place", ["missing/a.html", "."])
+def test_a_report_that_cannot_be_written_is_refused_at_once(reproduce, tmp_path: Path, place: str, capsys) -> None:
+    with pytest.raises(SystemExit) as stop:
+        reproduce.main(["--report", str(tmp_path / place)])
+    assert stop.value.code == 2
+    assert "cannot write" in capsys.readouterr().err
