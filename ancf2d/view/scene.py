@@ -151,7 +151,8 @@ def _probes(results: Results, t: np.ndarray) -> Iterator[dict[str, Any]]:
     for name, columns in results.probes.items():
         for quantity, values in columns.items():
             found = np.asarray(values, float)[kept]
-            if len(found) > 1 and np.ptp(found[np.isfinite(found)], axis=0) > 0:
+            finite = found[np.isfinite(found)]
+            if len(finite) > 1 and np.ptp(finite) > 0:
                 yield {"probe": name, "quantity": quantity, "units": columns.units.get(quantity, ""),
                        "t": _packed(results.probe_t[kept], "f8"), "values": _packed(found, "f8"),
                        "rows": _packed(where, "f4")}
@@ -189,7 +190,7 @@ def _mode_label(results: Results, k: int) -> str:
     table: Mapping[str, Any] = results.tables.get("modes", {})
     if "load_factor" in table:
         return f"buckling {k + 1}: load factor {table['load_factor'][k]:.6g}"
-    if "kind" not in table:
+    if not {"kind", "number", "omega"} <= set(table):
         return f"mode {k + 1}"
     unit, omega = results.units.time, float(table["omega"][k])
     growth = float(table["growth"][k]) if "growth" in table else 0.0

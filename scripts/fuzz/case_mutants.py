@@ -174,7 +174,7 @@ def _laughs(text: str, rng: random.Random) -> bytes:
 
 def _big(text: str, rng: random.Random) -> bytes:
     """Let a file be of megabytes, in one of several ways."""
-    n = rng.choice([10**4, 10**5, 10**6])
+    n = rng.choice([10**3] * 3 + [10**4] * 3 + [10**5] * 2 + [10**6])
     return rng.choice([
         lambda: text + "#" * n, lambda: text + "\n" * n, lambda: "title: " + "x" * n + "\n" + text,
         lambda: "[" * n, lambda: "{a: " * n, lambda: "- " * n, lambda: "? " * n, lambda: "'" + "''" * n,

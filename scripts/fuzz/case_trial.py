@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from .command import CODES, INTERRUPTED, Called, call, unreal
 from .pen import Ended, Limits, confined
 
 SECONDS = 30.0  # within which a file must be validated
+PATIENCE = 2.0  # seconds until a run is interrupted
 # what is run although it was refused: as many of 100
 REFUSED = 10
 
@@ -36,10 +39,21 @@ def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None
         return examine(folder, seed, number)
 
     case_mutants.bases()
-    for number, ended in confined(work, numbers, limits or Limits()):
+    for number, ended in confined(work, numbers, limits or Limits(patience=2 * SECONDS)):
         trial = ended.value or Trial(number)
         trial.faults += [ended.fault] if ended.fault else []
         yield trial, ended
+
+
+@contextmanager
+def interrupted_after(seconds: float) -> Iterator[None]:
+    """Interrupt what takes longer, as Ctrl-C would."""
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def examine(folder: Path, seed: int, number: int) -> Trial:
@@ -57,7 +71,8 @@ def examine(folder: Path, seed: int, number: int) -> Trial:
     if trial.seconds > SECONDS:
         trial.faults.append(f"validate took {trial.seconds:.0f} s")
     if checked.code == 0 or number % 100 < REFUSED:
-        ran = call("run", "case.yaml", "-o", "case.h5", "--json")
+        with interrupted_after(PATIENCE):
+            ran = call("run", "case.yaml", "-o", "case.h5", "--json")
         trial.ran = ran.code
         trial.faults += ran.faults({*CODES, INTERRUPTED}) + _left(checked, ran)
     return trial
@@ -68,8 +83,10 @@ def _left(checked: Called, ran: Called) -> list[str]:
     if (checked.code, ran.code) in ((0, 2), (2, 0), (2, 1)):
         return [f"validate ends with {checked.code}, run with {ran.code}: {ran.err.strip()[:300]}"]
     left = set(os.listdir()) - {"case.yaml", "own.yaml"}
-    wanted = ({"case.h5"},) if ran.code == 0 else ({"case.h5.part"}, set())
-    if left not in wanted:
+    complete, nothing = {"case.h5"}, set[str]()
+    # an interruption may come when all is done
+    wanted = {0: [complete], INTERRUPTED: [complete, {"case.h5.part"}, nothing]}
+    if left not in wanted.get(ran.code, [{"case.h5.part"}, nothing]):
         return [f"run ends with {ran.code} and leaves {sorted(left)}"]
     found = []
     for name in left:

@@ -21,7 +21,7 @@ MEMORY = 2 << 30  # bytes that work may use beyond what its process uses before
 class Limits:
     """Seconds until work is interrupted, seconds from then until it is killed, and bytes of memory."""
 
-    patience: float = 5.0
+    patience: float = 2.0
     grace: float = GRACE
     memory: int = MEMORY
 

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import describe, open_results
+from ancf2d.results import ResultWriter, describe, open_results
+from ancf2d.view import make_page
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
-from synthetic import bent_beam
+from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 
 @pytest.fixture(autouse=True)
@@ -64,3 +65,24 @@ def test_numbers_of_coordinates_are_whole(tmp_path: Path, name: str) -> None:
         group[name] = values.astype(float)
     with open_results(path) as found, pytest.raises(ResultsError, match=f"{name} are no whole numbers"):
         _ = found.bodies
+
+
+def test_a_page_of_modes_without_their_frequencies(tmp_path: Path) -> None:
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
+        writer.append(0.0, np.zeros(12))
+        writer.table("modes", {"kind": ["bending"], "number": [1]})
+        writer.array("modes/shapes", np.ones((1, 12)), "1", "shapes")
+        writer.finish({})
+    with open_results(tmp_path / "a.h5") as found:
+        assert "mode 1" in make_page(found).html
+
+
+def test_a_page_of_probes_that_are_no_numbers(tmp_path: Path) -> None:
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
+        for k in range(3):
+            writer.append(float(k), np.zeros(12), probes={"tip": {"x": np.nan}})
+        writer.finish({})
+    with open_results(tmp_path / "a.h5") as found:
+        assert '"probes": []' in make_page(found).html.replace('"probes":[]', '"probes": []')

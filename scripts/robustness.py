@@ -1,0 +1,127 @@
+"""Try files and processes hard, print what was tried and survived, and write it into docs/robustness.md, stamped.
+
+Mutants of case files and of result files, a thousand runs in one process, other numbers of threads, processes at once,
+commands stopped at random moments, disks that take nothing more; about half an hour. Exits with 1 where a promise of
+the page was broken, and names the mutants that did it.
+
+    python scripts/robustness.py [--tables cases,results] [--cases 10000] [--results 1000] [--runs 1000] [--stops 10]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+
+from bench.stamp import machine, versions
+from endurance import crowds, repeats, scenes, stops
+from fuzz import case_trial, result_mutants, result_trial
+from make_docs import markdown_table
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "robustness.md"
+MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+BROKEN: list[str] = []
+
+
+def cases(seed: int, count: int) -> str:
+    """Try mutants of case files; return what came of them."""
+    ends: Counter[tuple[int, int | None]] = Counter()
+    most, slowest, began = 0, 0.0, time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        for trial, ended in case_trial.trials(Path(folder), seed, range(count)):
+            ends[trial.validated, trial.ran] += 1
+            most, slowest = max(most, ended.memory), max(slowest, trial.seconds)
+            broken("case", trial.number, trial.faults)
+    ran = Counter({code: 0 for code in (0, 1, 2, 130)})
+    for (_, code), n in ends.items():
+        ran[code] += n if code is not None else 0
+    valid = sum(n for (code, _), n in ends.items() if code == 0)
+    rows = [["validated", count, valid, "", count - valid, ""],
+            ["run", sum(ran.values()), ran[0], ran[1], ran[2], ran[130]]]
+    table = markdown_table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
+    return (f"{table}\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest "
+            f"validation, at most {most / 1e6:.0f} MB for one mutant. {told('case')}")
+
+
+def results(seed: int, count: int) -> str:
+    """Try mutants of result files; return what came of them."""
+    codes: Counter[tuple[str, int]] = Counter()
+    read, most, began = 0, 0, time.monotonic()
+    with tempfile.TemporaryDirectory() as sound, tempfile.TemporaryDirectory() as folder:
+        bases = result_mutants.make_bases(Path(sound))
+        for trial, ended in result_trial.trials(Path(folder), bases, seed, range(count)):
+            codes += trial.codes
+            read, most = read + trial.read, max(most, ended.memory)
+            broken("result", trial.number, trial.faults)
+    names = list(dict.fromkeys(name for name, _ in codes))
+    rows = [[name, sum(n for (k, _), n in codes.items() if k == name), *(codes[name, code] for code in (0, 1, 2))]
+            for name in names]
+    table = markdown_table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
+    return (f"{table}\n\nSeed {seed}; {count} mutants, of which {read} were read as results; "
+            f"{time.monotonic() - began:.0f} s in all, at most {most / 1e6:.0f} MB for one mutant. {told('result')}")
+
+
+def broken(kind: str, number: int, faults: list[str]) -> None:
+    """Print and keep what broke a promise."""
+    for fault in faults:
+        BROKEN.append(f"{kind} {number}: {fault}")
+        print(BROKEN[-1], file=sys.stderr, flush=True)
+
+
+def told(kind: str) -> str:
+    """Return how many mutants of a kind broke a promise."""
+    numbers = {text.split(":")[0] for text in BROKEN if text.startswith(kind)}
+    return f"Mutants with another exit code, a traceback, a damaged file or no bound: {len(numbers)}."
+
+
+def tables(args: argparse.Namespace) -> dict[str, Callable[[], str]]:
+    """Return what measures each table, by the name of its place on the page."""
+    return {
+        "cases": lambda: cases(args.seed, args.cases), "results": lambda: results(args.seed, args.results),
+        "growth": lambda: repeats.growth_report(args.runs), "threads": repeats.thread_report, "crowds": crowds.report,
+        "stops": lambda: stops.stops_report(args.stops), "places": stops.places_report,
+    }
+
+
+def write(name: str, found: str) -> None:
+    """Put a table in its place on the page. Raises ValueError where the page has none."""
+    stamp = (f"Measured by `python scripts/robustness.py --tables {name}` on {date.today()}: {machine()}; "
+             f"{versions('h5py')}.")
+    text = PAGE.read_text(encoding="utf-8")
+    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
+    if not place.search(text):
+        raise ValueError(f"{PAGE} has no place for '{name}'")
+    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n\n{stamp}\n{m[2]}", text), encoding="utf-8")
+
+
+def main() -> None:
+    """Measure the parts that are asked for, and write each as it is done."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    known = ("cases", "results", "growth", "threads", "crowds", "stops", "places")
+    parser.add_argument("--tables", default=",".join(known), help="some of %(default)s")
+    for name, value, what in (("cases", 10_000, "mutants of case files"), ("results", 1000, "mutants of result files"),
+                              ("runs", 1000, "runs in one process"), ("stops", 10, "of each command by each signal"),
+                              ("seed", 1, "of all that is random")):
+        parser.add_argument(f"--{name}", type=int, default=value, help=what)
+    args = parser.parse_args()
+    if unknown := [name for name in args.tables.split(",") if name not in known]:
+        parser.error(f"unknown: {', '.join(unknown)}")
+    for name in scenes.THREADS:  # of this process; processes for other numbers of threads are told theirs
+        os.environ.setdefault(name, "1")
+    measured = tables(args)
+    for name in args.tables.split(","):
+        found = measured[name]()
+        print(f"{name}\n{found}\n", flush=True)
+        write(name, found)
+    sys.exit(1 if BROKEN else 0)
+
+
+if __name__ == "__main__":
+    main()
