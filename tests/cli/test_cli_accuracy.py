@@ -98,13 +98,14 @@ def test_an_accuracy_needs_a_goal(call: Call, folder: Path) -> None:
 def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_json: CallJson, folder: Path) -> None:
     """One row for each accuracy; what cannot be reached fails, with the value that was found."""
     (folder / "open.yaml").write_text(CASE.replace("{type: reissner3, count: 3}", "auto"))
-    rows = call_json("sweep", "open.yaml", "--over", "accuracy=2e-2,1e-4", "--json")["rows"]
+    rows = call_json("sweep", "open.yaml", "--over", "accuracy=2e-2,1e-4", "--jobs", "1",
+                     "--json")["rows"]
     assert [row["status"] for row in rows] == ["converged", "converged"]
     for row in rows:
         assert row["accuracy"]["achieved"]
         assert row["accuracy"]["estimate"] <= row["set"]["accuracy"]
     assert [row["accuracy"]["types"]["beam"]["element"] for row in rows] == ["cable", "reissner3"]
-    result = call("sweep", "bent.yaml", "--over", "accuracy=1e-3,1e-15", "--json")
+    result = call("sweep", "bent.yaml", "--over", "accuracy=1e-3,1e-15", "--jobs", "1", "--json")
     assert result.exit_code == 1
     good, bad = json.loads(result.stdout)["rows"]
     assert (good["status"], bad["status"]) == ("converged", "failed")
