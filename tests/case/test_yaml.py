@@ -15,7 +15,7 @@ bodies:
       height: 0.1
       width: 0.1
     material: {E: 2.07e11, nu: 0.3}
-    element: auto
+    element: {type: cable, count: 2}
 solver: {type: linear_static}
 boundary_conditions:
   - type: pin
@@ -65,7 +65,7 @@ def test_line_breaks_of_every_system(line_break):
     assert loaded.case == load_case_text(CASE).case
     mark = loaded.source.mark(("bodies", "beam", "element"))
     assert mark.line == 8
-    assert mark.problem("").source_line == "    element: auto"
+    assert mark.problem("").source_line == "    element: {type: cable, count: 2}"
 
 
 def test_byte_order_mark(tmp_path):
