@@ -18,15 +18,15 @@ def _orientation(mesh: BodyMesh, e: Array, before: Array | None) -> Array:
     them, and for sections normal to the axis its direction beside that of the state ``before`` (coordinates, or None).
     """
     out = np.ones((len(mesh.dofs), len(STATIONS)))
-    nc = mesh.plan.element.components
+    nc, kind = mesh.plan.element.components, mesh.plan.element.section_kind
     for k in range(len(mesh.classes)):
         rows = mesh.cls == k
         local = e[mesh.dofs[rows]].reshape(rows.sum(), -1, nc)
         S_x, S_y, S = mesh.axis_rows[k]
         along = np.einsum("sk,ekc->esc", S_x, local)
-        if mesh.plan.element.section_kind == "interpolated":
+        if kind == "interpolated":
             out[rows] = cross(along, np.einsum("sk,ekc->esc", S_y, local))
-        elif mesh.plan.element.section_kind == "theta":
+        elif kind == "theta":
             theta = np.einsum("sk,ek->es", S, local[..., 2])
             out[rows] = along[..., 0] * np.cos(theta) + along[..., 1] * np.sin(theta)
         elif before is not None:

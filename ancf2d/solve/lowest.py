@@ -20,7 +20,7 @@ ROUND_OFF = 4e-15
 # eigenvalues within this share of the shift cannot be told from zero
 NOTHING = 1e-8
 # nor those within this share of what is below the elastic modes; round-off of K can push the shift far beyond that
-SOFT = 1e-4
+SOFT = 1e-2
 # relative changes by Rayleigh-Ritz beyond which the vectors are corrected too
 CORRECT = 5e-5
 # of Lanczos itself; Rayleigh-Ritz squares what this leaves

@@ -142,6 +142,35 @@ def pushed_dead(label: str) -> Found:
     return Found(abs(run.probes["slider"]["x"] - 1.0), run.warnings)
 
 
+def many_states(label: str, states: int) -> Found:
+    """Store so many states, one a step, and return the drift of energy; all of them must be there."""
+    case = pendulum(BY_LABEL[label], Beam(), 1, 1.0, method="energy_momentum", dt=1.0 / states, estimate=False)
+    case["output"]["every"] = 1
+    run = solve(case, states=True)
+    return Found(run.summary["energy_drift"] if run.d.shape[0] == states + 1 else math.inf, run.warnings)
+
+
+def loop(third: bool) -> Found:
+    """A parallelogram of rigid bars beside one bar that turns alike; a third bar holds the same motion twice."""
+    def bar(x0: float, y0: float, x1: float, y1: float) -> dict[str, Any]:
+        return {"geometry": {"type": "line", "start": [x0, y0], "end": [x1, y1]},
+                "element": {"type": "rigid", "mass": 1.0, "inertia": 1 / 12}}
+
+    case = {"bodies": {"a": bar(0, 0, 0, -1), "b": bar(0, -1, 2, -1), "c": bar(2, -1, 2, 0)},
+            "boundary_conditions": [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "c@1"}],
+            "joints": [{"type": "pin", "between": ["a@1", "b@0"]}, {"type": "pin", "between": ["b@1", "c@0"]}],
+            "loads": [force([5.0, 0], at="b@0.5")],
+            "solver": {"type": "dynamic", "t_end": 0.3, "tolerance": 1e-8, "estimate": False},
+            "output": {"probes": {"a": "a@1", "c": "c@0"}}}
+    if third:
+        case["bodies"]["d"] = bar(1, -1, 1, 0)
+        case["boundary_conditions"].append({"type": "pin", "at": "d@1"})
+        case["joints"].append({"type": "pin", "between": ["b@0.5", "d@0"]})
+    run = solve(case)
+    a, c = run.probes["a"], run.probes["c"]
+    return Found(math.hypot(c["x"] - a["x"] - 2.0, c["y"] - a["y"]) if abs(a["x"]) > 0.05 else math.inf, run.warnings)
+
+
 def rows() -> Iterator[Cell]:
     """Yield every motion."""
     for ratio in (10, 1e2, 1e3, 1e4, 1e5, 1e6):
@@ -167,6 +196,11 @@ def rows() -> Iterator[Cell]:
                 yield Cell("motion: step over fastest period", f"{ratio:g}", f"{s.label}, {method}",
                            "falling pendulum, tip after half a second", 2e-3,
                            partial(stepped, s.label, method, ratio), 60.0, quick=ratio == 10 and s.label == "cable")
+    for third in (False, True):
+        yield Cell("motion: traps", "three bars" if third else "two bars", "rigid", "parallelogram: stays one", 1e-7,
+                   partial(loop, third), 60.0, quick=True)
+    yield Cell("motion: steps", "1e+05 states", "cable, energy_momentum", "every step stored: energy", 1e-6,
+               partial(many_states, "cable", 10**5), 300.0)
     for label in ("vallejo", "cable"):
         for steps in (10**4, 10**6):
             yield Cell("motion: steps", f"{steps:g}", f"{label}, energy_momentum", "free flight: energy and momenta",

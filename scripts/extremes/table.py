@@ -11,7 +11,7 @@ from .cell import VERDICTS, Verdict
 
 
 class Store:
-    """Verdicts in a file that grows line by line: an interrupted map goes on, and tries again what was slow."""
+    """Verdicts in a file that grows line by line: an interrupted map goes on, and tries again what was slow or wrong."""
 
     def __init__(self, path: Path, fresh: bool = False) -> None:
         self.path = path
@@ -21,7 +21,7 @@ class Store:
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines():
                 verdict = Verdict(**json.loads(line))
-                if verdict.verdict != "slow":
+                if verdict.verdict not in ("slow", "wrong"):
                     self.found[verdict.key] = verdict
 
     def add(self, verdict: Verdict) -> None:

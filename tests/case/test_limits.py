@@ -28,6 +28,7 @@ CIRCLE = "{{type: arc, center: [0, 0], radius: 1, from: 0, to: {}}}"
     ("column", "goal.load_factor", "3", "4"),
     ("lee_frame", "goal.limit_point", "2", "3"),
     ("spin_up", "solver.dt", "20", "20.001"),
+    ("spin_up", "solver.dt", "2.1e-11", "1.9e-11"),
     ("pendulum", "solver.tolerance", "0.9", "1"),
 ])
 def test_limit(name, path, allowed, refused, vocabulary):

@@ -9,6 +9,8 @@ from ..declare import key, record
 from ..kinds import Choice, Flag, Integer, Known, Name, Number
 from ..records import ByKeys
 
+# of the whole motion: shorter steps are lost beside the time that they are added to
+SHORTEST = 1e-12
 MOTIONS = ("x", "y", "ux", "uy", "theta")
 
 
@@ -123,6 +125,9 @@ class Dynamic:
         if self.dt is not None and self.dt > self.t_end:
             yield Issue(("dt",), f"{{}}.dt must be <= t_end, got dt {self.dt:g} and t_end "
                         f"{self.t_end:g}")
+        if self.dt is not None and self.dt < SHORTEST * self.t_end:
+            yield Issue(("dt",), f"{{}}.dt is {self.dt:g}, {self.dt / self.t_end:.2g} of t_end: time does not advance "
+                        "by such steps in floating-point numbers", f"at least {SHORTEST * self.t_end:g}")
 
 
 Solver = LinearStatic | Static | Eigen | Buckling | Dynamic
