@@ -4,7 +4,7 @@ Mutants of case files and of result files, a thousand runs in one process, other
 commands stopped at random moments, disks that take nothing more; about half an hour. Exits with 1 where a promise of
 the page was broken, and names the mutants that did it.
 
-    python scripts/robustness.py [--tables cases,results] [--cases 10000] [--results 1000] [--runs 1000] [--stops 10]
+    python scripts/robustness.py [--tables cases,results] [--cases 10000] [--results 1000] [--minutes 60] [--runs 1000]
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
 BROKEN: list[str] = []
 
 
-def cases(seed: int, count: int) -> str:
+def cases(seed: int, count: int, minutes: float) -> str:
     """Try mutants of case files; return what came of them."""
     ends: Counter[tuple[int, int | None]] = Counter()
     most, slowest, began = 0, 0.0, time.monotonic()
@@ -39,6 +39,9 @@ def cases(seed: int, count: int) -> str:
             ends[trial.validated, trial.ran] += 1
             most, slowest = max(most, ended.memory), max(slowest, trial.seconds)
             broken("case", trial.number, trial.faults)
+            if time.monotonic() - began > 60 * minutes:
+                break
+    count = sum(ends.values())
     ran = Counter({code: 0 for code in (0, 1, 2, 130)})
     for (_, code), n in ends.items():
         ran[code] += n if code is not None else 0
@@ -50,7 +53,7 @@ def cases(seed: int, count: int) -> str:
             f"validation, at most {most / 1e6:.0f} MB for one mutant. {told('case')}")
 
 
-def results(seed: int, count: int) -> str:
+def results(seed: int, count: int, minutes: float) -> str:
     """Try mutants of result files; return what came of them."""
     codes: Counter[tuple[str, int]] = Counter()
     read, most, began = 0, 0, time.monotonic()
@@ -60,6 +63,9 @@ def results(seed: int, count: int) -> str:
             codes += trial.codes
             read, most = read + trial.read, max(most, ended.memory)
             broken("result", trial.number, trial.faults)
+            if time.monotonic() - began > 60 * minutes:
+                break
+    count = trial.number + 1
     names = list(dict.fromkeys(name for name, _ in codes))
     rows = [[name, sum(n for (k, _), n in codes.items() if k == name), *(codes[name, code] for code in (0, 1, 2))]
             for name in names]
@@ -84,7 +90,8 @@ def told(kind: str) -> str:
 def tables(args: argparse.Namespace) -> dict[str, Callable[[], str]]:
     """Return what measures each table, by the name of its place on the page."""
     return {
-        "cases": lambda: cases(args.seed, args.cases), "results": lambda: results(args.seed, args.results),
+        "cases": lambda: cases(args.seed, args.cases, args.minutes),
+        "results": lambda: results(args.seed, args.results, args.minutes),
         "growth": lambda: repeats.growth_report(args.runs), "threads": repeats.thread_report, "crowds": crowds.report,
         "stops": lambda: stops.stops_report(args.stops), "places": stops.places_report,
     }
@@ -110,6 +117,7 @@ def main() -> None:
                               ("runs", 1000, "runs in one process"), ("stops", 10, "of each command by each signal"),
                               ("seed", 1, "of all that is random")):
         parser.add_argument(f"--{name}", type=int, default=value, help=what)
+    parser.add_argument("--minutes", type=float, default=60.0, help="after which no further mutants are tried")
     args = parser.parse_args()
     if unknown := [name for name in args.tables.split(",") if name not in known]:
         parser.error(f"unknown: {', '.join(unknown)}")

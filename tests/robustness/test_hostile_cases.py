@@ -109,6 +109,12 @@ def test_more_bodies_than_can_be_checked(tmp_path: Path) -> None:
     assert problems(tmp_path, json.dumps(chain(MAX_BODIES + 1))) == [f"there are {MAX_BODIES + 1} bodies"]
 
 
+def test_a_goal_beyond_modes_that_could_not_be_read_among_many_problems(tmp_path: Path) -> None:
+    data = {**BEAM, "loads": [1] * 200, "solver": {"type": "eigen", "modes": []},
+            "goal": {"kind": "bending", "number": 3}}
+    assert len(problems(tmp_path, json.dumps(data))) == 101
+
+
 def test_an_alias_bomb_is_refused_where_it_begins(tmp_path: Path) -> None:
     rows = ["a0: &a0 [1, 1]", *(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]" for i in range(1, 60))]
     assert problems(tmp_path, "\n".join(rows))[0].startswith("the anchor &a0 is not supported")

@@ -1,0 +1,63 @@
+"""In small what ``scripts/robustness.py`` measures: repeats, processes at once, commands that are stopped."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from endurance import repeats, scenes, stops
+
+
+def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None:
+    repeats.growth(3)  # what is made once
+    found = repeats.growth(30)
+    assert set(found.others.values()) == {0}
+    assert (found.late.files, found.late.threads) == (found.early.files, found.early.threads)
+    assert found.per_run < 200_000
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL], ids=["SIGTERM", "SIGKILL"])
+@pytest.mark.parametrize(("command", "after"), [("run", 2.0), ("sweep", 2.0), ("plot", 1.0)])
+def test_a_command_that_is_stopped_leaves_what_is_whole_or_nothing(command: str, after: float, how: signal.Signals,
+                                                                 workshop: Path) -> None:
+    _, _, faults = stops.stop(workshop, command, how, after)
+    assert faults == []
+
+
+@pytest.fixture(scope="module")
+def workshop():  # type: ignore[no-untyped-def]
+    """A folder with cases and a result."""
+    with stops.workshop() as folder:
+        yield folder
+
+
+def test_damage_is_seen(tmp_path: Path, workshop: Path) -> None:
+    for name, content in (("a.png", b"\x89PNG"), ("a.html", b"<html>"), ("a.h5", b"\x89HDF"), ("a.xyz", b"")):
+        (tmp_path / name).write_bytes(content)
+        assert stops.damage(tmp_path / name)
+    assert stops.damage(workshop / "sound.h5") == ""
+
+
+def test_a_folder_that_may_not_be_written_to_is_told(tmp_path: Path) -> None:
+    import os
+    import shutil
+
+    prefix: list[str] = []
+    if os.geteuid() == 0:  # to root, every folder is open, unless that right is given up
+        if shutil.which("setpriv") is None:
+            pytest.skip("root writes into every folder, and there is no setpriv to give that up")
+        prefix = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"]
+    path = scenes.write(tmp_path, "case", scenes.case({"type": "linear_static"}))
+    shut = tmp_path / "shut"
+    shut.mkdir(mode=0o555)
+    if subprocess.run([*prefix, "touch", str(shut / "x")], capture_output=True).returncode == 0:
+        pytest.skip("this folder can be written to whatever its mode")
+    code, err = scenes.finished(scenes.start(shut, "run", str(path), prefix=prefix))
+    assert code == 2
+    assert "no permission to write in" in err
+    assert list(shut.iterdir()) == []
