@@ -12,6 +12,7 @@ from .text import duration, number, table
 
 if TYPE_CHECKING:
     from ..case import LoadedCase
+    from ..study.accuracy.pursuit import Target
 
 
 def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:
@@ -23,7 +24,9 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     from .run import _checked, compiling
 
     progress = Progress(warn=session.warn, note=session.note, compiling=compiling(session))
-    reached = solve_to_accuracy(loaded, Target(out, force, session.command_line), progress, session.note)
+    target = Target(out, force, session.command_line)
+    session.parting = lambda: _tell_best(session, target)
+    reached = solve_to_accuracy(loaded, target, progress, session.note)
     summary = reached.outcome.summary
     session.print_json(summary)
     for text in summary["warnings"]:
@@ -40,6 +43,12 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
                    f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
         return FAILED
     return _checked(summary, check)
+
+
+def _tell_best(session: Session, target: Target) -> None:
+    """Say that there is a result, though not yet the one that was wanted."""
+    if target.written:
+        session.note(f"the best so far is in {target.out}; next: ancf2d info {target.out}")
 
 
 def path_table(accuracy: dict[str, Any], time: str) -> str:

@@ -74,9 +74,22 @@ def describe_text(found: dict[str, Any]) -> str:
         rows.append(("resumable", f"from t = {found['checkpoint']:.6g}, by 'ancf2d run CASE --resume'"))
     rows += [(k, f"{found['summary'][k]}") for k in ("iterations", "wall_s")
              if k in found["summary"]]
+    rows.append(("accuracy", _accuracy(found["summary"].get("accuracy"))))
     rows += _sections(found)
     lines += [f"  {name:<11} {value}" for name, value in rows if value]
     return "\n".join(lines)
+
+
+def _accuracy(accuracy: Any) -> str:
+    """Return the estimated error of a run in words, empty where there is none; and whether one was asked for."""
+    if not isinstance(accuracy, dict):
+        return ""
+    estimate, wanted = accuracy.get("estimate"), accuracy.get("wanted")
+    about = "" if estimate is None else f"estimated error {estimate:.1e}"
+    if wanted is None:
+        return about
+    return f"{about or 'no estimate of the error'}, wanted {wanted:.1e}: " \
+           f"{'reached' if accuracy.get('achieved') else 'not reached'}"
 
 
 def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:

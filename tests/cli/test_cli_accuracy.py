@@ -11,6 +11,7 @@ import pytest
 from click.testing import Result
 
 from ancf2d.results import open_results
+from ancf2d.study.accuracy.pursuit import Pursuit
 
 Call = Callable[..., Result]
 CallJson = Callable[..., dict[str, Any]]
@@ -111,3 +112,22 @@ def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_j
     assert (good["status"], bad["status"]) == ("converged", "failed")
     assert bad["reason"] == "the wanted accuracy 1e-15 was not reached"
     assert bad["goal"] == pytest.approx(good["goal"], rel=1e-3)
+
+
+def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder: Path,
+                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    solve, asked = Pursuit.solve, []
+
+    def interrupted(*arguments: Any) -> Any:
+        asked.append(1)
+        if len(asked) == 4:
+            raise KeyboardInterrupt
+        return solve(*arguments)
+
+    monkeypatch.setattr(Pursuit, "solve", interrupted)
+    text = CASE.replace("type: static", "type: linear_static").replace("reissner3", "reissner2")
+    (folder / "bent.yaml").write_text(text)
+    result = call("run", "bent.yaml", "--accuracy", "1e-9")
+    assert result.exit_code == 130
+    assert "the best so far is in bent.h5" in result.stderr
+    assert "wanted 1.0e-09: not reached" in call("info", "bent.h5").stdout

@@ -43,11 +43,12 @@ NONE_BEFORE = 1.0
 
 @dataclass
 class Target:
-    """The result file that the last level is written to."""
+    """The result file that the last level is written to; ``written``: whether it holds the best so far."""
 
     out: str
     force: bool = False
     command: str = ""
+    written: bool = False
 
 
 # of a solved level: what meshes tell, and its relative error
@@ -142,6 +143,8 @@ class Pursuit:
             self.latest[_named(level.setting.types)] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level
+            if self.target is not None:
+                self.target.written = True
 
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
         """Return ``accuracy`` of the summary for a level, of which meshes tell ``found`` and ``error``."""
