@@ -30,6 +30,8 @@ STATES = 200
 # local errors are relative to the largest displacement so far: of the scene's size to begin with, unless a look ahead
 # over a share of the motion finds less
 BEGIN, AHEAD = 1e-3, 0.02
+# share of the energy that may be lost without a word
+LOST = 0.01
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
@@ -160,6 +162,7 @@ class Run:
         if self.estimate is not None:
             state.report["accuracy"] = self.estimate.report()
             state.warnings += self.estimate.warnings()
+            state.warnings += drift_warning(self.balance.drift, state.report["accuracy"]["estimate"])
         return state
 
     def _checkpoint(self) -> dict[str, Array] | None:
@@ -176,6 +179,14 @@ class Run:
         self.balance.numbers[:] = kept["balance"]
         if self.estimate is not None:
             self.estimate.resume(kept)
+
+
+def drift_warning(drift: float, estimate: float | None) -> list[str]:
+    """Return what is to be said of a balance of energy that is off by much more than the estimated error."""
+    if estimate is None or drift <= max(LOST, 10.0 * estimate):
+        return []
+    return [f"the steps are too long for part of the motion: the balance of energy is off by {100 * drift:.2g} %, the "
+            f"estimated error is {100 * estimate:.2g} %, and shorter steps would tell which is right"]
 
 
 def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:

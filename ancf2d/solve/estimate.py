@@ -26,7 +26,7 @@ SAFETY = 1.25
 ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
-ALIKE, TELLING = 0.8, 1e-4
+ALIKE, TELLING = 0.8, 1e-9
 
 
 class Estimate:

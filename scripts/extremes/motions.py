@@ -120,7 +120,8 @@ def crank(label: str, method: str, turns: float) -> Found:
                                      "angle": {"type": "expression", "value": f"{2 * math.pi * turns}*t^3"}}],
             "joints": [{"type": "pin", "between": ["crank@1", "rod@0"]},
                        {"type": "slider", "at": "rod@1", "through": [0, 0], "along": [1, 0]}],
-            "solver": {"type": "dynamic", "t_end": 1.0, "method": method, "tolerance": 1e-6, "estimate": False},
+            "solver": {"type": "dynamic", "t_end": 1.0, "method": method,
+                       "tolerance": 1e-6 if method in METHODS[:2] else 1e-4, "estimate": False},
             "output": {"probes": {"slider": "rod@1"}}}
     run = solve(case)
     angle = 2 * math.pi * turns
@@ -201,7 +202,7 @@ def rows() -> Iterator[Cell]:
                    partial(loop, third), 60.0, quick=True)
     yield Cell("motion: steps", "1e+05 states", "cable, energy_momentum", "every step stored: energy", 1e-6,
                partial(many_states, "cable", 10**5), 300.0)
-    for label in ("vallejo", "cable"):
-        for steps in (10**4, 10**6):
+    for label, numbers in (("vallejo", (10**4,)), ("cable", (10**4, 10**6))):
+        for steps in numbers:
             yield Cell("motion: steps", f"{steps:g}", f"{label}, energy_momentum", "free flight: energy and momenta",
                        1e-9, partial(many_steps, label, steps), 240.0, quick=steps == 10**4)

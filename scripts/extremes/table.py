@@ -11,7 +11,7 @@ from .cell import VERDICTS, Verdict
 
 
 class Store:
-    """Verdicts in a file that grows line by line: an interrupted map goes on, and tries again what was slow or wrong."""
+    """Verdicts in a file that grows line by line: an interrupted map goes on, tries again the slow and wrong."""
 
     def __init__(self, path: Path, fresh: bool = False) -> None:
         self.path = path
