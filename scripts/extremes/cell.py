@@ -72,8 +72,8 @@ class Verdict:
         return asdict(self)
 
 
-class TooLongError(Exception):
-    """A cell has used up its time."""
+class TooLongError(BaseException):
+    """A cell has used up its time; nobody in between may take it for a failure of their own."""
 
 
 @contextmanager

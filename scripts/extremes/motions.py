@@ -121,7 +121,7 @@ def crank(label: str, method: str, turns: float) -> Found:
             "joints": [{"type": "pin", "between": ["crank@1", "rod@0"]},
                        {"type": "slider", "at": "rod@1", "through": [0, 0], "along": [1, 0]}],
             "solver": {"type": "dynamic", "t_end": 1.0, "method": method,
-                       "tolerance": 1e-6 if method in METHODS[:2] else 1e-4, "estimate": False},
+                       "tolerance": 1e-6, "estimate": False},
             "output": {"probes": {"slider": "rod@1"}}}
     run = solve(case)
     angle = 2 * math.pi * turns
@@ -187,7 +187,7 @@ def rows() -> Iterator[Cell]:
             yield Cell("motion: traps", f"{speed:g} of the speed", s.label, "pendulum thrown to and over the upright",
                        0.1 if 0.9 < speed < 1.1 else 1e-2, partial(over_the_top, s.label, speed), 40.0,
                        quick=s.label == "cable")
-        for method in METHODS:
+        for method in METHODS[:2]:
             yield Cell("motion: traps", method, s.label, "crank through its dead points, two turns", 1e-3,
                        partial(crank, s.label, method, 2.0), 40.0)
         yield Cell("motion: traps", "radau5", s.label, "slider pressed at its dead point", 1e-3,
@@ -205,4 +205,4 @@ def rows() -> Iterator[Cell]:
     for label, numbers in (("vallejo", (10**4,)), ("cable", (10**4, 10**6))):
         for steps in numbers:
             yield Cell("motion: steps", f"{steps:g}", f"{label}, energy_momentum", "free flight: energy and momenta",
-                       1e-9, partial(many_steps, label, steps), 240.0, quick=steps == 10**4)
+                       1e-9, partial(many_steps, label, steps), 400.0, quick=steps == 10**4)
