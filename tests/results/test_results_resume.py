@@ -288,9 +288,8 @@ def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
             if found is not None:
                 assert found.t == found.values["k"]
                 seen.add(found.t)
-            with open_results(part_path(path)) as r:
-                with suppress(BeingWrittenError):
-                    np.testing.assert_array_equal(r.t, np.arange(r.nt))
+            with open_results(part_path(path)) as r, suppress(BeingWrittenError):
+                np.testing.assert_array_equal(r.t, np.arange(r.nt))
         process.kill()
     assert len(seen) > 10
 
