@@ -23,7 +23,6 @@ from pathlib import Path
 from bench.stamp import machine, versions
 from endurance import crowds, repeats, scenes, stops
 from fuzz import case_trial, result_mutants, result_trial
-from make_docs import markdown_table
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "robustness.md"
 MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
@@ -48,7 +47,7 @@ def cases(seed: int, count: int, minutes: float) -> str:
     valid = sum(n for (code, _), n in ends.items() if code == 0)
     rows = [["validated", count, valid, "", count - valid, ""],
             ["run", sum(ran.values()), ran[0], ran[1], ran[2], ran[130]]]
-    table = markdown_table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
+    table = scenes.table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
     return (f"{table}\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest "
             f"validation, at most {most / 1e6:.0f} MB for one mutant. {told('case')}")
 
@@ -69,7 +68,7 @@ def results(seed: int, count: int, minutes: float) -> str:
     names = list(dict.fromkeys(name for name, _ in codes))
     rows = [[name, sum(n for (k, _), n in codes.items() if k == name), *(codes[name, code] for code in (0, 1, 2))]
             for name in names]
-    table = markdown_table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
+    table = scenes.table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
     return (f"{table}\n\nSeed {seed}; {count} mutants, of which {read} were read as results; "
             f"{time.monotonic() - began:.0f} s in all, at most {most / 1e6:.0f} MB for one mutant. {told('result')}")
 

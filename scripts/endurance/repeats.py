@@ -8,8 +8,6 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from make_docs import markdown_table
-
 from . import scenes
 
 
@@ -75,7 +73,7 @@ def growth_report(runs: int) -> str:
     rows = [["memory", f"{found.early.memory / 1e6:.1f} MB", f"{found.late.memory / 1e6:.1f} MB"],
             ["open files", found.early.files, found.late.files], ["threads", found.early.threads, found.late.threads]]
     different = ", ".join(f"{solver} {count}" for solver, count in found.others.items())
-    return (markdown_table(["held by the process", f"after {runs // 10} runs", f"after {runs}"], rows)
+    return (scenes.table(["held by the process", f"after {runs // 10} runs", f"after {runs}"], rows)
             + f"\n\nRuns whose results differ in any bit from the first of their kind: {different}.")
 
 
@@ -99,4 +97,4 @@ def thread_report(counts: tuple[int, ...] = (8, 400)) -> str:
     rows = []
     for count in counts:
         rows += [[solver, count, len(found), len(set(found))] for solver, found in thread_bits(count).items()]
-    return markdown_table(["solver", "elements", "processes (1, 2, 1, 2 threads)", "different results"], rows)
+    return scenes.table(["solver", "elements", "processes (1, 2, 1, 2 threads)", "different results"], rows)

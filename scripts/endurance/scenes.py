@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+from make_docs import markdown_table
 
 ROOT = Path(__file__).resolve().parents[2]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -78,3 +79,8 @@ def bits(path: Path) -> str:
     with h5py.File(path) as file:
         file.visititems(take)
     return digest.hexdigest()
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a Markdown table."""
+    return markdown_table([head, *([str(cell) for cell in row] for row in rows)])

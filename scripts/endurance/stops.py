@@ -16,8 +16,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from make_docs import markdown_table
-
 from ancf2d.errors import ResultsError
 from ancf2d.results import open_results
 
@@ -125,7 +123,7 @@ def stops_report(count: int) -> str:
     rows = [[name, sum(s.codes.values()), s.left["nothing"], s.left["readable"], s.left["whole"], len(s.faults)]
             for name, s in found.items()]
     faults = [f for s in found.values() for f in s.faults]
-    return markdown_table(["command", "stopped", "left nothing", "left what is readable", "had ended", "faults"],
+    return scenes.table(["command", "stopped", "left nothing", "left what is readable", "had ended", "faults"],
                           rows) + "".join(f"\n* {f}" for f in faults)
 
 
@@ -213,4 +211,4 @@ def places_report() -> str:
         found = way()
         rows.append([name, len(COMMANDS), len(found)])
         faults += found
-    return markdown_table(["place", "commands tried", "faults"], rows) + "".join(f"\n* {f}" for f in faults)
+    return scenes.table(["place", "commands tried", "faults"], rows) + "".join(f"\n* {f}" for f in faults)

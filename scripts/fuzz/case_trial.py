@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
 from ancf2d.errors import ResultsError
@@ -17,6 +18,8 @@ from .command import CODES, INTERRUPTED, Called, call, unreal
 from .pen import Ended, Limits, confined
 
 SECONDS = 30.0  # within which a file must be validated
+IMPORTED = ("ancf2d.kernels.elements", "ancf2d.kernels.radau", "ancf2d.solve.registry", "ancf2d.solve.dynamic",
+            "ancf2d.results", "ancf2d.study.warmup", "scipy.integrate", "scipy.sparse.linalg", "click.testing")
 PATIENCE = 2.0  # seconds until a run is interrupted
 # what is run although it was refused: as many of 100
 REFUSED = 10
@@ -39,6 +42,9 @@ def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None
         return examine(folder, seed, number)
 
     case_mutants.bases()
+    # an import that is interrupted is lost to its process: here, the next mutant would meet what is left of it
+    for name in IMPORTED:
+        import_module(name)
     for number, ended in confined(work, numbers, limits or Limits(patience=2 * SECONDS)):
         trial = ended.value or Trial(number)
         trial.faults += [ended.fault] if ended.fault else []

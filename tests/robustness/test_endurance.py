@@ -61,3 +61,9 @@ def test_a_folder_that_may_not_be_written_to_is_told(tmp_path: Path) -> None:
     assert code == 2
     assert "no permission to write in" in err
     assert list(shut.iterdir()) == []
+
+
+def test_reports_are_tables() -> None:
+    report = repeats.growth_report(3)
+    assert report.startswith("| held by the process | after 0 runs | after 3 |\n| --- | --- | --- |\n| memory | ")
+    assert "Runs whose results differ in any bit from the first of their kind: static 0, eigen 0, dynamic 0." in report
