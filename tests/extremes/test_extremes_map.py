@@ -1,0 +1,63 @@
+"""The map itself: what makes a verdict, what is kept of it, and that the page has no wrong cell."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import ancf2d
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+from extremes import cell, table
+from extremes.all_rows import all_rows
+
+
+def made(compute, limit: float = 1e-3, seconds: float = 5.0) -> cell.Verdict:
+    return cell.run(cell.Cell("axis", "1", "vallejo", "measure", limit, compute, seconds))
+
+
+def refuse() -> cell.Found:
+    raise ancf2d.ComputationError("no equilibrium")
+
+
+def wait() -> cell.Found:
+    time.sleep(5.0)
+    return cell.Found(0.0)
+
+
+@pytest.mark.parametrize(("compute", "verdict"), [
+    (lambda: cell.Found(1e-4), "holds"), (lambda: cell.Found(1e-2), "wrong"), (lambda: cell.Found(math.nan), "wrong"),
+    (lambda: cell.Found(1e-2, ["round-off limits it"]), "degrades"),
+    (lambda: cell.Found(1e-2, ["held twice: a pin"]), "wrong"), (refuse, "refused"), (lambda: 1 / 0, "wrong")])
+def test_a_wrong_number_is_wrong_unless_it_was_told_of(compute, verdict: str) -> None:
+    assert made(compute).verdict == verdict
+
+
+def test_a_cell_that_takes_too_long_is_given_up() -> None:
+    assert made(wait, seconds=0.1).verdict == "slow"
+
+
+def test_verdicts_are_kept_and_the_slow_and_wrong_are_tried_again(tmp_path: Path) -> None:
+    store = table.Store(tmp_path / "map.jsonl")
+    good, bad = made(lambda: cell.Found(1e-4)), made(lambda: cell.Found(1.0))
+    store.add(good)
+    assert table.Store(store.path).found == {good.key: good}
+    store.add(bad)
+    assert "**wrong** 1e+00 [1]" in table.grids([bad])
+    assert "| all | 2 | 1 | 0 | 0 | 0 | 1 |" in table.counts([good, bad])
+
+
+def test_every_cell_has_a_key_of_its_own() -> None:
+    keys = [c.key for c in all_rows()]
+    assert len(keys) == len(set(keys)) > 4000
+
+
+def test_the_page_has_no_wrong_cell() -> None:
+    page = (ROOT / "docs" / "extremes.md").read_text(encoding="utf-8")
+    assert "**wrong**" not in page
+    assert "| all | " in page
