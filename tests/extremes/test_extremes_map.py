@@ -11,10 +11,11 @@ import pytest
 
 import ancf2d
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import cell, table
 from extremes.all_rows import all_rows
+
+ROOT = Path(__file__).parents[2]
 
 
 def made(compute, limit: float = 1e-3, seconds: float = 5.0) -> cell.Verdict:
