@@ -19,7 +19,7 @@ from .own_element import DefinitionError, own_element, undetermined
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
-MAX_COORDINATES = 2_000_000  # of all bodies together: as many take 1 to 2 GB while they are solved
+MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
 @dataclass(frozen=True)
 class BodyPlan:
