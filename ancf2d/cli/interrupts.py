@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-# LLVM calls back into this module: an exception there would be swallowed, and the kernel be lost with it
-COMPILER = "llvmlite.binding.executionengine"
+# an exception in what LLVM calls back is swallowed, and one in numba is told as an error of the kernel
+COMPILERS = ("llvmlite", "numba")
 AGAIN_SECONDS = 0.05
 
 
 @contextmanager
 def patient_interrupts() -> Iterator[None]:
-    """Let an interruption wait while LLVM calls back; change nothing where a caller handles interruptions itself."""
+    """Let an interruption wait while a kernel is compiled; change nothing where a caller handles interruptions itself."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
@@ -32,7 +32,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, a moment later where the compiler would swallow it."""
     at = frame
     while at is not None:
-        if at.f_globals.get("__name__") == COMPILER:
+        if str(at.f_globals.get("__name__")).split(".")[0] in COMPILERS:
             again = threading.Timer(AGAIN_SECONDS, os.kill, (os.getpid(), number))
             again.daemon = True
             again.start()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import time
+from typing import Any
 
 import pytest
 
-from ancf2d.cli.interrupts import COMPILER, patient_interrupts
+from ancf2d.cli.interrupts import COMPILERS, patient_interrupts
 
 CALLBACK = """
 def callback(interrupt):
@@ -22,8 +23,9 @@ def _interrupt_now() -> None:
     time.sleep(5)
 
 
-def test_an_interruption_waits_until_the_compiler_has_called_back() -> None:
-    scope = {"__name__": COMPILER}
+@pytest.mark.parametrize("module", [f"{name}.core.within" for name in COMPILERS])
+def test_an_interruption_waits_until_a_kernel_is_compiled(module: str) -> None:
+    scope: dict[str, Any] = {"__name__": module}
     exec(CALLBACK, scope)
     before = signal.getsignal(signal.SIGINT)
     with patient_interrupts():
