@@ -16,7 +16,7 @@ AGAIN_SECONDS = 0.05
 
 @contextmanager
 def patient_interrupts() -> Iterator[None]:
-    """Let an interruption wait while a kernel is compiled; change nothing where a caller handles interruptions itself."""
+    """Let an interruption wait while a kernel is compiled; change nothing where a caller handles them itself."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
