@@ -114,6 +114,18 @@ def test_generated_parts_are_current(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python scripts/make_docs.py"
 
 
+def test_generated_tables_are_compared_but_for_round_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from make_docs import same
+
+    row = "| tip y | -0.300792 | -0.3014365 | 6.4e-04 | ok |"
+    assert same(f"a\n{row}", "a\n| tip y | -0.300792 | -0.3014359 | 6.4e-04 | ok |")
+    assert same("| x | 61.1417137 | 61.14171 | 2.1e-06 |", "| x | 61.1417137 | 61.14171 | 2.2e-06 |")
+    for other in (row.replace("-0.3014365", "-0.3015"), row.replace("ok", "off"), row.replace(" | ok", ""), f"{row}\n"):
+        assert not same(row, other) or other.rstrip() == row
+    assert not same("1.0000001", "1.0000002")
+
+
 def test_output_is_compared_but_for_times_and_round_off() -> None:
     assert agrees(["tip  1.5  3 ms  -5.2e-09", "...", "end"], "tip 1.5 12.1 ms 7e-12\nany\nmore\nend\n")
     assert not agrees(["tip  1.5"], "tip 1.6\n")
