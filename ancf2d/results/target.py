@@ -55,6 +55,10 @@ def check_replaceable(path: Path, force: bool) -> None:
                            f"or replace it with --force")
 
 
+class BusyError(ResultsError):
+    """Another run is writing the file."""
+
+
 def _lock(descriptor: int) -> bool:
     """Take the exclusive lock of an open file; False where another process holds it."""
     if fcntl is None:
@@ -90,9 +94,9 @@ class Target:
             self.release()
             raise
 
-    def _busy(self) -> ResultsError:
-        return ResultsError(f"another run is writing '{self.path}'; wait for it to end or choose "
-                            f"another output file")
+    def _busy(self) -> BusyError:
+        return BusyError(f"another run is writing '{self.path}'; wait for it to end or choose "
+                         f"another output file")
 
     def _claim_old_part(self) -> int | None:
         """Lock what an earlier run left, so that only one new run replaces it."""

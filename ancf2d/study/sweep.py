@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,8 @@ from .warmup import kernels_of, warm_up
 
 # modes and buckling loads that a row tells where the case has no goal
 FIRST = 3
+# between two looks at a result that another process is writing
+TURN_SECONDS = 0.1
 
 
 @dataclass
@@ -244,7 +247,7 @@ def stored_summary(job: Job) -> dict[str, Any] | None:
 def solve_job(job: Job) -> dict[str, Any]:
     """Run one case and return its summary; what fails is told in it."""
     try:
-        return _solve(job)
+        return _solve_in_turn(job)
     except CaseError as error:
         return {"status": "refused", "reason": _reason(error)}
     except ComputationError as error:
@@ -256,6 +259,20 @@ def solve_job(job: Job) -> dict[str, Any]:
     except Exception as error:
         # a row among thousands: the others are not given up for it
         return {"status": "failed", "reason": f"internal error, please report: {type(error).__name__}: {error}"}
+
+
+def _solve_in_turn(job: Job) -> dict[str, Any]:
+    """Run one case, or wait for another process that runs it, and take its result."""
+    from ..results.target import BusyError
+
+    while True:
+        try:
+            return _solve(job)
+        except BusyError:
+            time.sleep(TURN_SECONDS)
+        summary = None if job.force else stored_summary(job)
+        if summary is not None:
+            return summary
 
 
 def _solve(job: Job) -> dict[str, Any]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +12,11 @@ import pytest
 
 from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
-from ancf2d.results import open_results
+from ancf2d.results import open_results, part_path
+from ancf2d.results.target import Target
 from ancf2d.study import identity, sweep
 from ancf2d.study.pool import ALONE
+from ancf2d.study.run import run_case
 from ancf2d.study.sweep import Sweep, plan, run_sweep
 from ancf2d.study.sweep_table import short_names, shown, write_csv
 
@@ -249,3 +254,28 @@ def test_csv_has_a_line_per_row_at_full_precision(folder: Path) -> None:
     assert one.startswith(f'1000,"[0, -3]",converged,{found.rows[0].goal!r},2,12,')
     assert two.startswith('-1,"[0, -3]",refused,,,,,,,"bodies.beam.section.EI must be > 0')
     assert sorted(p.name for p in folder.iterdir()) == ["beam.yaml", "out", "table.csv"]
+
+
+@pytest.mark.parametrize("finished", [False, True])
+def test_a_result_that_another_run_is_writing_is_waited_for(monkeypatch: pytest.MonkeyPatch, finished: bool) -> None:
+    """Where that run ends without one, the case is run here; else its result is taken."""
+    count = runs(monkeypatch)
+    found = plan("beam.yaml", read_axes(["bodies.beam.element.count=2"]), (), Path("out"), ALONE)
+    job, = found.jobs
+    assert job is not None
+    Path("out").mkdir()
+    other = Target(job.output)
+    other.publish(b"another run")
+    monkeypatch.setattr(sweep, "TURN_SECONDS", 1.0)
+    with ThreadPoolExecutor() as pool:
+        ours = pool.submit(sweep.solve_job, job)
+        time.sleep(0.3)
+        assert not ours.done()
+        begun = len(count)
+        if finished:
+            run_case(job.load(), "other.h5")
+            os.replace("other.h5", job.output)
+        other.discard()
+        assert ours.result(60)["status"] == "converged"
+    assert (len(count) == begun) is finished
+    assert not part_path(job.output).exists()
