@@ -10,6 +10,8 @@ _MARK = b"GCOL\x01\x00\x00\x00"  # a collection: mark, version, three unused byt
 _OBJECT = struct.Struct("<HHIQ")  # index, references, unused, size
 _HEAD = len(_MARK) + 8
 SCANNED = 256 << 20  # bytes: texts are written at the beginning
+# where the superblock says how far the file reaches, by its version; what a killed run left beyond is no part of it
+_REACH = {0: 40, 1: 44, 2: 28, 3: 28}
 
 
 def endless_heap(path: Path) -> int | None:
@@ -23,12 +25,19 @@ def endless_heap(path: Path) -> int | None:
         except (ValueError, OSError):  # nothing in it, or no such file
             return None
         with content:
-            at = content.find(_MARK, 0, SCANNED)
+            end = min(SCANNED, _reach(content))
+            at = content.find(_MARK, 0, end)
             while at >= 0:
                 if not _ends(content, at):
                     return at
-                at = content.find(_MARK, at + 1, SCANNED)
+                at = content.find(_MARK, at + 1, end)
     return None
+
+
+def _reach(content: mmap.mmap) -> int:
+    """Return how many bytes belong to the file."""
+    at = _REACH.get(content[8], len(content)) if len(content) > 8 else len(content)
+    return int(struct.unpack_from("<Q", content, at)[0]) if at + 8 <= len(content) else len(content)
 
 
 def _ends(content: mmap.mmap, at: int) -> bool:

@@ -3,7 +3,8 @@
 HDF5 updates its index structures in place, several small writes at a time, so a process killed in
 between leaves them torn. Here such writes wait in memory as pages; a commit appends them to the file
 with a checksum, puts them in place and cuts them off again. Whoever finds them at the end of a file
-reads them in place of what lies below.
+reads them in place of what lies below. Whoever reads a file that may be written to reads a copy, made between two
+commits.
 """
 
 from __future__ import annotations
@@ -11,16 +12,64 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import shutil
 import struct
+import tempfile
+import time
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
+
+try:
+    import fcntl
+except ImportError:  # no such locks here: a copy that is torn is told as damage
+    fcntl = None  # type: ignore[assignment]
 
 PAGE = 4096
 _TRAILER = struct.Struct("<QQI8s")  # pages, size of the file without them, checksum, mark
 _MARK = b"ancf2d-j"
 MAX_PAGES = 1 << 18
+# where commits and copies exclude each other, far behind the end of any file; neither waits longer than this [s]
+_TURN, _PATIENCE = 1 << 62, 2.0
+
+
+@contextlib.contextmanager
+def _alone(descriptor: int, exclusive: bool) -> Iterator[None]:
+    """Keep commits (exclusive) from copies, as far as the file system can and others let us."""
+    if fcntl is None:
+        yield
+        return
+    end, held = time.monotonic() + _PATIENCE, False
+    while not held and time.monotonic() < end:
+        try:
+            fcntl.lockf(descriptor, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB, 1, _TURN)
+            held = True
+        except (BlockingIOError, PermissionError):
+            time.sleep(1e-3)
+        except OSError:
+            break
+    try:
+        yield
+    finally:
+        if held:
+            fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _TURN)
+
+
+@contextlib.contextmanager
+def steady(path: Path) -> Iterator[Path]:
+    """Yield a file that nobody writes to: of one that a run may be writing, NAME.part, a copy between two commits."""
+    if path.suffix != ".part":
+        yield path
+        return
+    descriptor, name = tempfile.mkstemp(suffix=".part")
+    try:
+        with open(descriptor, "wb") as copy, path.open("rb") as source, _alone(source.fileno(), False):
+            shutil.copyfileobj(source, copy, 1 << 20)
+        yield Path(name)
+    finally:
+        os.unlink(name)
 
 
 def _up(size: int) -> int:
@@ -118,18 +167,21 @@ class JournaledFile(io.RawIOBase):
         Raises OSError where it, or what was written since the last commit, cannot be put there.
         """
         self.check()
-        if self._pages:
-            end = max(os.fstat(self._descriptor).st_size, self._size, self._committed)
-            numbers = sorted(self._pages)
-            body = struct.pack(f"<{len(numbers)}Q", *numbers) + b"".join(
-                self._pages[n] for n in numbers)
-            trailer = _TRAILER.pack(len(numbers), self._size, zlib.crc32(body), _MARK)
-            _write_all(self._descriptor, memoryview(body + trailer), _up(end))
-            for number in numbers:
-                _write_all(self._descriptor, memoryview(self._pages[number]), number * PAGE)
-        os.ftruncate(self._descriptor, self._size)
+        with _alone(self._descriptor, True):
+            if self._pages:
+                self._put_pages()
+            os.ftruncate(self._descriptor, self._size)
         self._committed = self._size
         self._pages = {}
+
+    def _put_pages(self) -> None:
+        end = max(os.fstat(self._descriptor).st_size, self._size, self._committed)
+        numbers = sorted(self._pages)
+        body = struct.pack(f"<{len(numbers)}Q", *numbers) + b"".join(self._pages[n] for n in numbers)
+        trailer = _TRAILER.pack(len(numbers), self._size, zlib.crc32(body), _MARK)
+        _write_all(self._descriptor, memoryview(body + trailer), _up(end))
+        for number in numbers:
+            _write_all(self._descriptor, memoryview(self._pages[number]), number * PAGE)
 
     def check(self) -> None:
         """Raise the error that the disk gave to a write, if there was one."""

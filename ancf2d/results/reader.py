@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,25 +34,20 @@ class Table(dict[str, Any]):
 class Results:
     """One open result file; states are read row by row when asked for.
 
+    Of a file that a run is still writing it shows what was there when it was opened.
     Nodal coordinates of state i are ``e(i) = e0 + d(i)``; i counts from 0, negative from the end.
     Errors: ResultsError wherever the file is not what it says it is.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        safe.steadily(self.path, self._open)
-
-    def _open(self, stamp: tuple[int, ...]) -> None:
-        self._stamp, self._file = stamp, safe.open_file(self.path)
+        self._file = safe.open_file(self.path)
         try:
-            with self._reading():
+            with safe.damage(self.path):
                 self._read_head()
         except ResultsError:
             self._file.close()
             raise
-
-    def _reading(self) -> AbstractContextManager[None]:
-        return safe.damage(self.path, self._stamp)
 
     def _read_head(self) -> None:
         self.attrs: dict[str, Any] = safe.attributes(self._file)
@@ -102,11 +96,11 @@ class Results:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The ``--json`` object of the run; empty while it is unfinished."""
-        with self._reading():
+        with safe.damage(self.path):
             return safe.json_object(safe.text(self._file, "summary"))
 
     def _case(self, name: str) -> str:
-        with self._reading():
+        with safe.damage(self.path):
             return safe.text(safe.child(self._file, "case", h5py.Group), name)
 
     @property
@@ -122,7 +116,7 @@ class Results:
     @property
     def overrides(self) -> list[str]:
         """The ``--set`` options of the run."""
-        with self._reading():
+        with safe.damage(self.path):
             return safe.strings(safe.child(self._file, "case", h5py.Group), "overrides")
 
     # ------------------------------------------------------------------ states
@@ -130,13 +124,13 @@ class Results:
     @cached_property
     def e0(self) -> np.ndarray:
         """Reference nodal coordinates (nq,)."""
-        with self._reading():
+        with safe.damage(self.path):
             return safe.numbers(self._mesh, "e0", 1)
 
     @cached_property
     def t(self) -> np.ndarray:
         """Load factor or time of each stored state (nt,)."""
-        with self._reading():
+        with safe.damage(self.path):
             if not self.nt:
                 return np.empty(0)
             return self._enough(safe.numbers(self._states, "t", 1), self.nt)
@@ -149,7 +143,7 @@ class Results:
 
     def holds(self, name: str) -> bool:
         """Whether every stored state has ``name``: d, v or a."""
-        with self._reading():
+        with safe.damage(self.path):
             group = self._states
             dataset = None if group is None else safe.child(group, name, h5py.Dataset)
             return dataset is not None and len(dataset) >= self.nt
@@ -157,7 +151,7 @@ class Results:
     def _row(self, name: str, i: int) -> np.ndarray:
         if not -self.nt <= i < self.nt:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
-        with self._reading():
+        with safe.damage(self.path):
             dataset = safe.child(self._states, name, h5py.Dataset)
             if dataset is None or len(dataset) <= i % self.nt:
                 raise ResultsError(f"'{self.path}' does not hold {name} of state {i}")
@@ -169,7 +163,7 @@ class Results:
         """Return ``name`` (d, v or a) of all states at once (nt, nq); ResultsError where it was not stored."""
         if not (self.nt and self.holds(name)):
             raise ResultsError(f"'{self.path}' does not hold {name} of its states")
-        with self._reading():
+        with safe.damage(self.path):
             rows = self._enough(safe.numbers(self._states, name, 2), self.nt)
             if rows.shape[1] != self.nq:
                 raise ValueError(f"/states/{name} has shape {rows.shape}")
@@ -198,7 +192,7 @@ class Results:
     @cached_property
     def bodies(self) -> dict[str, BodyRecord]:
         """The bodies by name, in the order of the case."""
-        with self._reading():
+        with safe.damage(self.path):
             found = safe.groups(safe.child(self._mesh, "bodies", h5py.Group))
             try:
                 return {name: self._body(name, group) for name, group in found.items()}
@@ -261,7 +255,7 @@ class Results:
     @cached_property
     def fields(self) -> dict[str, dict[str, FieldRecord]]:
         """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
-        with self._reading():
+        with safe.damage(self.path):
             found = safe.groups(safe.child(self._file, "fields", h5py.Group))
             return {body: {name: self._field(body, name, g) for name, g in safe.groups(found[body]).items()
                            if safe.child(g, "values", h5py.Dataset) is not None}
@@ -279,7 +273,7 @@ class Results:
             raise ResultsError(f"'{self.path}' has no field '{name}' of body '{body}'")
         if not -self.nt <= i < self.nt:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
-        with self._reading():
+        with safe.damage(self.path):
             row = safe.numbers(self._file["fields"][escape(body)][name], "values", 2, int(i) % self.nt)
             return row.reshape(len(self.body(body).dofs), len(record.xi), len(record.eta), len(record.components))
 
@@ -301,25 +295,25 @@ class Results:
     @cached_property
     def history(self) -> Table:
         """Solver statistics by name, one value per step."""
-        with self._reading():
+        with safe.damage(self.path):
             group = safe.child(self._file, "history", h5py.Group)
             return self._columns(group, self._history_rows)
 
     @cached_property
     def energies(self) -> Table:
         """Energies by name, one value per stored state (dynamic runs)."""
-        with self._reading():
+        with safe.damage(self.path):
             return self._columns(safe.child(self._file, "energies", h5py.Group), self.nt)
 
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
         """What the run can be resumed from, where it is unfinished and has got so far."""
-        with self._reading():
+        with safe.damage(self.path):
             return checkpoint_of(self._file)
 
     @cached_property
     def _all_probes(self) -> dict[str, Table]:
-        with self._reading():
+        with safe.damage(self.path):
             found = safe.groups(safe.child(self._file, "probes", h5py.Group))
             return {name: self._columns(g, self._probe_rows) for name, g in found.items()}
 
@@ -341,7 +335,7 @@ class Results:
     @cached_property
     def tables(self) -> dict[str, Table]:
         """The tables by name, such as ``convergence``."""
-        with self._reading():
+        with safe.damage(self.path):
             tables = {}
             found = safe.groups(safe.child(self._file, "tables", h5py.Group))
             for name, group in found.items():
@@ -364,7 +358,7 @@ class Results:
                 elif link is h5py.Dataset:
                     found[prefix + key] = safe.child(group, key, h5py.Dataset)
 
-        with self._reading():
+        with safe.damage(self.path):
             collect(safe.child(self._file, "arrays", h5py.Group), "", 0)
         return found
 
@@ -373,7 +367,7 @@ class Results:
         if path not in self.arrays:
             raise ResultsError(f"'{self.path}' has no array '{path}' "
                                f"(arrays: {', '.join(self.arrays) or 'none'})")
-        with self._reading():
+        with safe.damage(self.path):
             dataset = self.arrays[path]
             return safe.numbers(dataset.parent, dataset.name.rsplit("/", 1)[1], dataset.ndim)
 

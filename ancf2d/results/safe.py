@@ -3,74 +3,34 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.heaps import endless_heap
-from ancf2d.results.journal import is_journaled, open_hdf5
+from ancf2d.results.journal import is_journaled, open_hdf5, steady
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
-T = TypeVar("T")
-
-PATIENCE_SECONDS = 3.0  # with a file that is written to; a commit takes much less
 MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
 MAX_TEXT = 64 << 20
 MAX_CHUNK = 64 << 20
 DEFLATE_RATIO = 1032  # gzip cannot do better, so more than this times the stored bytes is a lie
 
 
-class BeingWrittenError(ResultsError):
-    """A run wrote to the file while it was read; read again, it may be whole."""
-
-
-def stamp(path: Path) -> tuple[int, ...]:
-    """Return what tells whether a file was written to, or replaced, since; empty where there is none."""
-    try:
-        found = path.stat()
-    except OSError:
-        return ()
-    return found.st_ino, found.st_size, found.st_mtime_ns
-
-
 @contextmanager
-def damage(path: Path, since: tuple[int, ...] | None = None, strict: bool = False) -> Iterator[None]:
-    """Turn whatever HDF5 raises on damaged data into a ResultsError that names the file.
-
-    ``since`` is the file's stamp when it was opened: where it has another one now, a BeingWrittenError tells so,
-    with ``strict`` of what could be read, too.
-    """
+def damage(path: Path) -> Iterator[None]:
+    """Turn whatever HDF5 raises on damaged data into a ResultsError that names the file."""
     try:
         yield
-        if strict and since != stamp(path):
-            raise ValueError("it was read in part before and in part after")
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError,
             RecursionError) as error:
-        if since is not None and since != stamp(path):
-            raise BeingWrittenError(f"'{path}' was written to while it was read; try again, "
-                                    f"or wait for its run to end") from error
         raise ResultsError(f"'{path}' is damaged and cannot be read ({error}); run its case again, "
                            f"or look for '{path.name}.part'") from error
-
-
-def steadily(path: Path, read: Callable[[tuple[int, ...]], T]) -> T:
-    """Return what ``read`` makes of a file, given its stamp; tried again while a run writes to the file."""
-    end = time.monotonic() + PATIENCE_SECONDS
-    while True:
-        since = stamp(path)
-        try:
-            return read(since)
-        except ResultsError as error:
-            late = time.monotonic() > end
-            if late or not (isinstance(error, BeingWrittenError) or since != stamp(path)):
-                raise
-        time.sleep(0.01)
 
 
 def open_file(path: Path) -> h5py.File:
@@ -90,20 +50,25 @@ def open_file(path: Path) -> h5py.File:
         what = "is empty" if not head else "is no HDF5 file"
         raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
                            f"'ancf2d run CASE' writes one")
-    if not is_journaled(path) and endless_heap(path) is not None:
-        raise ResultsError(f"'{path}' is damaged; run its case again or copy it again")
-    try:
-        file = open_hdf5(path)
-    except (OSError, RuntimeError) as error:
-        cut = "truncated" in str(error)
-        what = "is cut off: it was not copied or written to its end" if cut else "is damaged"
-        raise ResultsError(f"'{path}' {what}; run its case again or copy it again") from error
+    file = _opened(path)
     try:
         _check_format(path, file)
     except ResultsError:
         file.close()
         raise
     return file
+
+
+def _opened(path: Path) -> h5py.File:
+    try:
+        with steady(path) as source:
+            if not is_journaled(source) and endless_heap(source) is not None:
+                raise ResultsError(f"'{path}' is damaged; run its case again or copy it again")
+            return open_hdf5(source)
+    except (OSError, RuntimeError) as error:
+        cut = "truncated" in str(error)
+        what = "is cut off: it was not copied or written to its end" if cut else "is damaged"
+        raise ResultsError(f"'{path}' {what}; run its case again or copy it again") from error
 
 
 def _check_format(path: Path, file: h5py.File) -> None:

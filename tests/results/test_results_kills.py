@@ -206,3 +206,14 @@ def test_a_process_that_is_killed_leaves_a_readable_file_or_none(tmp_path: Path)
             check_states(part_path(path))
     left = list(tmp_path.iterdir())
     assert [p.suffix for p in left] == [".part"] * len(left)
+
+
+def test_what_a_killed_run_left_behind_the_last_commit_is_not_looked_at(tmp_path: Path) -> None:
+    """A heap of texts that never ends is damage where HDF5 would read it, and nothing beyond."""
+    w = grown(tmp_path / "a.h5", 3)
+    w.flush()
+    left = tmp_path / "b.h5.part"
+    heap = b"GCOL\x01\0\0\0" + (4096).to_bytes(8, "little") + b"\x01" + bytes(4079)
+    left.write_bytes(part_path(w.path).read_bytes() + heap)
+    assert check_states(left) == 3
+    w.discard()
