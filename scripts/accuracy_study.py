@@ -9,18 +9,15 @@ over that of the cheapest setting that would have done; about twenty minutes, a 
 from __future__ import annotations
 
 import argparse
-import re
 import time
-from datetime import date
 from pathlib import Path
 
 import numpy as np
-from bench.stamp import machine, versions
+from measured import DOCS, stamp, write
 from pursuits.cases import OPEN, STUDIES, Study
 from pursuits.measure import Row, measure
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "accuracy-control.md"
-MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+PAGE = DOCS / "accuracy-control.md"
 HEAD = ("case", "wanted", "true error", "estimate", "estimate/true", "elements", "cheapest", "solves", "work", "time")
 
 
@@ -66,15 +63,6 @@ def summary(rows: list[Row]) -> str:
     ])
 
 
-def write(name: str, found: str) -> None:
-    """Put a table in its place on the page. Raises ValueError where the page has none."""
-    text = PAGE.read_text(encoding="utf-8")
-    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
-    if not place.search(text):
-        raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
-
-
 def study(studies: tuple[Study, ...], only: str, keep: Path | None) -> list[Row]:
     """Return the rows of all studies whose name holds ``only``, printed one by one."""
     rows: list[Row] = []
@@ -100,10 +88,10 @@ def main() -> None:
         print("\n" + summary(given))
     if args.only:
         return
-    write("given", table(given))
-    write("given-summary", summary(given))
-    write("open", table(left_open))
-    write("stamp", f"Measured by `python scripts/accuracy_study.py` on {date.today()}: {machine()}; {versions()}.")
+    write(PAGE, "given", table(given))
+    write(PAGE, "given-summary", summary(given))
+    write(PAGE, "open", table(left_open))
+    write(PAGE, "stamp", stamp("accuracy_study.py"))
 
 
 if __name__ == "__main__":

@@ -9,31 +9,19 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import time
 from collections import Counter
-from datetime import date
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from bench.stamp import machine, versions  # noqa: E402
 from extremes import cell, table  # noqa: E402
 from extremes.all_rows import all_rows  # noqa: E402
+from measured import DOCS, stamp, write  # noqa: E402
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "extremes.md"
-MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
-
-
-def write(name: str, found: str) -> None:
-    """Put a table in its place on the page. Raises ValueError where the page has none."""
-    text = PAGE.read_text(encoding="utf-8")
-    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
-    if not place.search(text):
-        raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
+PAGE = DOCS / "extremes.md"
 
 
 def main() -> None:
@@ -58,10 +46,9 @@ def main() -> None:
     total = Counter(v.verdict for v in found)
     print(", ".join(f"{total[w]} {w}" for w in cell.VERDICTS), f"({time.perf_counter() - began:.0f} s)")
     if not args.no_page and not args.only:
-        write("stamp", f"{len(found)} cells by `python scripts/extremes_map.py` on {date.today()}: {machine()}; "
-                       f"{versions()}.")
-        write("counts", table.counts(found))
-        write("map", table.grids(found))
+        write(PAGE, "stamp", f"{len(found)} cells. {stamp('extremes_map.py')}")
+        write(PAGE, "counts", table.counts(found))
+        write(PAGE, "map", table.grids(found))
     sys.exit(1 if total["wrong"] else 0)
 
 

@@ -10,17 +10,13 @@ with ``pip install -e ".[test]"``.
 from __future__ import annotations
 
 import argparse
-import re
 import time
 from collections.abc import Callable
-from datetime import date
-from pathlib import Path
 
-from bench.stamp import machine, versions
 from evidence import cases, conservation, joints, kills, orders, traps
+from measured import DOCS, stamp, write
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "motion.md"
-MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+PAGE = DOCS / "motion.md"
 
 
 def tables(steps: int, turns: float, count: int) -> dict[str, Callable[[], str]]:
@@ -31,20 +27,6 @@ def tables(steps: int, turns: float, count: int) -> dict[str, Callable[[], str]]
         "turned": conservation.turned, "traps": traps.report, "tolerances": traps.tolerances, "joints": joints.report,
         "orders": orders.report, "kills": lambda: kills.report(count),
     }
-
-
-def stamp() -> str:
-    """Return when and on what the tables were measured."""
-    return f"Measured by `python scripts/motion_evidence.py` on {date.today()}: {machine()}; {versions()}."
-
-
-def write(name: str, found: str) -> None:
-    """Put a table in its place on the page. Raises ValueError where the page has none."""
-    text = PAGE.read_text(encoding="utf-8")
-    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
-    if not place.search(text):
-        raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
 
 
 def main() -> None:
@@ -62,9 +44,9 @@ def main() -> None:
     for name in wanted:
         began = time.perf_counter()
         found = known[name]()
-        write(name, found)
+        write(PAGE, name, found)
         print(f"{name} ({time.perf_counter() - began:.0f} s)\n\n{found}\n", flush=True)
-    write("stamp", stamp())
+    write(PAGE, "stamp", stamp("motion_evidence.py"))
 
 
 if __name__ == "__main__":

@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
-from datetime import date
 from pathlib import Path
 
-from bench.stamp import machine, versions
 from endurance import crowds, repeats, scenes, stops
 from fuzz import case_trial, result_mutants, result_trial
+from measured import DOCS, stamp, write
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "robustness.md"
-MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+PAGE = DOCS / "robustness.md"
 BROKEN: list[str] = []
 
 
@@ -96,17 +93,6 @@ def tables(args: argparse.Namespace) -> dict[str, Callable[[], str]]:
     }
 
 
-def write(name: str, found: str) -> None:
-    """Put a table in its place on the page. Raises ValueError where the page has none."""
-    stamp = (f"Measured by `python scripts/robustness.py --tables {name}` on {date.today()}: {machine()}; "
-             f"{versions('h5py')}.")
-    text = PAGE.read_text(encoding="utf-8")
-    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
-    if not place.search(text):
-        raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n\n{stamp}\n{m[2]}", text), encoding="utf-8")
-
-
 def main() -> None:
     """Measure the parts that are asked for, and write each as it is done."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -126,7 +112,7 @@ def main() -> None:
     for name in args.tables.split(","):
         found = measured[name]()
         print(f"{name}\n{found}\n", flush=True)
-        write(name, found)
+        write(PAGE, name, f"{found}\n\n{stamp(f'robustness.py --tables {name}', 'h5py')}")
     sys.exit(1 if BROKEN else 0)
 
 

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import tempfile
 from dataclasses import dataclass
-from datetime import date
 from pathlib import Path
 
-from bench.stamp import machine, versions
 from gallery import IMAGES, ROOT, shrunk
+from measured import DOCS, stamp, write
 
 from ancf2d.cli.tradeoff_report import error_text, model_text, time_text, total_text
 from ancf2d.plot.kinds import draw
@@ -31,8 +29,7 @@ from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import parse_variants
 
-PAGE = ROOT / "docs" / "tradeoff.md"
-MARKED = r"(<!-- measured: {name} -->\n)(?:(?!<!--).)*(<!-- end -->)"
+PAGE = DOCS / "tradeoff.md"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
 FORMULATIONS = ("enhanced", "structural", "strain_split", "continuum")
 METHODS = ("radau5", "radau9", "generalized_alpha", "hht", "newmark", "RK45")
@@ -162,15 +159,6 @@ def contest(study: Study, default: str) -> str:
     return table(["", *(accuracy_name(a) for a in study.accuracies)], lines)
 
 
-def write(name: str, found: str) -> None:
-    """Put a text in its place on the page. Raises ValueError where the page has none."""
-    text = PAGE.read_text(encoding="utf-8")
-    place = re.compile(MARKED.format(name=re.escape(name)), re.S)
-    if not place.search(text):
-        raise ValueError(f"{PAGE} has no place for '{name}'")
-    PAGE.write_text(place.sub(lambda m: f"{m[1]}{found}\n{m[2]}", text), encoding="utf-8")
-
-
 def picture(study: Study, subject: Subject, name: str, folder: Path) -> None:
     """Draw a study into docs/images."""
     write_tradeoff(study, load(str(ROOT / subject.case), subject.overrides), str(folder / f"{name}.h5"))
@@ -202,10 +190,9 @@ def main() -> None:
         parser.error(f"no study {', '.join(unknown)}; there are {', '.join((*SUBJECTS, *CONTESTS))}")
     for name in wanted:
         parts = study_of(name)
-        write(name, "\n\n".join(parts))
+        write(PAGE, name, "\n\n".join(parts))
         print(f"{name}\n\n" + "\n\n".join(parts) + "\n", flush=True)
-    write("stamp", f"Measured with one thread by `python scripts/tradeoff_report.py` on {date.today()}: {machine()}; "
-                   f"{versions()}.")
+    write(PAGE, "stamp", stamp("tradeoff_report.py"))
 
 
 if __name__ == "__main__":
