@@ -23,14 +23,16 @@ class Problem:
     near: str = ""
     source_line: str = ""
 
+    @property
+    def sentence(self) -> str:
+        """The problem without its place, with what was expected and the name that may have been meant."""
+        expected = f"; expected {self.expected}" if self.expected else ""
+        return self.message + expected + (f"; did you mean '{self.near}'?" if self.near else "")
+
     def __str__(self) -> str:
         """Return ``file:line:column: error: message`` with the source line and a caret below it."""
         place = f"{self.file}:{self.line}:{self.column}: " if self.line else f"{self.file}: "
-        head = f"{place if self.file else ''}error: {self.message}"
-        if self.expected:
-            head += f"; expected {self.expected}"
-        if self.near:
-            head += f"; did you mean '{self.near}'?"
+        head = f"{place if self.file else ''}error: {self.sentence}"
         if not self.source_line.strip() or self.column < 1:
             return head
         text, caret = _around(self.source_line, self.column)

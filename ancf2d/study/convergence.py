@@ -10,12 +10,13 @@ from typing import Any
 
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
-from ..errors import CaseError, ComputationError, Problem
+from ..errors import CaseError, Problem
 from .answer import Answer, sequence, solve_for_goal
 from .goal import error_scale
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .run import describe_goal, prepare, vocabulary
+from .unsolved import UNSOLVED, verdict
 from .variants import Variant, count_of, default_meshes, distribute, flexible, overrides_for, proportional
 from .warmup import warm_up
 
@@ -232,12 +233,8 @@ def solve_job(job: Job) -> Row:
     row = job.row
     try:
         _solve(job, row)
-    except CaseError as error:
-        row.status, row.reason = "failed", error.problems[0].message
-    except ComputationError as error:
-        row.status, row.reason = "failed", error.failure.reason
-    except MemoryError:
-        row.status, row.reason = "failed", "there is not enough memory for this mesh"
+    except UNSOLVED as error:
+        row.status, row.reason = "failed", verdict(error)[1]
     return row
 
 

@@ -15,12 +15,13 @@ from ..case.axes import OPTION as OVER
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.overrides import OPTION as SET
-from ..errors import CaseError, ComputationError, Problem, ResultsError
+from ..errors import CaseError, Problem, ResultsError
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
 from .identity import content_name, files_of
 from .pool import DIED, Workers, run_jobs
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
+from .unsolved import UNSOLVED, verdict
 from .warmup import kernels_of, warm_up
 
 # modes and buckling loads that a row tells where the case has no goal
@@ -122,7 +123,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         try:
             loaded = load_case_text(text, file, options, vocabulary(), os.path.dirname(file))
         except CaseError as error:
-            row.status, row.reason = "refused", _reason(error)
+            row.status, row.reason = verdict(error)
             problems += error.problems
             jobs.append(None)
             continue
@@ -133,12 +134,6 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     if not any(jobs):
         raise CaseError(_distinct(problems, axes))
     return Sweep(case, title, axes, folder, rows, jobs)
-
-
-def _reason(error: CaseError) -> str:
-    first = error.problems[0]
-    hint = f"; did you mean '{first.near}'?" if first.near else f"; expected {first.expected}" if first.expected else ""
-    return first.message + hint
 
 
 def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
@@ -248,12 +243,9 @@ def solve_job(job: Job) -> dict[str, Any]:
     """Run one case and return its summary; what fails is told in it."""
     try:
         return _solve_in_turn(job)
-    except CaseError as error:
-        return {"status": "refused", "reason": _reason(error)}
-    except ComputationError as error:
-        return {"status": "failed", "reason": error.failure.reason}
-    except MemoryError:
-        return {"status": "failed", "reason": "there is not enough memory for this case"}
+    except UNSOLVED as error:
+        status, reason = verdict(error)
+        return {"status": status, "reason": reason}
     except ResultsError as error:
         return {"status": "failed", "reason": str(error)}
     except Exception as error:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from ...case import Dynamic, Rectangle
 from ..variants import Variant
+from .judgement import apart
 from .mesh import Ladder
-from .pursuit import Pursuit, apart
+from .pursuit import Pursuit
 from .setting import Level
 
 BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")

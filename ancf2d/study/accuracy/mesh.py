@@ -8,7 +8,8 @@ from dataclasses import replace
 from ..answer import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
+from .judgement import apart, best, choose, judge
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, tenth
 from .setting import Level, Setting, bodies_with_meshes, least
 
 LADDER = 3          # levels at least, the first of which is the least mesh

@@ -1,9 +1,9 @@
-"""Levels solved on the way to a wanted accuracy, and the sequence of meshes that estimates the error of the last."""
+"""Levels solved on the way to a wanted accuracy: each once, from the state of another mesh where it may be."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,11 @@ from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError
 from ...model.model import Model
 from ...solve.registry import takes_guess
-from ..answer import Answer, File, Solved, sequence, solve_for_goal
-from ..order import Estimate, estimate, observed_order, round_off_level
+from ..answer import Answer, File, Solved, solve_for_goal
+from ..order import Estimate
 from ..record import Progress
 from ..run import Begin, Outcome
+from ..unsolved import verdict
 from .setting import Level, Setting, with_setting
 
 if TYPE_CHECKING:
@@ -27,18 +28,6 @@ MOST_ELEMENTS = 200_000
 MOST_WORK = 10**7
 MOST_LEVELS = 30
 LEAST_TOLERANCE = 1e-12
-# orders that errors are estimated by, how much neighbouring ones may differ, and what is added to be safe
-LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
-# what an order that nothing confirms may promise, one that changes sign, and what is added there
-UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
-# a mesh that misses so much of the goal says little of the order: what it may promise there
-FAR, ROUGH = 0.1, 2.0
-# levels that the best is looked for in, and the share of the last estimate below which an earlier one is better
-RECENT, SPOILT = 4, 0.1
-# levels without which no order is confirmed
-CONFIRMING = 3
-# what the last of two orders promises at least, where the one before was none
-NONE_BEFORE = 1.0
 
 
 @dataclass
@@ -130,11 +119,8 @@ class Pursuit:
             self.target.out, self.target.force, self.target.command, conclude)
         try:
             found = solve_for_goal(with_setting(self.loaded, level.setting), quiet, file, begin)
-        except ComputationError as error:
-            level.reason = error.failure.reason
-            return
-        except MemoryError:
-            level.reason = "there is not enough memory for this mesh"
+        except (ComputationError, MemoryError) as error:
+            level.reason = verdict(error)[1]
             return
         if file is None:
             conclude(found.summary, found.answer)
@@ -179,77 +165,3 @@ def _named(types: dict[str, Variant]) -> tuple[tuple[str, Variant], ...]:
 def tenth(tolerance: float) -> float:
     """Return a tenth of a tolerance, without the digits that tenths of decimal numbers leave."""
     return float(f"{0.1 * tolerance:.6g}")
-
-
-def apart(level: Level, finest: Level) -> float:
-    """Return how far the answers of two solved levels are apart, relative."""
-    if level.answer is None or finest.answer is None:
-        return math.inf
-    return level.answer.distance(finest.answer) / finest.answer.size
-
-
-def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
-    """Return the coarsest of solved levels whose error is below the wanted one, its error, and what they tell.
-
-    The error of the finest is estimated from the order, those of the others are their distance to it beside. The
-    finest where none will do, None where there are none.
-    """
-    found, last = judge(levels)
-    if not levels:
-        return None, last, found
-    for level in levels:
-        error = last + (0.0 if level is levels[-1] else apart(level, levels[-1]))
-        if error <= wanted:
-            return level, error, found
-    return levels[-1], last, found
-
-
-def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
-    """Return what ``choose`` does; where none will do, the one of the last few whose estimate is far the smallest.
-
-    Round-off grows with the mesh: the finest may be worse than those before.
-    """
-    level, last, found = choose(levels, wanted)
-    for n in range(len(levels) - 1, max(len(levels) - RECENT, CONFIRMING), -1):
-        before, error = judge(levels[:n])
-        if last > wanted and error < SPOILT * last:
-            return levels[n - 1], error, before
-    return level, last, found
-
-
-def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
-    """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
-
-    Two neighbouring orders are averaged where they agree by and large, and the smaller one is taken where not: meshes
-    on the way to an accuracy are seldom asymptotic yet, and orders that still grow promise too much. Of values that
-    swing about their limit the differences tell the order.
-    """
-    answers = [level.answer for level in levels if level.answer is not None]
-    n = [float(level.setting.elements) for level in levels if level.answer is not None]
-    if not answers:
-        return Estimate(None, None, None, False, "no mesh has a value"), math.inf
-    f, size = sequence(answers), answers[-1].size
-    # meshes that agree by chance are no round-off: the last ones have to
-    if len(f) < 3 or round_off_level(f[-2:], size) is not None or round_off_level(f[-3:], size) == 1:
-        found = estimate(n[-3:], f[-3:], size)
-        return found, math.inf if found.error_bar is None else found.error_bar / size
-    order, before = observed_order(n[-3:], f[-3:]), observed_order(n[-4:-1], f[-4:-1]) if len(f) > 3 else None
-    gaps, ratio = (abs(f[-2] - f[-3]), abs(f[-1] - f[-2])), math.log(n[-1] / n[-2])
-    if (order is not None and order <= LEAST) or gaps[1] >= gaps[0]:
-        error = 3.0 * max(gaps)
-        return Estimate(None, error, order, False, "not asymptotic: the differences do not fall"), error / size
-    if order is None:
-        trusted = min(max(math.log(gaps[0] / gaps[1]) / ratio, 1.0), SWINGING)
-        error = DOUBTFUL * gaps[1] / math.expm1(trusted * ratio)
-        return Estimate(f[-1], error, None, False, "the values swing about their limit"), error / size
-    alike = before is not None and order / ALIKE < before < order * ALIKE
-    if alike:
-        assert before is not None
-        trusted, safety = min(0.5 * (order + before), order, MOST), SAFETY
-    else:
-        most = ROUGH if gaps[0] > FAR * size else UNCONFIRMED
-        trusted = min(order, most, order if before is None else max(before, NONE_BEFORE))
-        safety = DOUBTFUL
-    step = (f[-1] - f[-2]) / math.expm1(trusted * ratio)
-    note = "" if alike else "the order is not confirmed"
-    return Estimate(f[-1] + step, safety * abs(step), trusted, alike, note), safety * abs(step) / size

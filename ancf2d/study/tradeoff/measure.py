@@ -13,13 +13,14 @@ from typing import Any
 
 from ...case import Body, Dynamic, LoadedCase, load_case_text
 from ...case.emit import flow, written
-from ...errors import CaseError, ComputationError
+from ...errors import ComputationError
 from ...solve.registry import solve
 from ...solve.schemes import DEFAULT
 from ..answer import Answer, Solved, for_study, solve_for_goal
 from ..pool import DIED
 from ..record import Clock, Progress
 from ..run import prepare, vocabulary
+from ..unsolved import UNSOLVED, verdict
 from ..variants import Variant, element_data, flexible
 from ..warmup import kernels_of, warm_up
 
@@ -138,12 +139,8 @@ def measure(task: Task) -> Measured:
     out, began = replace(lost(task), status="converged", reason=""), time.perf_counter()
     try:
         _measure(task, out)
-    except CaseError as error:
-        out.status, out.reason = "refused", error.problems[0].message
-    except ComputationError as error:
-        out.status, out.reason = "failed", error.failure.reason
-    except MemoryError:
-        out.status, out.reason = "failed", "there is not enough memory for this mesh"
+    except UNSOLVED as error:
+        out.status, out.reason = verdict(error)
     out.elapsed = time.perf_counter() - began
     return out
 
