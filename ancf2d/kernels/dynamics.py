@@ -21,7 +21,7 @@ MET = 1e-13
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    bodies : all elements; laws : (3, laws) addresses of their elastic, viscous and mean forces; tau :
+    bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau :
     (groups,) Kelvin-Voigt times [s]; points, sliding : tables of point
     laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
     mass : (n, bw + 1) T^T M T; load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
@@ -31,7 +31,7 @@ class Problem(NamedTuple):
     """  # noqa: E501
 
     bodies: Any
-    laws: Any
+    calls: Any
     tau: Any
     points: Any
     sliding: Any

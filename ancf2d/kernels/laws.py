@@ -1,49 +1,152 @@
-"""Compiled strain functions: the type of a law selects its formulation, also in cached kernels."""
+"""The laws of points, compiled each by itself and called by address: all other kernels are compiled once for every law.
+
+A law works on rows of a work buffer (``lanes``): what it does is told by a number, to which rows by theirs.
+"""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 
 from ..elements.formulations import FORMULATIONS
+from ..elements.formulations.base import PointLaw
+from .jit import inlined, kernel
+from .lanes import rows, slots, table
+from .pointers import address_of, caller
 
-_BY_LAW = {f.law: f for f in FORMULATIONS.values()}
-
-
-def strain(law: Any, c: int, s: int, u: Any, eps: Any, J: Any) -> None:
-    """Fill eps and J = d eps/du at station s of class c (J's zeros must be zero on entry)."""
-    _BY_LAW[type(law)].strain(law, c, s, u, eps, J)
-
-
-def geometric(law: Any, c: int, s: int, u: Any, sigma: Any, H: Any) -> None:
-    """Add sigma . d2 eps/du2 to H."""
-    _BY_LAW[type(law)].geometric(law, c, s, u, sigma, H)
+# every law once, in the order of their numbers
+LAWS: tuple[PointLaw, ...] = tuple(dict.fromkeys(f.law for f in FORMULATIONS.values()))
+# what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
+STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE = range(8)
 
 
-def mean(law: Any, c: int, s: int, u0: Any, u1: Any, eps0: Any, eps1: Any, J: Any) -> None:
-    """Overwrite J of ``strain`` with the discrete Jacobian: J (u1 - u0) = eps1 - eps0, the strains given.
-
-    Not a number where the formulation has none (``Formulation.mean`` tells it beforehand).
-    """
-    (_BY_LAW[type(law)].mean or _no_mean)(law, c, s, u0, u1, eps0, eps1, J)
+def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
+    # entries that are zero stay so for whatever is asked for next
+    for l in range(lanes):
+        J[0, 0, l] = np.nan
 
 
-def _no_mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
-    J[:] = np.nan
+# inlined, so that rows a constant distance apart are seen to be so
+_COMPILED = [tuple(inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean)) for law in LAWS]
 
 
-@overload(strain, inline="always")
-def _strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
-    return _BY_LAW[law.instance_class].strain
+def _strain(number, ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
 
 
-@overload(geometric, inline="always")
-def _geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
-    return _BY_LAW[law.instance_class].geometric
+def _geometric(number, ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
 
 
-@overload(mean, inline="always")
-def _mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
-    return _BY_LAW[law.instance_class].mean or _no_mean
+def _mean(number, ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
+
+
+@overload(_strain, inline="always", prefer_literal=True)
+def _strain_of(number, ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
+    function = _COMPILED[number.literal_value][0]
+    return lambda number, ref, u, eps, J, lanes: function(ref, u, eps, J, lanes)
+
+
+@overload(_geometric, inline="always", prefer_literal=True)
+def _geometric_of(number, ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
+    function = _COMPILED[number.literal_value][1]
+    return lambda number, ref, u, sigma, J, H, lanes: function(ref, u, sigma, J, H, lanes)
+
+
+@overload(_mean, inline="always", prefer_literal=True)
+def _mean_of(number, ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
+    function = _COMPILED[number.literal_value][2]
+    return lambda number, ref, u0, u1, eps0, eps1, J, lanes: function(ref, u0, u1, eps0, eps1, J, lanes)
+
+
+@inlined
+def _matrix_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
+    for l in range(lanes):
+        for i in range(m):
+            v = 0.0
+            for j in range(n):
+                v += A[i, j, l] * x[j, l]
+            out[i, l] = v
+
+
+@inlined
+def _transposed_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
+    for l in range(lanes):
+        for j in range(n):
+            v = 0.0
+            for i in range(m):
+                v += A[i, j, l] * x[i, l]
+            out[j, l] = v
+
+
+@inlined
+def _matrix_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-def]
+    for i in range(m):
+        for l in range(lanes):
+            for j in range(k):
+                v = 0.0
+                for r in range(n):
+                    v += A[i, r, l] * B[r, j, l]
+                out[i, j, l] = v
+
+
+@inlined
+def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-def]
+    for i in range(n):
+        for l in range(lanes):
+            for j in range(k):
+                v = 0.0
+                for r in range(m):
+                    v += A[r, i, l] * B[r, j, l]
+                out[i, j, l] = v
+
+
+def _operations_of(number: int) -> Any:
+    NU, NS, NR = LAWS[number].fields, LAWS[number].strains, LAWS[number].references
+
+    @kernel
+    def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
+        at = slots(NU, NS, NR)
+        ref, u, u0 = rows(work, base + at.ref, NR), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
+        eps, eps0 = rows(work, base + at.eps, NS), rows(work, base + at.eps0, NS)
+        t, sigma, g = rows(work, base + at.t, NS), rows(work, base + at.sigma, NS), rows(work, base + at.g, NU)
+        J, DJ = table(work, base + at.J, NS, NU), table(work, base + at.DJ, NS, NU)
+        D, H = table(work, base + at.D, NS, NS), table(work, base + at.H, NU, NU)
+        if what == STRAIN:
+            _strain(number, ref, u, eps, J, lanes)
+        elif what == GEOMETRIC:
+            _geometric(number, ref, u, sigma, J, H, lanes)
+        elif what == MEAN:
+            _mean(number, ref, u0, u, eps0, eps, J, lanes)
+        elif what == STRESS:
+            _matrix_vector(D, eps, t, NS, NS, lanes)
+        elif what == PUSH:
+            _matrix_vector(J, u0, eps0, NS, NU, lanes)
+        elif what == PULL:
+            _transposed_vector(J, sigma, g, NS, NU, lanes)
+        elif what == TIMES:
+            _matrix_matrix(D, J, DJ, NS, NS, NU, lanes)
+        else:
+            _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
+
+    return operate
+
+
+SIGNATURE = types.void(types.int64, types.float64[::1], types.int64, types.int64)
+operate = caller(SIGNATURE)
+
+
+@cache
+def _compiled(number: int) -> tuple[Any, int]:
+    function = _operations_of(number)
+    return function, address_of(function, SIGNATURE)
+
+
+def law_address(law: PointLaw) -> int:
+    """Return the address of a law's operations, compiled when first asked for."""
+    return _compiled(LAWS.index(law))[1]

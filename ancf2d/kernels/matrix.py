@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba.extending import overload
 
-from .jit import inlined, kernel
+from .jit import inlined, inner, kernel
+from .lanes import array_at
 
 
 class SymBand(NamedTuple):
@@ -81,6 +83,16 @@ def _only_lower(matrix):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
+    """Return whether no coordinate of element m is a combination of unknowns."""
+    plain = True
+    for a in range(dofs.shape[1]):
+        if place[dofs[m, a]] < -1:
+            plain = False
+    return plain
+
+
+@inlined
 def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is.
 
@@ -89,11 +101,7 @@ def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[n
     """
     n = dofs.shape[1]
     lower = only_lower(matrix)
-    plain = True
-    for a in range(n):
-        if place[dofs[m, a]] < -1:
-            plain = False
-    if plain:
+    if _is_plain(place, dofs, m):
         for a in range(n):
             i = place[dofs[m, a]]
             if i >= 0:
@@ -139,3 +147,73 @@ def scatter_patches(matrix, Ks, dofs, first, count, place, indptr, index, value)
     """Add the matrices Ks (count, n, n) of elements (or patches) first, first + 1, ... with coordinates dofs (m, n)."""
     for m in range(count):
         scatter(matrix, Ks[m], dofs, first + m, place, indptr, index, value)
+
+
+@kernel
+def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add ``scale`` times the symmetric matrices Ks (entries, m) of elements first, first + 1, ... to the matrix.
+
+    ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
+    """
+    n, count = dofs.shape[1], Ks.shape[1]
+    if only_lower(matrix) and _is_chain(dofs, first, count, place):
+        _add_chain(matrix, Ks, scale, entries, dofs, first, place)
+        return
+    lower = only_lower(matrix)
+    for m in range(count):
+        if _is_plain(place, dofs, first + m):
+            for x in range(len(entries)):
+                i, j = place[dofs[first + m, entries[x, 0]]], place[dofs[first + m, entries[x, 1]]]
+                if i >= 0 and j >= 0:
+                    v = scale * Ks[x, m]
+                    if lower:
+                        add(matrix, max(i, j), min(i, j), v)
+                    else:
+                        add(matrix, i, j, v)
+                        if entries[x, 0] != entries[x, 1]:
+                            add(matrix, j, i, v)
+        else:
+            K = np.zeros((n, n))
+            for x in range(len(entries)):
+                K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]
+                K[entries[x, 1], entries[x, 0]] = scale * Ks[x, m]
+            _scatter_combined(matrix, K, dofs[first + m], place, indptr, index, value)
+
+
+@inner
+def _is_chain(dofs, first, count, place):  # type: ignore[no-untyped-def]
+    """Return whether the unknowns of each element are those of the one before, all moved on by the same number."""
+    step = place[dofs[first + 1, 0]] - place[dofs[first, 0]] if count > 1 else 0
+    for a in range(dofs.shape[1]):
+        i = place[dofs[first, a]]
+        if i < 0:
+            return False
+        for m in range(1, count):
+            if place[dofs[first + m, a]] != i + m * step:
+                return False
+    return step >= 0
+
+
+def _add_chain_symband(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+    width = matrix.values.shape[1]
+    whole = array_at(matrix.values, 0, (matrix.values.shape[0] * width,))
+    count = Ks.shape[1]
+    step = width * (place[dofs[first + 1, 0]] - place[dofs[first, 0]]) if count > 1 else 0
+    for x in range(len(entries)):
+        i, j = place[dofs[first, entries[x, 0]]], place[dofs[first, entries[x, 1]]]
+        start = max(i, j) * width + width - 1 - abs(i - j)
+        for m in range(count):
+            whole[start + m * step] += scale * Ks[x, m]
+
+
+def _no_chain(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+    return
+
+
+def _add_chain(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+    raise NotImplementedError
+
+
+@overload(_add_chain, inline="always")
+def _add_chain_of(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+    return _add_chain_symband if matrix.instance_class is SymBand else _no_chain

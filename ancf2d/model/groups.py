@@ -1,4 +1,4 @@
-"""Bodies as kernel groups: sampled laws with element classes."""
+"""Bodies as kernel groups: sampled laws with element classes, and how they are worked on in batches."""
 
 from __future__ import annotations
 
@@ -7,19 +7,111 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.elements import Group
+from ..kernels.batch import Group, Law
+from ..kernels.blas import dgemm_address
+from ..kernels.forces import batch_address
+from ..kernels.lanes import LANES, Plan, places, room
+from ..kernels.laws import law_address
+from ..kernels.tangents import fill_products
 from .mesh import BodyMesh
 from .model import Model
+
+# products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond
+KEPT = 4_000_000
+# matrices of up to so many entries are made whole, though with zeros: one product costs less than several small ones
+WHOLE = 2000
+# products of matrices with so many multiplications are never shared between threads, whose number would show in digits
+ALONE = 200_000
 
 
 def make_group(mesh: BodyMesh) -> Group:
     """Return the kernel group of one body."""
     plan = mesh.plan
     samples = [plan.formulation.sample(c.sampler, plan.rule) for c in mesh.classes]
-    B, ref, D = (np.ascontiguousarray(np.stack(part)) for part in zip(*samples, strict=True))
-    return Group(plan.formulation.law(B, ref, D), np.ascontiguousarray(mesh.cls, dtype=np.int64),
-                 np.ascontiguousarray(mesh.turn), np.ascontiguousarray(mesh.dofs, dtype=np.int64),
-                 plan.element.components)
+    B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
+    nc = plan.element.components
+    blocks, pairs, entries = _blocks(B, nc)
+    parts = _parts(B.shape[1], blocks)
+    point = plan.formulation.law
+    law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2), _in_parts(ref, parts, 2),
+              _in_parts(D, parts, 3, 0.0))
+    made = _plan(law, parts, nc, blocks, pairs, entries)
+    return Group(law, np.ascontiguousarray(mesh.cls, dtype=np.int64), np.ascontiguousarray(mesh.turn),
+                 np.ascontiguousarray(mesh.dofs, dtype=np.int64), nc, made)
+
+
+def _blocks(B: Array, nc: int) -> tuple[Array, Array, Array]:
+    """Return blocks, pairs and entries of ``kernels.lanes.Plan``: one block, or one for each pair of components."""
+    nu, n = B.shape[2:]
+    component = np.array([_component(B[:, :, i], nc) for i in range(nu)])
+    pairs = [(i, j) for i in range(nu) for j in range(i, nu)]
+    entries = [(a, b) for a in range(n) for b in range(a + 1)]
+    kinds = [frozenset({p, q}) for p in range(nc) for q in range(p, nc)]
+    if len(pairs) * B.shape[1] * len(entries) <= WHOLE:
+        return np.array([[0, len(pairs), 0, len(entries)]]), np.array(pairs), np.array(entries)
+    blocks, some, ordered = [], [], []
+    for kind in kinds:
+        fields = [(i, j) for i, j in pairs if {component[i], component[j]} == kind]
+        places = [(a, b) for a, b in entries if {a % nc, b % nc} == kind]
+        if fields:
+            blocks.append([len(some), len(fields), len(ordered), len(places)])
+            some += fields
+            ordered += places
+    return np.array(blocks), np.array(some), np.array(ordered)
+
+
+def _component(rows: Array, nc: int) -> int:
+    """Return the component of the coordinates that a field is made of."""
+    (found,) = {int(a) % nc for a in np.nonzero(np.any(rows, axis=(0, 1)))[0]}
+    return found
+
+
+def _parts(stations: int, blocks: Array) -> int:
+    """Return into how many parts stations are cut: each fits the lanes and one processor."""
+    together = min(LANES, max(1, ALONE // int(np.max(blocks[:, 1] * blocks[:, 3]))))
+    return -(-stations // together)
+
+
+def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
+    """Return sampled values (classes, stations, ...) as (classes parts, ...) with the stations moved to an axis.
+
+    The last part is filled up with copies of a station times ``weight``.
+    """
+    length = -(-x.shape[1] // parts)
+    missing = parts * length - x.shape[1]
+    x = np.concatenate([x, np.repeat(weight * x[:, :1], missing, axis=1)], axis=1)
+    x = x.reshape(x.shape[0] * parts, length, *x.shape[2:])
+    return np.ascontiguousarray(np.moveaxis(x, 1, axis))
+
+
+def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: Array) -> Plan:
+    nu, S, n = law.B.shape[1:]
+    ns = law.D.shape[1]
+    points = nu // law.fields
+    D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
+    size = S * int(np.sum(blocks[:, 1] * blocks[:, 3]))
+    most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
+    at = places.py_func(law.fields, law.strains, law.references, points)
+    length = room(at, n, max(nu, len(pairs)), len(entries), size)
+    kept = len(law.B) if len(law.B) * size <= KEPT else 0
+    plan = Plan(parts, most, _vectors(law, nc), (D.max(axis=(1, 3)) > 0.0).astype(np.int64), blocks, pairs,
+                entries, np.zeros((kept, size)), np.full(2, -1), np.zeros(length), dgemm_address(), batch_address())
+    for q in range(kept):
+        fill_products(law.B, q, plan, plan.products[q])
+    return plan
+
+
+def _vectors(law: Law, nc: int) -> Array:
+    """Return the fields (v, 2) that are x and y of a vector: the same functions of the x and of the y coordinates."""
+    x, y = law.B[..., 0::nc], law.B[..., 1::nc]
+    left, found = set(range(law.B.shape[1])), []
+    for i in range(law.B.shape[1]):
+        point = range(i // law.fields * law.fields, (i // law.fields + 1) * law.fields)
+        same = [j for j in point if j in left and x[:, i].any() and np.array_equal(x[:, i], y[:, j])]
+        if same:
+            found.append((i, same[0]))
+            left -= {i, same[0]}
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def make_groups(meshes: dict[str, BodyMesh]) -> list[Any]:

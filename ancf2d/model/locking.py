@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..elements.formulations.base import Sampler
+from ..elements.formulations.base import Sampler, strains_at
 from ..elements.section import Section
 from .mesh import BodyMesh
 
@@ -36,12 +36,10 @@ def _energy(mesh: BodyMesh, sampler: Sampler, section: Section) -> float:
     e = np.array([[bent[name](nodes[i].at * l) if name in bent else 0.0, 0.0]
                   for i, name in plan.element.functionals]).ravel()
     B, ref, D = plan.formulation.sample(replace(sampler, section=section), plan.rule)
-    law = plan.formulation.law(B[None], ref[None], D[None])
     # so small that strains are linear
     small, energy = 1e-9 / (l + section.height), 0.0
     for s in range(len(B)):
-        eps, J = np.zeros(D.shape[1]), np.zeros((D.shape[1], B.shape[1]))
-        plan.formulation.strain(law, 0, s, B[s] @ (small * e), eps, J)
+        eps, _ = strains_at(plan.formulation, ref[s], B[s] @ (small * e))
         energy += 0.5 * float(eps @ D[s] @ eps)
     return energy / small**2
 

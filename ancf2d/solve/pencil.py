@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.mass import band_product, strain_action
+from ..kernels.elements import strain_action
+from ..kernels.mass import band_product
 from ..model.model import Model
 from .linear import GeneralSparse, Pivots, make_matrix
 from .mass import assemble_mass

@@ -133,13 +133,12 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     weights[own] = model.weights[num.free[own]]
     pairs, turns = _pairs(model)
     tau, bodies = damping_times(model), make_bodies(model.groups)
-    kinds = set(bodies.kind.tolist())
     conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
-        "laws": addresses(kinds, kinds if tau.any() else set(), kinds if conserving else set()),
+        "calls": addresses(bool(tau.any()), conserving),
         "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,

@@ -129,7 +129,7 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
     """Strains by an angle are no quadratic function of the coordinates."""
     if not scheme.conserves:
         return
-    names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.mean is None]
+    names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None]
     if names:
         formulations = sorted({model.meshes[n].plan.formulation.name for n in names})
         yield ("method", f"{scheme.name} has no forces that keep the energy for the formulation "

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
-from ..kernels.elements import element_matrices
-from ..kernels.viscous import viscous_force
+from ..kernels.elements import element_matrices, viscous_force
 from ..model.groups import damping_times
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body

@@ -129,7 +129,8 @@ def _touch(model: Model) -> None:
         scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
     d = np.zeros(len(num.place))
     if isinstance(model.case.solver, Eigen | Buckling):
-        from ..kernels.mass import band_product, scatter_classes, strain_action
+        from ..kernels.elements import strain_action
+        from ..kernels.mass import band_product, scatter_classes
 
         no_index = np.zeros(0, dtype=np.int64)
         scatter_classes(matrix.target, np.zeros((1, 1, 1)), no_index, np.zeros((0, 1), dtype=np.int64), *tables)

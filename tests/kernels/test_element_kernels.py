@@ -177,7 +177,7 @@ def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, 
 def test_station_values_give_the_energy():
     model = model_of("vallejo", "enhanced", "arc", 3)
     group, d = model.groups[0], helpers.random_state(model, SIZE)
-    shape = (3, group.law.B.shape[1], group.law.D.shape[2])
+    shape = (3, group.law.B.shape[2], group.law.D.shape[1])
     eps, sigma = np.zeros(shape), np.zeros(shape)
     stations(group, d, eps, sigma)
     assert 0.5 * np.sum(eps * sigma) == pytest.approx(energy_and_force(model, d)[0], rel=1e-13)

@@ -10,11 +10,11 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.kernels.elements import element_matrices, force
 from ancf2d.kernels.matrix import Csr
 from ancf2d.kernels.mean import mean_force, mean_force_tangent
-from ancf2d.kernels.viscous import viscous_force
+from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.groups import damping_times
 from ancf2d.model.mesh import mass_matrix
 
-CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].mean is not None]
+CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].law.mean is not None]
 SIZE = 0.05 * helpers.SECTION["height"]
 TAU = 0.3
 SEEDS = st.integers(0, 2**32 - 1)

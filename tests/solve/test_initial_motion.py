@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from ancf2d.errors import CaseError, ComputationError
-from ancf2d.kernels.viscous import viscous_force
+from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.build import build_model
 from ancf2d.model.points import point_ref
 from ancf2d.solve.initial import initial_motion, initial_problems

@@ -1,10 +1,10 @@
 """Every formulation of the elastic forces; adding one is adding it here."""
 
 from . import cable, green, reissner, structural
-from .base import Formulation, Rule, Sampler
+from .base import Formulation, Rule, Sampler, strains_at
 
 FORMULATIONS: dict[str, Formulation] = {
     f.name: f for room in (green, structural, cable, reissner) for f in room.FORMULATIONS
 }
 
-__all__ = ["FORMULATIONS", "Formulation", "Rule", "Sampler"]
+__all__ = ["FORMULATIONS", "Formulation", "Rule", "Sampler", "strains_at"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,16 +19,27 @@ from ..section import Section
 from ..shape import Array, ShapeFunctions, gauss
 
 
-class Law(NamedTuple):
-    """The sampled law of one formulation; each formulation has a subclass-like type of its own.
+@dataclass(frozen=True)
+class PointLaw:
+    """Strains of one point as functions of its fields; formulations that differ in what they sample may share one.
 
-    B : (classes, stations, fields, n_dof); ref : (classes, stations, any); D : (classes, stations, n_eps, n_eps),
-    quadrature weight and volume included.
+    Functions are compiled by the kernels for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and sigma
+    (strains, lanes), J (strains, fields, lanes), H (fields, fields, lanes).
+
+    ``strain(ref, u, eps, J, lanes)`` fills eps and J = d eps/du, whose zeros are left alone. ``geometric(ref, u, sigma,
+    J, H, lanes)`` adds sum_i sigma_i d2 eps_i/du2 to the upper half of H; J is that of ``strain``, unless there is a
+    ``mean``. ``mean(ref, u0, u1, eps0, eps1, J, lanes)`` overwrites the entries of J that ``strain`` fills with those of
+    the discrete Jacobian between two states whose strains are given: J (u1 - u0) = eps1 - eps0, and turning the
+    mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the position gradients). None where
+    no such form is known: then no time step keeps energy and angular momentum at once.
     """
 
-    B: Array
-    ref: Array
-    D: Array
+    fields: int
+    strains: int
+    references: int
+    strain: Callable[..., Any]
+    geometric: Callable[..., Any]
+    mean: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -74,28 +85,35 @@ class Formulation:
 
     ``refuse(element)`` gives the reason why it makes no sense for a type, or None. ``rule(element)`` is
     its default quadrature; ``exact(element)`` the rule that integrates a straight element exactly, or
-    None where no finite rule does. ``sample(sampler, rule)`` returns (B, ref, D) of one element class.
-    ``strain(law, c, s, u, eps, J)`` and ``geometric(law, c, s, u, sigma, H)`` are compiled by the kernels.
+    None where no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations, any) and
+    D (stations, strains, strains) of one element class, quadrature weight and volume included; fields, reference values
+    and strains of a station are those of its points, one after another.
     ``selective`` tells whether shear may have a rule of its own.
-
-    ``mean(law, c, s, u0, u1, eps0, eps1, J)`` overwrites the entries of J that ``strain`` fills with those of the
-    discrete Jacobian between two states whose strains are given: J (u1 - u0) = eps1 - eps0, and turning the
-    mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the position gradients).
-    None where no such form is known: then no time step keeps energy and angular momentum at once.
     """
 
     name: str
-    law: type
+    law: PointLaw
     refuse: Callable[[ElementType], str | None]
     rule: Callable[[ElementType], tuple[int, int]]
     exact: Callable[[ElementType], tuple[int, int] | None]
     sample: Callable[[Sampler, Rule], tuple[Array, Array, Array]]
-    strain: Callable[..., Any]
-    geometric: Callable[..., Any]
     source: str
     doc: str
     selective: bool = True
-    mean: Callable[..., Any] | None = None
+
+
+def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:
+    """Return the strains (strains,) and their derivatives J (strains, fields) of one station.
+
+    ``ref`` (any,) and ``u`` (fields,) are its reference values and fields, point by point; ``u`` may be complex.
+    """
+    law = formulation.law
+    points = len(u) // law.fields
+    eps, J = np.zeros((points, law.strains), u.dtype), np.zeros((points, law.strains, len(u)), u.dtype)
+    for p, (r, v) in enumerate(zip(ref.reshape(points, -1), u.reshape(points, -1), strict=True)):
+        own = J[p, :, p * len(v):(p + 1) * len(v), None]
+        law.strain(r[:, None], v[:, None], eps[p, :, None], own, 1)
+    return eps.ravel(), J.reshape(-1, len(u))
 
 
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:

@@ -2,139 +2,121 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array
-from .base import Formulation, Rule, Sampler, rule_points
+from .base import Formulation, PointLaw, Rule, Sampler, rule_points
 
 
-class Cable(NamedTuple):
-    """Law with engineering axial strain. Fields: u_,s, u_,ss (x, y each); ref: r_s, r_ss of the reference."""
-
-    B: Array
-    ref: Array
-    D: Array
-
-
-class GreenCable(NamedTuple):
-    """Law with Green axial strain and spatial curvature; fields and ref as in Cable."""
-
-    B: Array
-    ref: Array
-    D: Array
-
-
-def strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
     """Strains |r_s| and dtheta/ds = r_s x r_ss/|r_s|^2, less those of the reference (Gerstmayr & Irschik 2008)."""
-    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
-    ax, ay, bx, by = u[0], u[1], u[2], u[3]
-    fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
-    LL0, LL = px * px + py * py, fx * fx + fy * fy
-    L = np.sqrt(LL)
-    dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
-    k0 = (px * qy - py * qx) / LL0
-    eps[0] = dLL / (L + np.sqrt(LL0))
-    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - k0 * dLL) / LL
-    k = k0 + eps[1]
-    J[0, 0], J[0, 1] = fx / L, fy / L
-    J[1, 0], J[1, 1] = (gy - 2.0 * k * fx) / LL, (-gx - 2.0 * k * fy) / LL
-    J[1, 2], J[1, 3] = -fy / LL, fx / LL
+    for l in range(lanes):
+        px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
+        ax, ay, bx, by = u[0, l], u[1, l], u[2, l], u[3, l]
+        fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
+        LL0, LL = px * px + py * py, fx * fx + fy * fy
+        L = np.sqrt(LL)
+        dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
+        k0 = (px * qy - py * qx) / LL0
+        eps[0, l] = dLL / (L + np.sqrt(LL0))
+        eps[1, l] = ((ax * gy - ay * gx) + (px * by - py * bx) - k0 * dLL) / LL
+        k = k0 + eps[1, l]
+        J[0, 0, l], J[0, 1, l] = fx / L, fy / L
+        J[1, 0, l], J[1, 1, l] = (gy - 2.0 * k * fx) / LL, (-gx - 2.0 * k * fy) / LL
+        J[1, 2, l], J[1, 3, l] = -fy / LL, fx / LL
 
 
-def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
     """Add sum_i sigma_i d2 eps_i/du2."""
-    fx, fy = law.ref[c, s, 0] + u[0], law.ref[c, s, 1] + u[1]
-    gx, gy = law.ref[c, s, 2] + u[2], law.ref[c, s, 3] + u[3]
-    LL = fx * fx + fy * fy
-    N, M = sigma[0] / np.sqrt(LL), sigma[1] / LL
-    k = (fx * gy - fy * gx) / LL
-    ex, ey = fx / LL, fy / LL
-    H[0, 0] += N * (1.0 - fx * ex) + M * (-4.0 * gy * ex - k * (2.0 - 8.0 * fx * ex))
-    H[1, 1] += N * (1.0 - fy * ey) + M * (4.0 * gx * ey - k * (2.0 - 8.0 * fy * ey))
-    H[0, 1] += -N * fx * ey + M * (2.0 * gx * ex - 2.0 * gy * ey + 8.0 * k * fx * ey)
-    H[0, 2] += M * 2.0 * fy * ex
-    H[0, 3] += M * (1.0 - 2.0 * fx * ex)
-    H[1, 2] += -M * (1.0 - 2.0 * fy * ey)
-    H[1, 3] += -M * 2.0 * fx * ey
-    for i in range(4):
-        for j in range(i):
-            H[i, j] = H[j, i]
+    for l in range(lanes):
+        fx, fy = ref[0, l] + u[0, l], ref[1, l] + u[1, l]
+        gx, gy = ref[2, l] + u[2, l], ref[3, l] + u[3, l]
+        LL = fx * fx + fy * fy
+        N, M = sigma[0, l] / np.sqrt(LL), sigma[1, l] / LL
+        k = (fx * gy - fy * gx) / LL
+        ex, ey = fx / LL, fy / LL
+        H[0, 0, l] += N * (1.0 - fx * ex) + M * (-4.0 * gy * ex - k * (2.0 - 8.0 * fx * ex))
+        H[1, 1, l] += N * (1.0 - fy * ey) + M * (4.0 * gx * ey - k * (2.0 - 8.0 * fy * ey))
+        H[0, 1, l] += -N * fx * ey + M * (2.0 * gx * ex - 2.0 * gy * ey + 8.0 * k * fx * ey)
+        H[0, 2, l] += M * 2.0 * fy * ex
+        H[0, 3, l] += M * (1.0 - 2.0 * fx * ex)
+        H[1, 2, l] += -M * (1.0 - 2.0 * fy * ey)
+        H[1, 3, l] += -M * 2.0 * fx * ey
 
 
-def mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
     """Discrete Jacobian between two states, by differences of A = r_s.r_s and C = r_s x r_ss at the mid-configuration.
 
     |r_s|^2 = A gives d|r_s| = dA/(|r_s|_0 + |r_s|_1); kappa A = C gives dkappa = (dC - kappa_m dA)/A_m, m the mean.
     """
-    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
-    x0, y0, x1, y1 = px + u0[0], py + u0[1], px + u1[0], py + u1[1]
-    A0, A1 = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1
-    L, A = 0.5 * (np.sqrt(A0) + np.sqrt(A1)), 0.5 * (A0 + A1)
-    fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    gx, gy = qx + 0.5 * (u0[2] + u1[2]), qy + 0.5 * (u0[3] + u1[3])
-    k = (px * qy - py * qx) / (px * px + py * py) + 0.5 * (eps0[1] + eps1[1])
-    J[0, 0], J[0, 1] = fx / L, fy / L
-    J[1, 0], J[1, 1] = (gy - 2.0 * k * fx) / A, (-gx - 2.0 * k * fy) / A
-    J[1, 2], J[1, 3] = -fy / A, fx / A
+    for l in range(lanes):
+        px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
+        x0, y0, x1, y1 = px + u0[0, l], py + u0[1, l], px + u1[0, l], py + u1[1, l]
+        A0, A1 = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1
+        L, A = 0.5 * (np.sqrt(A0) + np.sqrt(A1)), 0.5 * (A0 + A1)
+        fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        gx, gy = qx + 0.5 * (u0[2, l] + u1[2, l]), qy + 0.5 * (u0[3, l] + u1[3, l])
+        k = (px * qy - py * qx) / (px * px + py * py) + 0.5 * (eps0[1, l] + eps1[1, l])
+        J[0, 0, l], J[0, 1, l] = fx / L, fy / L
+        J[1, 0, l], J[1, 1, l] = (gy - 2.0 * k * fx) / A, (-gx - 2.0 * k * fy) / A
+        J[1, 2, l], J[1, 3, l] = -fy / A, fx / A
 
 
-def green_strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
+def green_strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
     """Strains r_s.r_s/2 and r_s x r_ss/|r_s|^3, less those of the reference (Berzeri & Shabana 2000)."""
-    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
-    ax, ay, bx, by = u[0], u[1], u[2], u[3]
-    fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
-    LL0, LL = px * px + py * py, fx * fx + fy * fy
-    L, L0 = np.sqrt(LL), np.sqrt(LL0)
-    dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
-    c0 = px * qy - py * qx
-    dL = dLL / (L + L0)
-    L3, L30 = LL * L, LL0 * L0
-    eps[0] = 0.5 * dLL
-    dL3 = dL * (LL + L * L0 + LL0)
-    eps[1] = ((ax * gy - ay * gx) + (px * by - py * bx) - c0 / L30 * dL3) / L3
-    k = c0 / L30 + eps[1]
-    J[0, 0], J[0, 1] = fx, fy
-    J[1, 0], J[1, 1] = gy / L3 - 3.0 * k * fx / LL, -gx / L3 - 3.0 * k * fy / LL
-    J[1, 2], J[1, 3] = -fy / L3, fx / L3
+    for l in range(lanes):
+        px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
+        ax, ay, bx, by = u[0, l], u[1, l], u[2, l], u[3, l]
+        fx, fy, gx, gy = px + ax, py + ay, qx + bx, qy + by
+        LL0, LL = px * px + py * py, fx * fx + fy * fy
+        L, L0 = np.sqrt(LL), np.sqrt(LL0)
+        dLL = 2.0 * (px * ax + py * ay) + ax * ax + ay * ay
+        c0 = px * qy - py * qx
+        dL = dLL / (L + L0)
+        L3, L30 = LL * L, LL0 * L0
+        eps[0, l] = 0.5 * dLL
+        dL3 = dL * (LL + L * L0 + LL0)
+        eps[1, l] = ((ax * gy - ay * gx) + (px * by - py * bx) - c0 / L30 * dL3) / L3
+        k = c0 / L30 + eps[1, l]
+        J[0, 0, l], J[0, 1, l] = fx, fy
+        J[1, 0, l], J[1, 1, l] = gy / L3 - 3.0 * k * fx / LL, -gx / L3 - 3.0 * k * fy / LL
+        J[1, 2, l], J[1, 3, l] = -fy / L3, fx / L3
 
 
-def green_geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+def green_geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
     """Add sum_i sigma_i d2 eps_i/du2."""
-    fx, fy = law.ref[c, s, 0] + u[0], law.ref[c, s, 1] + u[1]
-    gx, gy = law.ref[c, s, 2] + u[2], law.ref[c, s, 3] + u[3]
-    LL = fx * fx + fy * fy
-    M = sigma[1] / (LL * np.sqrt(LL))
-    w = fx * gy - fy * gx
-    ex, ey = fx / LL, fy / LL
-    H[0, 0] += sigma[0] + M * (-6.0 * gy * ex - 3.0 * w / LL * (1.0 - 5.0 * fx * ex))
-    H[1, 1] += sigma[0] + M * (6.0 * gx * ey - 3.0 * w / LL * (1.0 - 5.0 * fy * ey))
-    H[0, 1] += M * (3.0 * gx * ex - 3.0 * gy * ey + 15.0 * w / LL * fx * ey)
-    H[0, 2] += M * 3.0 * fy * ex
-    H[0, 3] += M * (1.0 - 3.0 * fx * ex)
-    H[1, 2] += -M * (1.0 - 3.0 * fy * ey)
-    H[1, 3] += -M * 3.0 * fx * ey
-    for i in range(4):
-        for j in range(i):
-            H[i, j] = H[j, i]
+    for l in range(lanes):
+        fx, fy = ref[0, l] + u[0, l], ref[1, l] + u[1, l]
+        gx, gy = ref[2, l] + u[2, l], ref[3, l] + u[3, l]
+        LL = fx * fx + fy * fy
+        M = sigma[1, l] / (LL * np.sqrt(LL))
+        w = fx * gy - fy * gx
+        ex, ey = fx / LL, fy / LL
+        H[0, 0, l] += sigma[0, l] + M * (-6.0 * gy * ex - 3.0 * w / LL * (1.0 - 5.0 * fx * ex))
+        H[1, 1, l] += sigma[0, l] + M * (6.0 * gx * ey - 3.0 * w / LL * (1.0 - 5.0 * fy * ey))
+        H[0, 1, l] += M * (3.0 * gx * ex - 3.0 * gy * ey + 15.0 * w / LL * fx * ey)
+        H[0, 2, l] += M * 3.0 * fy * ex
+        H[0, 3, l] += M * (1.0 - 3.0 * fx * ex)
+        H[1, 2, l] += -M * (1.0 - 3.0 * fy * ey)
+        H[1, 3, l] += -M * 3.0 * fx * ey
 
 
-def green_mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+def green_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
     """Discrete Jacobian between two states: as ``mean``, with kappa |r_s|^3 = C."""
-    px, py, qx, qy = law.ref[c, s, 0], law.ref[c, s, 1], law.ref[c, s, 2], law.ref[c, s, 3]
-    x0, y0, x1, y1 = px + u0[0], py + u0[1], px + u1[0], py + u1[1]
-    A0, A1, LL = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1, px * px + py * py
-    L0, L1 = np.sqrt(A0), np.sqrt(A1)
-    L3 = 0.5 * (A0 * L0 + A1 * L1)
-    fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    gx, gy = qx + 0.5 * (u0[2] + u1[2]), qy + 0.5 * (u0[3] + u1[3])
-    k = (px * qy - py * qx) / (LL * np.sqrt(LL)) + 0.5 * (eps0[1] + eps1[1])
-    m = 2.0 * k * (A0 + L0 * L1 + A1) / (L0 + L1)
-    J[0, 0], J[0, 1] = fx, fy
-    J[1, 0], J[1, 1] = (gy - m * fx) / L3, (-gx - m * fy) / L3
-    J[1, 2], J[1, 3] = -fy / L3, fx / L3
+    for l in range(lanes):
+        px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
+        x0, y0, x1, y1 = px + u0[0, l], py + u0[1, l], px + u1[0, l], py + u1[1, l]
+        A0, A1, LL = x0 * x0 + y0 * y0, x1 * x1 + y1 * y1, px * px + py * py
+        L0, L1 = np.sqrt(A0), np.sqrt(A1)
+        L3 = 0.5 * (A0 * L0 + A1 * L1)
+        fx, fy = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        gx, gy = qx + 0.5 * (u0[2, l] + u1[2, l]), qy + 0.5 * (u0[3, l] + u1[3, l])
+        k = (px * qy - py * qx) / (LL * np.sqrt(LL)) + 0.5 * (eps0[1, l] + eps1[1, l])
+        w = 2.0 * k * (A0 + L0 * L1 + A1) / (L0 + L1)
+        J[0, 0, l], J[0, 1, l] = fx, fy
+        J[1, 0, l], J[1, 1, l] = (gy - w * fx) / L3, (-gx - w * fy) / L3
+        J[1, 2, l], J[1, 3, l] = -fy / L3, fx / L3
 
 
 def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[Array, Array, Array]:
@@ -165,12 +147,14 @@ def _refuse(element: ElementType) -> str | None:
     return None
 
 
+# fields: u_,s and u_,ss, x and y each; reference values: r_s and r_ss
+ENGINEERING = PointLaw(4, 2, 4, strain, geometric, mean)
+GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean)
+
 FORMULATIONS = (
-    Formulation("cable", Cable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, strain, geometric,
+    Formulation("cable", ENGINEERING, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
-                selective=False, mean=mean),
-    Formulation("green", GreenCable, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, green_strain,
-                green_geometric, "Berzeri & Shabana 2000",
-                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
-                mean=green_mean),
+                selective=False),
+    Formulation("green", GREEN, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, "Berzeri & Shabana 2000",
+                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False),
 )

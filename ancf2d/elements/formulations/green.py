@@ -5,66 +5,51 @@ One strain function serves them all; they differ by the constant matrix between 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..definition import ElementType
 from ..section import Section
 from ..shape import Array, gauss
-from .base import Formulation, Rule, Sampler, cross, join, rule_points
+from .base import Formulation, PointLaw, Rule, Sampler, cross, join, rule_points
 
 
-class Green(NamedTuple):
-    """Law of the Green-Lagrange family. Fields per point: u_,t (x, y), u_,n (x, y); ref: t, n per point."""
-
-    B: Array
-    ref: Array
-    D: Array
-
-
-def strain(law, c, s, u, eps, J):  # type: ignore[no-untyped-def]
-    """Green-Lagrange strain (eps_tt, eps_nn, 2 eps_tn) from the displacement gradient, point by point.
+def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
+    """Green-Lagrange strain (eps_tt, eps_nn, 2 eps_tn) from the displacement gradient.
 
     With a = u_,t and b = u_,n: eps_tt = t.a + a.a/2 and so on; written in displacements, small strain of
     stiff beams keeps its digits.
     """
-    for p in range(len(eps) // 3):
-        ax, ay, bx, by = u[4 * p], u[4 * p + 1], u[4 * p + 2], u[4 * p + 3]
-        tx, ty = law.ref[c, s, 4 * p], law.ref[c, s, 4 * p + 1]
-        nx, ny = law.ref[c, s, 4 * p + 2], law.ref[c, s, 4 * p + 3]
-        i, k = 3 * p, 4 * p
-        eps[i] = tx * ax + ty * ay + 0.5 * (ax * ax + ay * ay)
-        eps[i + 1] = nx * bx + ny * by + 0.5 * (bx * bx + by * by)
-        eps[i + 2] = tx * bx + ty * by + nx * ax + ny * ay + (ax * bx + ay * by)
-        J[i, k], J[i, k + 1] = tx + ax, ty + ay
-        J[i + 1, k + 2], J[i + 1, k + 3] = nx + bx, ny + by
-        J[i + 2, k], J[i + 2, k + 1] = nx + bx, ny + by
-        J[i + 2, k + 2], J[i + 2, k + 3] = tx + ax, ty + ay
+    for l in range(lanes):
+        ax, ay, bx, by = u[0, l], u[1, l], u[2, l], u[3, l]
+        tx, ty, nx, ny = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
+        eps[0, l] = tx * ax + ty * ay + 0.5 * (ax * ax + ay * ay)
+        eps[1, l] = nx * bx + ny * by + 0.5 * (bx * bx + by * by)
+        eps[2, l] = tx * bx + ty * by + nx * ax + ny * ay + (ax * bx + ay * by)
+        fx, fy, gx, gy = tx + ax, ty + ay, nx + bx, ny + by
+        J[0, 0, l], J[0, 1, l] = fx, fy
+        J[1, 2, l], J[1, 3, l] = gx, gy
+        J[2, 0, l], J[2, 1, l] = gx, gy
+        J[2, 2, l], J[2, 3, l] = fx, fy
 
 
-def geometric(law, c, s, u, sigma, H):  # type: ignore[no-untyped-def]
+def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
     """Add sigma : d2 eps/du2, constant for Green-Lagrange strain."""
-    for p in range(len(sigma) // 3):
-        i, k = 3 * p, 4 * p
+    for l in range(lanes):
         for q in range(2):
-            H[k + q, k + q] += sigma[i]
-            H[k + 2 + q, k + 2 + q] += sigma[i + 1]
-            H[k + q, k + 2 + q] += sigma[i + 2]
-            H[k + 2 + q, k + q] += sigma[i + 2]
+            H[q, q, l] += sigma[0, l]
+            H[2 + q, 2 + q, l] += sigma[1, l]
+            H[q, 2 + q, l] += sigma[2, l]
 
 
-def mean(law, c, s, u0, u1, eps0, eps1, J):  # type: ignore[no-untyped-def]
+def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
     """Discrete Jacobian between two states: that of the mid-configuration, as the strain is quadratic (Simo 1992)."""
-    for p in range(len(eps0) // 3):
-        i, k = 3 * p, 4 * p
-        fx, fy = law.ref[c, s, k] + 0.5 * (u0[k] + u1[k]), law.ref[c, s, k + 1] + 0.5 * (u0[k + 1] + u1[k + 1])
-        gx = law.ref[c, s, k + 2] + 0.5 * (u0[k + 2] + u1[k + 2])
-        gy = law.ref[c, s, k + 3] + 0.5 * (u0[k + 3] + u1[k + 3])
-        J[i, k], J[i, k + 1] = fx, fy
-        J[i + 1, k + 2], J[i + 1, k + 3] = gx, gy
-        J[i + 2, k], J[i + 2, k + 1] = gx, gy
-        J[i + 2, k + 2], J[i + 2, k + 3] = fx, fy
+    for l in range(lanes):
+        fx, fy = ref[0, l] + 0.5 * (u0[0, l] + u1[0, l]), ref[1, l] + 0.5 * (u0[1, l] + u1[1, l])
+        gx, gy = ref[2, l] + 0.5 * (u0[2, l] + u1[2, l]), ref[3, l] + 0.5 * (u0[3, l] + u1[3, l])
+        J[0, 0, l], J[0, 1, l] = fx, fy
+        J[1, 2, l], J[1, 3, l] = gx, gy
+        J[2, 0, l], J[2, 1, l] = gx, gy
+        J[2, 2, l], J[2, 3, l] = fx, fy
 
 
 def elasticity(section: Section) -> tuple[Array, Array]:
@@ -179,9 +164,12 @@ def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
     return _exact(element)
 
 
+# fields: u_,t and u_,n, x and y each; reference values: t and n
+GREEN = PointLaw(4, 3, 4, strain, geometric, mean)
+
 FORMULATIONS = tuple(
-    Formulation(name, Green, refuse, _default_rule, _exact_no_split, sample, strain, geometric, source, doc,
-                selective=name != "strain_split", mean=mean)
+    Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,
+                selective=name != "strain_split")
     for name, refuse, sample, source, doc in (
         ("continuum", _needs_body, sample_continuum, "Omar & Shabana 2001",
          "Green-Lagrange strain, plane stress over the whole section"),

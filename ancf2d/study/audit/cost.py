@@ -34,8 +34,8 @@ def seconds_per_element(s: Subject) -> float:
 def operations(s: Subject) -> int:
     """Return the multiplications and additions of forces and tangent of one element, zeros in B and D left out."""
     law = s.free(1.0, 1).groups[0].law
-    stations, fields, n = law.B.shape[1:]
-    strains = law.D.shape[2]
+    fields, stations, n = law.B.shape[1:]
+    strains = law.D.shape[1]
     entries = int(np.count_nonzero(law.B[0]))
     couplings = int(np.count_nonzero(law.D[0]))
     # u = B d, sigma = D eps, g = J^T sigma, H = J^T D J, Q_e += B^T g, H B, K += B^T (H B)

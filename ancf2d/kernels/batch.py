@@ -1,0 +1,359 @@
+"""What batches of elements are made of: fields in lanes, strains, stresses, second derivatives, and back again."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .blas import multiply, multiply_transposed
+from .jit import inlined, inner
+from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
+from .laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
+
+
+class Law(NamedTuple):
+    """The sampled law of one body.
+
+    address : of the law's operations; fields, strains, references : of one point. B : (classes, fields, stations, n_dof); ref :
+    (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and volume included: of all
+    points of a station, one after another. Parts of a class count as classes.
+    """
+
+    address: int
+    fields: int
+    strains: int
+    references: int
+    B: Any
+    ref: Any
+    D: Any
+
+
+class Group(NamedTuple):
+    """Elements of one type and formulation, as the kernels see them.
+
+    law : sampled law; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2) cosine and sine of the
+    element frame; dofs : (ne, n_dof) coordinates; plan : how they are worked on in batches.
+    """
+
+    law: Law
+    cls: Any
+    turn: Any
+    dofs: Any
+    components: int
+    plan: Any
+
+
+def no_group() -> Group:
+    """Return a group without elements: all groups are of its type."""
+    x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
+    table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
+    law = Law(0, 1, 1, 1, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
+    plan = Plan(1, 1, index, index, index, index, index, table, n, x, 0, 0)
+    return Group(law, n, table, index, 2, plan)
+
+
+@inlined
+def sizes(group):  # type: ignore[no-untyped-def]
+    """Return (n_dof, fields, strains, stations)."""
+    return group.law.B.shape[3], group.law.B.shape[1], group.law.D.shape[1], group.law.B.shape[2]
+
+
+@inlined
+def points_of(law):  # type: ignore[no-untyped-def]
+    """Return how many points a station has."""
+    return law.B.shape[1] // law.fields
+
+
+@inlined
+def layout(law):  # type: ignore[no-untyped-def]
+    """Return (where the points of a station are in the work buffer, where things are in a point)."""
+    return (places(law.fields, law.strains, law.references, points_of(law)),
+            slots(law.fields, law.strains, law.references))
+
+
+@inlined
+def place_of(i, size, at, slot):  # type: ignore[no-untyped-def]
+    """Return the row of value i among those of all points, ``size`` each, in a slot."""
+    return (i // size) * at.rows + slot + i % size
+
+
+@inlined
+def batch_length(group, first, last):  # type: ignore[no-untyped-def]
+    """Return how many elements from ``first`` on, below ``last``, make a batch: a run of one class, evenly cut."""
+    most = group.plan.most
+    run = 1
+    while first + run < last and run < 2 * most and group.cls[first + run] == group.cls[first]:
+        run += 1
+    if run > most:
+        run = min(most, (run + 1) // 2) if run < 2 * most else most
+    return run
+
+
+@inner
+def copy_rows(work, source, step, target, stride, m, lanes):  # type: ignore[no-untyped-def]
+    """Copy m rows of so many lanes; starts and distances in entries of the work buffer."""
+    for i in range(m):
+        x, y = array_at(work, source + i * step, (lanes,)), array_at(work, target + i * stride, (lanes,))
+        for l in range(lanes):
+            y[l] = x[l]
+
+
+@inner
+def clear_rows(work, k, m, lanes):  # type: ignore[no-untyped-def]
+    """Set m rows from row k on to zero."""
+    for i in range(m):
+        target = row(work, k + i)
+        for l in range(lanes):
+            target[l] = 0.0
+
+
+@inner
+def combine_rows(work, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-def]
+    """Set m rows ``out`` to a x + b y."""
+    for i in range(m):
+        p, q, target = row(work, x + i), row(work, y + i), row(work, out + i)
+        for l in range(lanes):
+            target[l] = a * p[l] + b * q[l]
+
+
+@inner
+def turn_rows(work, x, y, turn, sign, lanes):  # type: ignore[no-untyped-def]
+    """Turn the vectors in rows x and y: out of the element frames (sign 1) or into them (-1)."""
+    p, q, c, s = row(work, x), row(work, y), row(work, turn), row(work, turn + 1)
+    for l in range(lanes):
+        a, b = p[l], q[l]
+        p[l] = c[l] * a - sign * s[l] * b
+        q[l] = c[l] * b + sign * s[l] * a
+
+
+@inner
+def pad(work, k, m, lanes):  # type: ignore[no-untyped-def]
+    """Fill m rows up to full vectors with their first lane."""
+    for i in range(m):
+        target = row(work, k + i)
+        for l in range(lanes, vectors_of(lanes)):
+            target[l] = target[0]
+
+
+@inner
+def repeat(work, k, values, first, stations, count):  # type: ignore[no-untyped-def]
+    """Fill row k with what is the same for all elements: one value of each station."""
+    target, source = row(work, k), array_at(values, first, (stations,))
+    for s in range(stations):
+        for m in range(count):
+            target[s * count + m] = source[s]
+    pad(work, k, 1, stations * count)
+
+
+@inner
+def set_constants(law, q, count, work):  # type: ignore[no-untyped-def]
+    """Fill the lanes of reference values and stiffnesses of class q: D in blocks (point, point)."""
+    at, slot = layout(law)
+    ns, S = law.D.shape[1], law.D.shape[3]
+    k, points = law.strains, points_of(law)
+    for i in range(law.ref.shape[1]):
+        repeat(work, place_of(i, law.references, at, slot.ref), law.ref, (q * law.ref.shape[1] + i) * S, S, count)
+    for i in range(ns):
+        for j in range(ns):
+            block = (i // k) * points + j // k
+            repeat(work, at.D + block * k * k + (i % k) * k + j % k, law.D, ((q * ns + i) * ns + j) * S, S, count)
+
+
+@inlined
+def turned(group):  # type: ignore[no-untyped-def]
+    """Return whether elements have frames of their own."""
+    return len(group.turn) > 1 or group.turn[0, 0] != 1.0 or group.turn[0, 1] != 0.0
+
+
+@inner
+def begin(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Prepare a batch: constants of its class, cosine and sine of each lane; return the class of this part."""
+    law, plan = group.law, group.plan
+    S = law.B.shape[2]
+    q = group.cls[first] * plan.parts + part
+    if plan.held[0] != q or plan.held[1] != count:
+        set_constants(law, q, count, plan.work)
+        plan.held[0], plan.held[1] = q, count
+    if turned(group):
+        at, _ = layout(law)
+        for k in range(2):
+            target = row(plan.work, at.turn + k)
+            for s in range(S):
+                for m in range(count):
+                    target[s * count + m] = group.turn[first + m if len(group.turn) > 1 else 0, k]
+        pad(plan.work, at.turn, 2, S * count)
+    return q
+
+
+@inlined
+def matrices(group, at):  # type: ignore[no-untyped-def]
+    """Return where displacements, lanes in a row, forces, tangents and products start in the work buffer."""
+    law, plan = group.law, group.plan
+    return matrices_at(at, law.B.shape[3], max(law.B.shape[1], len(plan.pairs)), len(plan.entries))
+
+
+@inner
+def turn_fields(group, slot, sign, lanes):  # type: ignore[no-untyped-def]
+    """Turn the vectors among the fields in a slot."""
+    vectors, NU = group.plan.vectors, group.law.fields
+    at, _ = layout(group.law)
+    for v in range(len(vectors)):
+        turn_rows(group.plan.work, place_of(vectors[v, 0], NU, at, slot), place_of(vectors[v, 1], NU, at, slot),
+                  at.turn, sign, lanes)
+
+
+@inner
+def to_lanes(group, q, first, count, d, slot):  # type: ignore[no-untyped-def]
+    """Fill a slot with the fields B d of a batch, in the frames of its elements."""
+    law, plan = group.law, group.plan
+    n, nu, _, S = sizes(group)
+    at, _ = layout(law)
+    start, flat, _, _, _ = matrices(group, at)
+    de = array_at(plan.work, start, (n, count))
+    for a in range(n):
+        for m in range(count):
+            de[a, m] = d[group.dofs[first + m, a]]
+    multiply(plan.dgemm, law.B, q * nu * S * n, plan.work, start, plan.work, flat, nu * S, n, count, False)
+    lanes = S * count
+    for p in range(points_of(law)):
+        copy_rows(plan.work, flat + p * law.fields * lanes, lanes, (p * at.rows + slot) * STRIDE, STRIDE, law.fields,
+                  lanes)
+        pad(plan.work, p * at.rows + slot, law.fields, lanes)
+    if turned(group):
+        turn_fields(group, slot, -1.0, vectors_of(lanes))
+
+
+@inner
+def from_lanes(group, part, q, count):  # type: ignore[no-untyped-def]
+    """Make the forces B^T g (n, count) of slot g, all parts so far; g is turned out of the element frames."""
+    law, plan = group.law, group.plan
+    n, nu, _, S = sizes(group)
+    at, slot = layout(law)
+    _, flat, start, _, _ = matrices(group, at)
+    lanes = S * count
+    if turned(group):
+        turn_fields(group, slot.g, 1.0, vectors_of(lanes))
+    for p in range(points_of(law)):
+        copy_rows(plan.work, (p * at.rows + slot.g) * STRIDE, STRIDE, flat + p * law.fields * lanes, lanes, law.fields,
+                  lanes)
+    multiply_transposed(plan.dgemm, law.B, q * nu * S * n, plan.work, flat, plan.work, start, n, nu * S, count,
+                        part > 0)
+
+
+@inner
+def each_point(group, what, lanes):  # type: ignore[no-untyped-def]
+    """Do an operation of the law for every point of the stations."""
+    law = group.law
+    at, _ = layout(law)
+    for p in range(points_of(law)):
+        operate(law.address, (what, group.plan.work, p * at.rows, lanes))
+
+
+@inner
+def load_stiffness(group, p, q, lanes):  # type: ignore[no-untyped-def]
+    """Put D between points p and q where the operations of q find it."""
+    points, k = points_of(group.law), group.law.strains * group.law.strains
+    if points > 1:
+        at, slot = layout(group.law)
+        copy_rows(group.plan.work, (at.D + (p * points + q) * k) * STRIDE, STRIDE, (q * at.rows + slot.D) * STRIDE,
+                  STRIDE, k, lanes)
+
+
+@inner
+def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
+    """Set sigma to ``keep`` times what it is and factor D eps."""
+    law, work = group.law, group.plan.work
+    at, slot = layout(law)
+    points = points_of(law)
+    for p in range(points):
+        sigma = p * at.rows + slot.sigma
+        if keep == 0.0:
+            clear_rows(work, sigma, law.strains, lanes)
+        for q in range(points):
+            if group.plan.coupled[p, q]:
+                load_stiffness(group, p, q, lanes)
+                operate(law.address, (STRESS, work, q * at.rows, lanes))
+                combine_rows(work, factor, q * at.rows + slot.t, 1.0, sigma, sigma, law.strains, lanes)
+
+
+@inner
+def material(group, factor, lanes):  # type: ignore[no-untyped-def]
+    """Fill H, block by block of points (p <= q), with factor J^T D J."""
+    law, work = group.law, group.plan.work
+    at, slot = layout(law)
+    points, k = points_of(law), law.fields * law.fields
+    for p in range(points):
+        for q in range(p, points):
+            block = at.H + (p * points + q) * k
+            if group.plan.coupled[p, q]:
+                load_stiffness(group, p, q, lanes)
+                operate(law.address, (TIMES, work, q * at.rows, lanes))
+                if p != q or factor != 1.0:
+                    DJ = q * at.rows + slot.DJ
+                    combine_rows(work, factor, DJ, 0.0, DJ, p * at.rows + slot.DJ, law.strains * law.fields, lanes)
+                operate(law.address, (SQUARE, work, p * at.rows, lanes))
+                if points > 1:
+                    copy_rows(work, (p * at.rows + slot.H) * STRIDE, STRIDE, block * STRIDE, STRIDE, k, lanes)
+            else:
+                clear_rows(work, block, k, lanes)
+
+
+@inner
+def add_geometric(group, keep, lanes):  # type: ignore[no-untyped-def]
+    """Add sigma . d2 eps/du2 to the upper halves of the diagonal blocks of ``keep`` times H."""
+    law, work = group.law, group.plan.work
+    at, slot = layout(law)
+    points, k = points_of(law), law.fields * law.fields
+    for p in range(points):
+        H, block = p * at.rows + slot.H, at.H + (p * points + p) * k
+        if points > 1 or keep == 0.0:
+            clear_rows(work, H, k, lanes)
+        operate(law.address, (GEOMETRIC, work, p * at.rows, lanes))
+        if points > 1:
+            combine_rows(work, 1.0, H, keep, block, block, k, lanes)
+
+
+@inner
+def add_turning(group, lanes):  # type: ignore[no-untyped-def]
+    """Add H u0 to g, H being given by the upper halves of its diagonal blocks."""
+    law, work = group.law, group.plan.work
+    at, slot = layout(law)
+    NU, points = law.fields, points_of(law)
+    for i in range(NU * points):
+        p, g = i // NU, row(work, place_of(i, NU, at, slot.g))
+        for j in range(p * NU, p * NU + NU):
+            H = row(work, at.H + (p * points + p) * NU * NU + min(i, j) % NU * NU + max(i, j) % NU)
+            w = row(work, place_of(j, NU, at, slot.u0))
+            for l in range(lanes):
+                g[l] += H[l] * w[l]
+
+
+@inner
+def combine(group, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-def]
+    """Set slot ``out`` of every point, m rows, to a x + b y."""
+    at, _ = layout(group.law)
+    for p in range(points_of(group.law)):
+        k = p * at.rows
+        combine_rows(group.plan.work, a, k + x, b, k + y, k + out, m, lanes)
+
+
+@inner
+def product(group, a, b, lanes):  # type: ignore[no-untyped-def]
+    """Return the sum of two slots of strains, multiplied, over exactly so many lanes."""
+    at, _ = layout(group.law)
+    total = 0.0
+    for p in range(points_of(group.law)):
+        for i in range(group.law.strains):
+            x, y = row(group.plan.work, p * at.rows + a + i), row(group.plan.work, p * at.rows + b + i)
+            for l in range(lanes):
+                total += x[l] * y[l]
+    return total
+
+
+@inner
+def add_forces(group, Qe, first, count, Q):  # type: ignore[no-untyped-def]
+    """Add the forces Qe (n, count) of a batch to Q."""
+    for m in range(count):
+        for a in range(len(Qe)):
+            Q[group.dofs[first + m, a]] += Qe[a, m]

@@ -1,0 +1,59 @@
+"""Products of matrices by the BLAS that SciPy brings, called by address: one call costs no more than a small product."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import get_cython_function_address, intrinsic
+
+_INT, _DOUBLE = ir.IntType(32), ir.DoubleType()
+_DGEMM = ir.FunctionType(ir.VoidType(), [
+    ir.IntType(8).as_pointer(), ir.IntType(8).as_pointer(), *[_INT.as_pointer()] * 3, _DOUBLE.as_pointer(),
+    _DOUBLE.as_pointer(), _INT.as_pointer(), _DOUBLE.as_pointer(), _INT.as_pointer(), _DOUBLE.as_pointer(),
+    _DOUBLE.as_pointer(), _INT.as_pointer()])
+
+
+@cache
+def dgemm_address() -> int:
+    """Return the address of dgemm, with which ``multiply`` is called."""
+    return int(get_cython_function_address("scipy.linalg.cython_blas", "dgemm"))
+
+
+def _multiplier(transposed: bool) -> Any:
+    @intrinsic
+    def multiply(_, dgemm, A, a, B, b, C, c, rows, inner, columns, add):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            address, A, a, B, b, C, c, rows, inner, columns, add = args
+
+            def start(array, type_, first):  # type: ignore[no-untyped-def]
+                data = context.make_array(type_)(context, builder, array).data
+                return builder.gep(data, [first])
+
+            def held(value):  # type: ignore[no-untyped-def]
+                slot = cgutils.alloca_once(builder, value.type)
+                builder.store(value, slot)
+                return slot
+
+            m, k, n = (held(builder.trunc(v, _INT)) for v in (rows, inner, columns))
+            plain, turned = (held(ir.Constant(ir.IntType(8), ord(x))) for x in "NT")
+            one, beta = held(ir.Constant(_DOUBLE, 1.0)), held(builder.uitofp(add, _DOUBLE))
+            # by rows here, by columns there: C^T = B^T A^T
+            arguments = [plain, turned if transposed else plain, n, m, k, one, start(B, signature.args[3], b), n,
+                         start(A, signature.args[1], a), m if transposed else k, beta,
+                         start(C, signature.args[5], c), n]
+            builder.call(builder.inttoptr(address, _DGEMM.as_pointer()), arguments)
+            return context.get_dummy_value()
+
+        number = types.intp
+        return types.void(number, A, number, B, number, C, number, number, number, number, types.boolean), generate
+
+    return multiply
+
+
+# C (rows, columns) = A (rows, inner) B, or A^T B with A (inner, rows); added to C where ``add``. Each array is given with
+# the entry where its matrix starts: multiply(dgemm, A, a, B, b, C, c, rows, inner, columns, add)
+multiply, multiply_transposed = _multiplier(False), _multiplier(True)

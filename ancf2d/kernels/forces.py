@@ -1,0 +1,136 @@
+"""All that elements are asked for, batch by batch, in one kernel that is called by address: it is compiled once.
+
+What a batch is asked for is a short program of steps, so that every step is compiled into it once. Drivers go through
+the batches of a group and put what comes out (``results``) where it belongs.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numba
+import numpy as np
+from numba import types
+
+from .batch import (
+    add_geometric,
+    add_stresses,
+    add_turning,
+    begin,
+    combine,
+    each_point,
+    from_lanes,
+    layout,
+    material,
+    matrices,
+    no_group,
+    product,
+    to_lanes,
+)
+from .jit import inlined, kernel
+from .lanes import Slots, array_at, vectors_of
+from .laws import MEAN, PULL, PUSH, STRAIN
+from .pointers import address_of, caller
+from .tangents import tangents
+
+# what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
+# way of strains; forces (and tangents) of a step from d to e
+STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT = range(7)
+# steps, and what they are given
+LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS = range(10)
+# numbers that steps multiply by: the last two are the program's own factor, and that and a half
+ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
+_D, _E = range(2)
+_U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
+
+_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (STRESS, ZERO, ONE)]
+_ELASTIC = [*_STRESSES, (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
+# Q = B^T J^T D tau J B v
+_VISCOUS = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
+            (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
+_ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
+           (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
+# Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment by J keeps digits that
+# the difference of the strains has lost. The strain in the middle waits where forces come later.
+_STEP = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
+         (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (STRESS, ZERO, ONE), (PRODUCT, HALF, _EPS, _SIGMA, 0),
+         (COMBINE, HALF, _EPS, HALF, _EPS0, _G), (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH),
+         (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 1),
+         (COMBINE, ONE, _G, ZERO, _G, _EPS), (STRESS, ONE, ONE), (LAW, PULL), (FORCES,)]
+# K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the strain
+# of the mid-configuration itself is no guide, as a turn by w shortens what lies between two states by w^2/8. The
+# derivative itself has the derivative of the strain at d1 for the second J.
+_STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
+                 (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
+_PROGRAMS = {STRAINS: _STRESSES, FORCE: _ELASTIC, TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
+             RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT}
+_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(7) for step in _PROGRAMS[k]])
+_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(7)])
+
+
+@kernel
+def element_batch(what, group, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
+    """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
+
+    STRAINS leaves strains and stresses of one part of the stations in the work buffer; all else goes through all parts.
+    Returns (strain energy at d, of a step at e, or power lost for RATE; energy dissipated by a step).
+    """
+    law = group.law
+    _, slot = layout(law)
+    lanes = law.B.shape[2] * count
+    full = vectors_of(lanes)
+    factors = (0.0, 1.0, 0.5, -1.0, -0.5, factor, factor + 0.5)
+    energy, lost = 0.0, 0.0
+    for k in range(part, part + 1 if what == STRAINS else group.plan.parts):
+        q = begin(group, k, first, count)
+        for i in range(_STARTS[what], _STARTS[what + 1]):
+            step, a, b = _STEPS[i, 0], _STEPS[i, 1], _STEPS[i, 2]
+            if step == LANES:
+                to_lanes(group, q, first, count, e if a == _E else d, slot[b])
+            elif step == LAW:
+                each_point(group, a, full)
+            elif step == STRESS:
+                add_stresses(group, factors[a], factors[b], full)
+            elif step == COMBINE:
+                out = _STEPS[i, 5]
+                rows = law.fields if out == _U or out == _U0 else law.strains
+                combine(group, factors[a], slot[b], factors[_STEPS[i, 3]], slot[_STEPS[i, 4]], slot[out], rows, full)
+            elif step == PRODUCT:
+                v = factors[a] * product(group, slot[b], slot[_STEPS[i, 3]], lanes)
+                if _STEPS[i, 4] == 0:
+                    energy += v
+                else:
+                    lost += v
+            elif step == FORCES:
+                from_lanes(group, k, q, count)
+            elif step == MATERIAL:
+                material(group, factors[a], full)
+            elif step == GEOMETRIC:
+                add_geometric(group, factors[a], full)
+            elif step == TURNING:
+                add_turning(group, full)
+            else:
+                tangents(group, k, q, count)
+    return energy, lost
+
+
+# the type of every group of elements
+GROUP = numba.typeof(no_group())
+_x, _i = types.float64[::1], types.int64
+_BATCH = types.UniTuple(types.float64, 2)(_i, GROUP, _x, _x, _i, _i, _i, types.float64)
+call_batch = caller(_BATCH)
+
+
+@cache
+def batch_address() -> int:
+    """Return the address of ``element_batch``, compiled when first asked for."""
+    return address_of(element_batch, _BATCH)
+
+
+@inlined
+def results(group, count):  # type: ignore[no-untyped-def]
+    """Return the forces (n_dof, count) and packed tangents (entries, count) of the last batch."""
+    at, _ = layout(group.law)
+    _, _, Q, K, _ = matrices(group, at)
+    work = group.plan.work
+    return array_at(work, Q, (group.law.B.shape[3], count)), array_at(work, K, (len(group.plan.entries), count))

@@ -1,0 +1,174 @@
+"""Stations of several elements side by side: the vector lanes that laws are evaluated in.
+
+A batch is a run of elements of one class. Its lanes are the stations of all its elements, station by station, element
+by element within: what is constant along a row of the work buffer is a component, what varies is the lane. Fields
+u = B d, forces B^T g and tangents are products of matrices for the whole batch at once (BLAS).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np import arrayobj
+
+from .jit import inlined
+
+# lanes of a batch; rows lie further apart, so that they do not fall on the same lines of the cache
+LANES = 64
+STRIDE = 72
+# lanes are rounded up to full vectors
+VECTOR = 8
+
+
+class Plan(NamedTuple):
+    """How the batches of a group are worked on.
+
+    parts : stations come in this many parts of equal length; most : elements of a batch at most; vectors : (v, 2)
+    fields that are the x and y of a vector; coupled : (points, points) whether D couples points of a station; blocks :
+    (b, 4) first pair, pairs, first entry and entries of K that are made at once; pairs : (k, 2) fields i <= j of the
+    entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K; products : (classes parts,
+    size) what the entries of H are multiplied by, empty where it is made anew each time; held : class and elements that
+    the constants in ``work`` are for; dgemm, forces : addresses of what multiplies matrices and makes a batch's forces.
+    """
+
+    parts: int
+    most: int
+    vectors: Any
+    coupled: Any
+    blocks: Any
+    pairs: Any
+    entries: Any
+    products: Any
+    held: Any
+    work: Any
+    dgemm: int
+    forces: int
+
+
+class Slots(NamedTuple):
+    """Rows of a point where each quantity starts, and how many they are: all constants of its law.
+
+    ref, D, H, g : reference values, stiffness, second derivatives of the energy and forces by the fields; u, eps, sigma,
+    J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ : D eps and D J.
+    """
+
+    ref: int
+    u: int
+    u0: int
+    eps: int
+    eps0: int
+    t: int
+    sigma: int
+    J: int
+    DJ: int
+    D: int
+    H: int
+    g: int
+    rows: int
+
+
+class Places(NamedTuple):
+    """Rows of the work buffer of a station: ``rows`` of each point, then D and H of pairs of points, then the turns.
+
+    Where a station is one point, D and H are the point's own.
+    """
+
+    rows: int
+    D: int
+    H: int
+    turn: int
+    end: int
+
+
+@inlined
+def slots(fields, strains, references):  # type: ignore[no-untyped-def]
+    """Return the rows of a point whose law has so many fields, strains and reference values."""
+    u = references
+    u0 = u + fields
+    eps = u0 + fields
+    eps0 = eps + strains
+    t = eps0 + strains
+    sigma = t + strains
+    J = sigma + strains
+    DJ = J + strains * fields
+    D = DJ + strains * fields
+    H = D + strains * strains
+    g = H + fields * fields
+    return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, g + fields)
+
+
+@inlined
+def places(fields, strains, references, points):  # type: ignore[no-untyped-def]
+    """Return the places for stations of so many points."""
+    at = slots(fields, strains, references)
+    if points == 1:
+        D, H, turn = at.D, at.H, at.rows
+    else:
+        D = points * at.rows
+        H = D + points * points * strains * strains
+        turn = H + points * points * fields * fields
+    return Places(at.rows, D, H, turn, turn + 2)
+
+
+@intrinsic
+def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
+    """Return an array of a shape over a buffer from entry ``first`` on, of which no references are counted."""
+    result = types.Array(buffer.dtype, len(shape), "C")
+
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        intp = context.get_value_type(types.intp)
+        whole = arrayobj.make_array(buffer)(context, builder, args[0])
+        out = arrayobj.make_array(result)(context, builder)
+        dims = cgutils.unpack_tuple(builder, args[2], len(shape))
+        size = intp(context.get_abi_sizeof(context.get_data_type(buffer.dtype)))
+        strides = [size]
+        for dim in dims[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], dim))
+        arrayobj.populate_array(out, data=builder.gep(whole.data, [args[1]]), shape=dims, strides=strides,
+                                itemsize=size, meminfo=None, parent=None)
+        return out._getvalue()
+
+    return result(buffer, types.intp, types.UniTuple(types.intp, len(shape))), generate
+
+
+@inlined
+def row(work, k):  # type: ignore[no-untyped-def]
+    """Return row k of the work buffer."""
+    return array_at(work, k * STRIDE, (STRIDE,))
+
+
+@inlined
+def rows(work, k, m):  # type: ignore[no-untyped-def]
+    """Return rows k, k + 1, ... as (m, lanes)."""
+    return array_at(work, k * STRIDE, (m, STRIDE))
+
+
+@inlined
+def table(work, k, m, n):  # type: ignore[no-untyped-def]
+    """Return rows k, k + 1, ... as (m, n, lanes)."""
+    return array_at(work, k * STRIDE, (m, n, STRIDE))
+
+
+@inlined
+def vectors_of(lanes):  # type: ignore[no-untyped-def]
+    """Return lanes rounded up to full vectors: those beyond repeat the first, and count nowhere."""
+    return (lanes + VECTOR - 1) // VECTOR * VECTOR
+
+
+@inlined
+def matrices_at(at, n, flat, entries):  # type: ignore[no-untyped-def]
+    """Return where displacements, lanes in a row, forces, tangents and products start in the buffer."""
+    de = at.end * STRIDE
+    lanes = de + n * LANES
+    Q = lanes + flat * LANES
+    K = Q + n * LANES
+    products = K + entries * LANES
+    return de, lanes, Q, K, products
+
+
+def room(at: Places, n: int, flat: int, entries: int, size: int) -> int:
+    """Return the length of the work buffer for these sizes."""
+    return int(matrices_at.py_func(at, n, flat, entries)[-1]) + size
