@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
@@ -177,3 +178,13 @@ def test_a_second_interruption_while_the_first_is_explained_says_no_more(monkeyp
     with pytest.raises(SystemExit) as found:
         main(["stop"])
     assert found.value.code == 130
+
+
+def test_an_interruption_after_the_json_object_adds_none(capsys: pytest.CaptureFixture[str]) -> None:
+    from ancf2d.cli.failures import explain
+    from ancf2d.cli.session import Session
+
+    session = Session(["run", "--json"], json=True)
+    session.print_json({"status": "converged"})
+    assert explain(KeyboardInterrupt(), session) == 130
+    assert json.loads(capsys.readouterr().out) == {"status": "converged"}
