@@ -65,6 +65,7 @@ def test_a_run_leaves_nothing_or_what_is_readable(folder: Path, size: int) -> No
 @pytest.mark.parametrize(("arguments", "size"), [
     (["export", "sound.h5", "out.vtkhdf"], 5000), (["export", "sound.h5", "out.json"], 100),
     (["export", "sound.h5", "out.csv"], 10), (["plot", "sound.h5", "--save", "out.png"], 5000),
+    (["plot", "sound.h5", "--animate", "out.gif", "--frames", "2"], 5000),
     (["plot", "sound.h5", "--data", "out.csv"], 100), (["view", "sound.h5", "--save", "out.html"], 5000)],
     ids=lambda v: " ".join(v) if isinstance(v, list) else "")
 def test_what_a_command_could_not_write_to_its_end_is_not_there(folder: Path, arguments: list[str], size: int) -> None:
