@@ -185,10 +185,12 @@ def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]
 
 def _computable(plan: BodyPlan) -> BodyPlan:
     """Return a plan. Raises RefusedError where its length or section is beyond what numbers can hold."""
-    section = plan.section
-    sizes = (plan.length, *(1.0 / p.l for p in plan.pieces), *(p.kappa for p in plan.pieces), section.height,
+    section, power = plan.section, plan.length**4
+    # the last is the square of the scale of its frequencies
+    sizes = (power, 1.0 / power, section.EI / (section.rhoA * power) if section.rhoA else 0.0,
+             *(1.0 / p.l for p in plan.pieces), *(p.kappa for p in plan.pieces), section.height,
              section.width, section.EA, section.kGA, section.EI, section.rhoA, section.rhoI)
-    if not all(map(math.isfinite, sizes)) or plan.length == 0.0:
+    if not all(map(math.isfinite, sizes)):
         raise RefusedError((), _incomputable(plan.name))
     return plan
 
