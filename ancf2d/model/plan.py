@@ -212,6 +212,10 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending where elements are long beside "
                    f"their height ({longest:.3g} times; up to {plan.element.slender:g} is safe): more elements, or "
                    "vallejo or reissner3, which have no such bound")
+    if plan.element.common_coefficients and plan.length <= plan.section.height and plan.count > 1:
+        out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share the axis and its sections' "
+                   "directions alone: where so short a body is loaded across, it is off by half and more; patel in "
+                   "formulation continuum is not")
     if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
     return out

@@ -52,3 +52,11 @@ def test_a_short_body_whose_law_is_wrong_across_says_so(element: str, off: str |
     assert len(said) == (off is not None)
     assert off is None or f"is off by {off} % where so short a body is loaded across, at nu = 0.3" in said[0]
     assert not [w for w in warnings(element, 1.5, "breathe") if "loaded across" in w]
+
+
+@pytest.mark.parametrize("element", ["2d2n", "2d3n", "2d2n-nu", "2d3n-nu"])
+def test_a_short_body_whose_neighbours_part_says_so(element: str) -> None:
+    assert any("loaded across" in w for w in warnings(element, 2.5))
+    assert not any("loaded across" in w for w in warnings(element, 1.5))
+    one = CASE.replace("count: 8", "count: 1").format(element=f"type: {element}", height=2.5, hold="all")
+    assert not any("loaded across" in w for w in build_model(load_case_text(one)).warnings)
