@@ -6,12 +6,11 @@ d1 - d0, and no moment about the mid-configuration. Kelvin-Voigt stress adds D t
 
 from __future__ import annotations
 
-import numpy as np
-
 from .elements import BATCH, gather, sizes, turn_columns, turn_rows, turn_vector
 from .jit import inlined, kernel
 from .laws import geometric, mean, strain
 from .matrix import scatter_patches
+from .stack import array, matrices, vector
 
 
 @inlined
@@ -57,9 +56,9 @@ def mean_force(group, tau_over_h, d0, d1, Q):  # type: ignore[no-untyped-def]
     """
     law, nc = group.law, group.components
     n, nu, ns = sizes(group)
-    de0, de1, u0, u1, Qe = np.zeros(n), np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
-    eps0, eps1, deps, sigma = np.zeros(ns), np.zeros(ns), np.zeros(ns), np.zeros(ns)
-    J, J1 = np.zeros((ns, nu)), np.zeros((ns, nu))
+    de0, de1, u0, u1, Qe = vector(n), vector(n), vector(nu), vector(nu), vector(n)
+    eps0, eps1, deps, sigma = vector(ns), vector(ns), vector(ns), vector(ns)
+    J, J1 = array(ns, nu), array(ns, nu)
     energy, lost = 0.0, 0.0
     for ie in range(len(group.dofs)):
         gather(group, ie, d0, de0)
@@ -138,9 +137,9 @@ def mean_matrices(group, tau_over_h, d0, d1, first, Q, K):  # type: ignore[no-un
     """
     law, nc = group.law, group.components
     n, nu, ns = sizes(group)
-    de0, de1, u0, u1 = np.zeros(n), np.zeros(n), np.zeros(nu), np.zeros(nu)
-    eps0, eps1, deps, sigma = np.zeros(ns), np.zeros(ns), np.zeros(ns), np.zeros(ns)
-    J, J1, H, HB = np.zeros((ns, nu)), np.zeros((ns, nu)), np.zeros((nu, nu)), np.zeros((nu, n))
+    de0, de1, u0, u1 = vector(n), vector(n), vector(nu), vector(nu)
+    eps0, eps1, deps, sigma = vector(ns), vector(ns), vector(ns), vector(ns)
+    J, J1, H, HB = array(ns, nu), array(ns, nu), array(nu, nu), array(nu, n)
     energy, lost = 0.0, 0.0
     for m in range(len(Q)):
         ie = first + m
@@ -171,7 +170,7 @@ def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, place, indptr, inde
     """As ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
     n = group.law.B.shape[3]
     batch = max(1, min(BATCH // (n * n), len(group.dofs)))
-    Qe, Ke = np.zeros((batch, n)), np.zeros((batch, n, n))
+    Qe, Ke = array(batch, n), matrices(batch, n, n)
     energy, lost = 0.0, 0.0
     for first in range(0, len(group.dofs), batch):
         count = min(batch, len(group.dofs) - first)

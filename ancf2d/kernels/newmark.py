@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
-from .dynamics import add_mass, at_floor, forces, forces_tangent, norm, remember, residual, settled
+from .band import ldl_solve
+from .dynamics import add_mass, at_floor, factor, forces, forces_tangent, norm, remember, residual, settled
 from .jit import inner, kernel
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
@@ -79,8 +79,7 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         if iteration == 0 or m.full or rate > SLOW:
             forces_tangent(p, w, end.z, end.v, cv)
             add_mass(p, ca + p.alpha * cv, w.A)
-            bad, _, _ = ldl_factor(w.A, 1e-16)
-            if bad >= 0:
+            if not factor(w, w.A, w.x):
                 return SINGULAR, iteration + 1, 0.0, rate
         else:
             forces(p, w, end.z, end.v)

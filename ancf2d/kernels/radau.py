@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
-from .dynamics import at_floor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
+from .band import ldl_solve
+from .dynamics import at_floor, factor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
 from .jit import inner, kernel
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
@@ -158,7 +158,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
                 if m.damped:
                     v += f * (m.B[i, j] - w.A[i, j])
                 m.C[k, i, j] = v
-        if ldl_factor(m.C[k], 1e-16)[0] >= 0:
+        if not factor(w, m.C[k], m.u[k]):
             return False
     for i in range(n):
         for j in range(width):
@@ -166,7 +166,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
             if m.damped:
                 v += real * (m.B[i, j] - w.A[i, j])
             m.B[i, j] = v
-    return ldl_factor(m.B, 1e-16)[0] < 0
+    return factor(w, m.B, w.x)
 
 
 @inner

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from .elements import gather, sizes, turn_vector
 from .jit import kernel
 from .laws import strain
+from .stack import array, vector
 
 
 @kernel
@@ -14,8 +13,8 @@ def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
     """Add B^T J^T D tau J B v of all elements to Q; return the power that they take out, eps'^T D tau eps'."""
     law, nc = group.law, group.components
     n, nu, ns = sizes(group)
-    de, ve, u, w, Qe = np.zeros(n), np.zeros(n), np.zeros(nu), np.zeros(nu), np.zeros(n)
-    eps, rate, sigma, J = np.zeros(ns), np.zeros(ns), np.zeros(ns), np.zeros((ns, nu))
+    de, ve, u, w, Qe = vector(n), vector(n), vector(nu), vector(nu), vector(n)
+    eps, rate, sigma, J = vector(ns), vector(ns), vector(ns), array(ns, nu)
     power = 0.0
     for ie in range(len(group.dofs)):
         gather(group, ie, d, de)
