@@ -103,8 +103,8 @@ def flown(label: str, method: str, steps: int) -> Found:
 def spun(label: str, solver: str) -> Found:
     """Return the change of energy and angular momentum of a rod that spins freely, ten thousand times.
 
-    ``energy_momentum`` keeps both, but for round-off. Adaptive steps err by their tolerance each, and the energy by twice
-    that: 3e5 steps, thirty a turn, may lose 6e-5 at 1e-10.
+    ``energy_momentum`` keeps both, but for round-off. Adaptive steps err by their tolerance each, and the energy by
+    twice that: 3e5 steps, thirty a turn, may lose 6e-5 at 1e-10.
     """
     return Found(conservation.spun(label, solver, 1e4))
 
