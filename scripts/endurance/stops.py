@@ -188,7 +188,8 @@ def file_limit(kilobytes: int) -> list[str]:
             before = resource.getrlimit(resource.RLIMIT_FSIZE)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit[0], before[1]))
             try:
-                process = scenes.start(folder, *arguments)
+                # Python would keep the first half of the bytecode of what it imports, and not import it again
+                process = scenes.start(folder, *arguments, PYTHONDONTWRITEBYTECODE="1")
             finally:
                 resource.setrlimit(resource.RLIMIT_FSIZE, before)
             code, err = scenes.finished(process, 120)

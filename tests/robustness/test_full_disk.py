@@ -13,7 +13,6 @@ import pytest
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results, part_path
-from ancf2d.study.warmup import keep_where_there_is_room
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
@@ -26,11 +25,14 @@ from synthetic import HEADER, bent_beam, coordinates, tangent_body
 def room(size: int) -> Iterator[None]:
     """Let no file grow beyond a size (bytes), as on a disk that fills."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # Python would keep the first half of the bytecode of what is imported meanwhile, and not import it again
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = writes
 
 
 def refused(found: Called) -> None:
@@ -100,9 +102,9 @@ def test_what_earlier_commits_hold_outlives_errors_of_the_disk_within_hdf5(tmp_p
 
 
 KERNEL = """
-import numba
+from ancf2d.kernels.jit import kernel
 
-@numba.njit(cache=True)
+@kernel
 def twice(x):
     return 2 * x
 """
@@ -114,7 +116,6 @@ def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, m
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
     from kernel_of_a_full_disk import twice
 
-    keep_where_there_is_room()
     with room(0):
         assert twice(2) == 4
     assert [p.name for p in (tmp_path / "cache").rglob("*.nb*")] == []
