@@ -23,7 +23,7 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .jit import inner, kernel
+from .jit import inner
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
@@ -186,6 +186,5 @@ def conserving_accept(m, s):  # type: ignore[no-untyped-def]
     """Nothing is kept beside the end of the step."""
 
 
-@kernel
-def conserving_restart(m, s):  # type: ignore[no-untyped-def]
+def conserving_restart(m: Any, s: Any) -> None:
     """Nothing is kept of earlier steps."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import types
 from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
@@ -94,6 +95,13 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     compiled = numba.njit(**_PRESET, **options)(function)
     with suppress(RuntimeError):  # where no folder can be written, each process compiles for itself
         compiled._cache = KernelCache(function)
+    template = compiled.get_call_template
+
+    def for_any_value(args: Any, kws: Any) -> Any:
+        # numba would compile a kernel for each constant that other kernels call it with
+        return template([types.unliteral(a) for a in args], {k: types.unliteral(a) for k, a in kws.items()})
+
+    compiled.get_call_template = for_any_value
     return compiled
 
 
