@@ -41,8 +41,8 @@ def cases(seed: int, count: int, minutes: float) -> str:
     ran = Counter({code: 0 for code in (0, 1, 2, 130)})
     for (_, code), n in ends.items():
         ran[code] += n if code is not None else 0
-    valid = sum(n for (code, _), n in ends.items() if code == 0)
-    rows = [["validated", count, valid, "", count - valid, ""],
+    checked = Counter({code: sum(n for (first, _), n in ends.items() if first == code) for code in (0, 1, 2)})
+    rows = [["validated", count, *(checked[code] for code in (0, 1, 2)), ""],
             ["run", sum(ran.values()), ran[0], ran[1], ran[2], ran[130]]]
     table = scenes.table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
     return (f"{table}\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest "

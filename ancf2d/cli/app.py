@@ -12,8 +12,8 @@ from typing import Any
 import click
 
 from .. import __version__
+from ..interrupts import patient_interrupts, uninterrupted
 from .failures import FAILED, explain
-from .interrupts import patient_interrupts
 from .options import debug_option
 from .session import Session
 
@@ -80,7 +80,8 @@ class App(click.Group):
                 code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,
                                     **extra)
         except (Exception, KeyboardInterrupt) as error:
-            code = _explain(error, session)
+            with suppress(KeyboardInterrupt), uninterrupted():  # a second one says no more than the first
+                code = _explain(error, session)
         sys.exit(code if isinstance(code, int) else 0)
 
 

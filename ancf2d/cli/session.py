@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from ..interrupts import uninterrupted
 from ..plain import json_text
 
 
@@ -23,6 +24,7 @@ class Session:
     quiet: bool = False
     verbose: bool = False
     subject: dict[str, Any] = field(default_factory=dict)
+    _printed: bool = False
     parting: Callable[[], None] = lambda: None  # called after an interruption: what is left of the work
 
     @property
@@ -50,9 +52,12 @@ class Session:
         self.note(f"warning: {text}")
 
     def print_json(self, value: dict[str, Any]) -> None:
-        """Print the one JSON object of this invocation to stdout, where it was asked for."""
-        if self.json:
-            click.echo(json_text(value))
+        """Print the one JSON object of this invocation to stdout, where it was asked for; the first one stands."""
+        if self.json and not self._printed:
+            text = json_text(value)
+            with uninterrupted():  # half of an object is none
+                self._printed = True
+                click.echo(text)
 
     @property
     def shows_progress(self) -> bool:

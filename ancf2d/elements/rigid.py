@@ -18,5 +18,6 @@ def _no_law(*_: Any) -> Any:
     raise NotImplementedError("a rigid body has no strain")
 
 
-RIGID = Formulation("rigid", PointLaw(0, 0, 0, _no_law, _no_law), lambda e: None if e is RIGID_TYPE else f"{e.name} deforms",
-                    lambda e: (1, 1), lambda e: (1, 1), _no_law, RIGID_TYPE.source, "no strain: the length is kept")
+RIGID = Formulation("rigid", PointLaw(0, 0, 0, _no_law, _no_law),
+                    lambda e: None if e is RIGID_TYPE else f"{e.name} deforms", lambda e: (1, 1), lambda e: (1, 1),
+                    _no_law, RIGID_TYPE.source, "no strain: the length is kept")

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from .amplitudes import evaluate
+from .arrays import copy
 from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step
 from .dynamics import forces, lost_to_mass_damping, norm, power_of_loads, to_full, violation
-from .jit import inner, kernel
+from .jit import inlined, inner, kernel
 from .motion import (
     CONTRACTION,
     COUNT,
@@ -100,7 +101,7 @@ class Rows(NamedTuple):
 def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
     """Fill z, v, a at the fraction x of the step from s to m.end."""
     basis, dense = m.basis, m.end.dense
-    z[:] = s.z
+    copy(s.z, z)
     v[:] = 0.0
     a[:] = 0.0
     for k in range(len(basis)):
@@ -115,7 +116,7 @@ def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
             a[i] += f2 / (h * h) * dense[k, i] * p.coordinate[i]
 
 
-@inner
+@inlined
 def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) of a state."""
     evaluate(p.programs, t, w.amps)
@@ -140,7 +141,9 @@ def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 @inner
 def _store(rows, r, t, number, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r] = t, number
-    rows.z[r], rows.v[r], rows.a[r] = at.z, at.v, at.a
+    copy(at.z, rows.z[r])
+    copy(at.v, rows.v[r])
+    copy(at.a, rows.a[r])
     rows.work[r, 0], rows.work[r, 1] = work, lost
 
 
@@ -152,11 +155,13 @@ def _accept_patches(points, sliding, d):  # type: ignore[no-untyped-def]
         sliding_accept(sliding, d)
 
 
-@inner
+@inlined
 def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     """Make the end of the step the motion; return the violation of constraints there."""
     accept(m, s)
-    s.z[:], s.v[:], s.a[:] = m.end.z, m.end.v, m.end.a
+    copy(m.end.z, s.z)
+    copy(m.end.v, s.v)
+    copy(m.end.a, s.a)
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
@@ -168,7 +173,7 @@ def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     return violation(p.points, p.sliding, w.d, w.amps)
 
 
-@inner
+@inlined
 def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
     """Return the factor on the step that the error suggests (Gustafsson 1994), little where Newton was slow."""
     low = max(ratio, 1e-10)
@@ -181,14 +186,14 @@ def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
     return min(max(factor, 0.2), largest)
 
 
-@inner
+@inlined
 def _target(s, plan):  # type: ignore[no-untyped-def]
     """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
     grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
     return plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
 
 
-@inner
+@inlined
 def _passed(rows, first, end):  # type: ignore[no-untyped-def]
     """Return how many wanted times from the given one on lie up to the end of a step."""
     last = first

@@ -19,10 +19,16 @@ def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
     Each pivot is taken out of the rows below it at once: rows are contiguous, and nothing waits for a sum.
     """
     n, w = A.shape
+    return ldl_factor_with(A, tiny, np.empty(w, A.dtype), np.empty(n))
+
+
+@kernel
+def ldl_factor_with(A, tiny, column, scale):  # type: ignore[no-untyped-def]
+    """Do as ``ldl_factor`` does, with arrays to work in: column (bw + 1 or more,) of A's kind, scale (n,)."""
+    n, w = A.shape
     bw = w - 1
     negative = 0
     smallest = np.inf
-    column, scale = np.empty(w, A.dtype), np.empty(n)
     for i in range(n):
         scale[i] = abs(A[i, bw])
     for k in range(n):

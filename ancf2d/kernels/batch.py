@@ -15,9 +15,9 @@ from .laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 class Law(NamedTuple):
     """The sampled law of one body.
 
-    address : of the law's operations; fields, strains, references : of one point. B : (classes, fields, stations, n_dof); ref :
-    (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and volume included: of all
-    points of a station, one after another. Parts of a class count as classes.
+    address : of the law's operations; fields, strains, references : of one point. B : (classes, fields, stations,
+    n_dof); ref : (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and volume
+    included: of all points of a station, one after another. Parts of a class count as classes.
     """
 
     address: int

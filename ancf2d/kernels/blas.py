@@ -1,4 +1,4 @@
-"""Products of matrices by the BLAS that SciPy brings, called by address: one call costs no more than a small product."""
+"""Products of matrices by the BLAS that SciPy brings, called by address: a call costs no more than a small product."""
 
 from __future__ import annotations
 
@@ -54,6 +54,6 @@ def _multiplier(transposed: bool) -> Any:
     return multiply
 
 
-# C (rows, columns) = A (rows, inner) B, or A^T B with A (inner, rows); added to C where ``add``. Each array is given with
-# the entry where its matrix starts: multiply(dgemm, A, a, B, b, C, c, rows, inner, columns, add)
+# C (rows, columns) = A (rows, inner) B, or A^T B with A (inner, rows); added to C where ``add``. Each array is given
+# with the entry where its matrix starts: multiply(dgemm, A, a, B, b, C, c, rows, inner, columns, add)
 multiply, multiply_transposed = _multiplier(False), _multiplier(True)

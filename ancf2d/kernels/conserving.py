@@ -7,12 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
+from .band import ldl_solve
 from .bodies import FORCE, TANGENT, mean_elastic
 from .dynamics import (
+    FORCES,
+    TANGENTS,
     add_loads,
     add_mass,
     at_floor,
+    factor,
     norm,
     patches_tangent,
     remember,
@@ -20,7 +23,7 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .jit import inner, kernel
+from .jit import inner
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
@@ -84,6 +87,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
             _half_patches(m, p, w, s, h)
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
+    w.counts[TANGENTS if tangent else FORCES] += 1
     if tangent:
         mean_elastic(p, TANGENT, h, m.d0, w.d, w.Q, w.A)
         add_mass(p, (2.0 / h + p.alpha) / h, w.A)
@@ -136,7 +140,7 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     while True:
         anew = iteration == 0 or m.full or rate > SLOW
         _balance(m, p, w, s, h, anew)
-        if anew and ldl_factor(w.A, 1e-16)[0] >= 0:
+        if anew and not factor(w, w.A, w.x):
             return SINGULAR, iteration + 1, 0.0, rate
         for i in range(n):
             w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]
@@ -182,6 +186,5 @@ def conserving_accept(m, s):  # type: ignore[no-untyped-def]
     """Nothing is kept beside the end of the step."""
 
 
-@kernel
-def conserving_restart(m, s):  # type: ignore[no-untyped-def]
+def conserving_restart(m: Any, s: Any) -> None:
     """Nothing is kept of earlier steps."""

@@ -94,7 +94,8 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
     s.a[:] = 0.0
     forces(p, w, s.z, s.v)
     residual(p, w, s.v, s.a)
-    rhs[:] = -w.R
+    for i in range(n):
+        rhs[i] = -w.R[i]
     if constrained:
         _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
         _by_motion(p, w, 2, by_motion)

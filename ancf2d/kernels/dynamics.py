@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .band import ldl_factor_with
 from .bodies import elastic, elastic_noise, elastic_tangent, viscous
 from .jit import inner, kernel
 from .mass import band_product
@@ -16,6 +17,8 @@ from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_vio
 HISTORY = 64
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
+# what is counted of a motion: evaluations of forces alone, those with their tangent, factorisations
+FORCES, TANGENTS, FACTORS = range(3)
 
 
 class Problem(NamedTuple):
@@ -65,7 +68,7 @@ class Problem(NamedTuple):
 class Scratch(NamedTuple):
     """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A (n, bw + 1), amps (signals, 3).
 
-    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end.
+    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end. counts (3,) : work so far.
     """
 
     d: Any
@@ -78,6 +81,7 @@ class Scratch(NamedTuple):
     A: Any
     amps: Any
     history: Any
+    counts: Any
 
 
 @kernel
@@ -224,6 +228,7 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
+    w.counts[FORCES] += 1
     energy = elastic(p, w.d, w.Q, w.A)
     power = viscous(p, w.d, w.v, w.Q)
     more, lost = patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.Q)
@@ -241,6 +246,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.A[:] = 0.0
+    w.counts[TANGENTS] += 1
     energy = elastic_tangent(p, c, w.d, w.Q, w.A)
     viscous(p, w.d, w.v, w.Q)
     energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
@@ -270,6 +276,13 @@ def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
             A[i, j] += factor * p.mass[i, j]
+
+
+@inner
+def factor(w, A, column):  # type: ignore[no-untyped-def]
+    """Factor a band (n, bw + 1) in place; return whether it could be. ``column`` (n,) of its kind and w.y are lost."""
+    w.counts[FACTORS] += 1
+    return ldl_factor_with(A, 1e-16, column, w.y)[0] < 0
 
 
 @inner
@@ -348,4 +361,4 @@ def scratch(n: int, n_full: int, width: int, signals: int) -> Scratch:
     """Return arrays for n unknowns, n_full full coordinates, a band of ``width`` columns and so many signals."""
     full = [np.zeros(n_full) for _ in range(4)]
     return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros((n, width)), np.zeros((signals, 3)),
-                   np.zeros(HISTORY))
+                   np.zeros(HISTORY), np.zeros(3, dtype=np.int64))

@@ -6,13 +6,12 @@ U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J
 
 from __future__ import annotations
 
-import numpy as np
-
 from .batch import add_forces, batch_length, layout, place_of, sizes
 from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
 from .jit import inlined, kernel
 from .lanes import row
 from .matrix import scatter_packed
+from .stack import vector
 
 
 @kernel
@@ -122,7 +121,7 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     law, plan = group.law, group.plan
     at, slot = layout(law)
     n, nu, ns, S = sizes(group)
-    ub, sb, tb = np.zeros(nu), np.zeros(ns), np.zeros(ns)
+    ub, sb, tb = vector(nu), vector(ns), vector(ns)
     for ie in range(len(group.dofs)):
         for part in range(plan.parts):
             call_batch(plan.forces, (STRAINS, group, d, d, ie, 1, part, 0.0))

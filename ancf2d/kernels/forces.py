@@ -57,9 +57,9 @@ _STEP = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COM
          (COMBINE, HALF, _EPS, HALF, _EPS0, _G), (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH),
          (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 1),
          (COMBINE, ONE, _G, ZERO, _G, _EPS), (STRESS, ONE, ONE), (LAW, PULL), (FORCES,)]
-# K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the strain
-# of the mid-configuration itself is no guide, as a turn by w shortens what lies between two states by w^2/8. The
-# derivative itself has the derivative of the strain at d1 for the second J.
+# K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the
+# strain of the mid-configuration itself is no guide, as a turn by w shortens what lies between two states by w^2/8.
+# The derivative itself has the derivative of the strain at d1 for the second J.
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: _ELASTIC, TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
@@ -93,7 +93,7 @@ def element_batch(what, group, d, e, first, count, part, factor):  # type: ignor
                 add_stresses(group, factors[a], factors[b], full)
             elif step == COMBINE:
                 out = _STEPS[i, 5]
-                rows = law.fields if out == _U or out == _U0 else law.strains
+                rows = law.fields if out in (_U, _U0) else law.strains
                 combine(group, factors[a], slot[b], factors[_STEPS[i, 3]], slot[_STEPS[i, 4]], slot[out], rows, full)
             elif step == PRODUCT:
                 v = factors[a] * product(group, slot[b], slot[_STEPS[i, 3]], lanes)

@@ -6,11 +6,15 @@ import hashlib
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba import types
 from numba.core import config
+from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEEP_SECONDS = 30 * 24 * 3600
@@ -60,17 +64,55 @@ def _drop(folder: Path) -> None:
 CACHE = _prepare_cache()
 
 
-_PRESET: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "reassoc"}}
+class KernelCache(FunctionCache):
+    """Compiled kernels between processes, which may be lost or damaged at any time."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a kernel from the cache, or None.
+
+        Its machine code is complete: of numba it needs the memory management, and nothing of what compiling needs
+        (all that a kernel may call, numba's and scipy's linear algebra among it), which takes longer to import than
+        a small case to solve. What cannot be read is compiled anew, in its place.
+        """
+        rtsys.initialize(target_context)
+        try:
+            return self._load_overload(sig, target_context)
+        except Exception:
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a kernel where there is room; else it is compiled for this process alone."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+_PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    compiled = numba.njit(**_PRESET, **options)(function)
+    with suppress(RuntimeError):  # where no folder can be written, each process compiles for itself
+        compiled._cache = KernelCache(function)
+    template = compiled.get_call_template
+
+    def for_any_value(args: Any, kws: Any) -> Any:
+        # numba would compile a kernel for each constant that other kernels call it with
+        return template([types.unliteral(a) for a in args], {k: types.unliteral(a) for k, a in kws.items()})
+
+    compiled.get_call_template = for_any_value
+    return compiled
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
-    return numba.njit(**_PRESET)(function)
+    return _compiled(function)
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_PRESET)(function)
+    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba.extending import overload
 
 from .jit import inlined, inner, kernel
 from .lanes import array_at
+from .stack import array
 
 
 class SymBand(NamedTuple):
@@ -160,6 +160,7 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
         _add_chain(matrix, Ks, scale, entries, dofs, first, place)
         return
     lower = only_lower(matrix)
+    K = array(n, n)
     for m in range(count):
         if _is_plain(place, dofs, first + m):
             for x in range(len(entries)):
@@ -173,7 +174,6 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
                         if entries[x, 0] != entries[x, 1]:
                             add(matrix, j, i, v)
         else:
-            K = np.zeros((n, n))
             for x in range(len(entries)):
                 K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]
                 K[entries[x, 1], entries[x, 0]] = scale * Ks[x, m]

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
-from .dynamics import add_mass, at_floor, forces, forces_tangent, norm, remember, residual, settled
-from .jit import inner, kernel
+from .arrays import copy
+from .band import ldl_solve
+from .dynamics import add_mass, at_floor, factor, forces, forces_tangent, norm, remember, residual, settled
+from .jit import inner
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
@@ -67,8 +68,8 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     n, end = len(m.alg), m.end
     evaluate(p.programs, t + h, w.amps)
-    m.alg[:] = s.extra[0]
-    end.z[:] = s.z
+    copy(s.extra[0], m.alg)
+    copy(s.z, end.z)
     _move(m, p, s, h)
     ca = (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
     cv = m.gamma / (m.beta * h)
@@ -79,8 +80,7 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         if iteration == 0 or m.full or rate > SLOW:
             forces_tangent(p, w, end.z, end.v, cv)
             add_mass(p, ca + p.alpha * cv, w.A)
-            bad, _, _ = ldl_factor(w.A, 1e-16)
-            if bad >= 0:
+            if not factor(w, w.A, w.x):
                 return SINGULAR, iteration + 1, 0.0, rate
         else:
             forces(p, w, end.z, end.v)
@@ -117,10 +117,9 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
 @inner
 def newmark_accept(m, s):  # type: ignore[no-untyped-def]
     """Keep what the next step needs beside the end of this one."""
-    s.extra[0] = m.alg
+    copy(m.alg, s.extra[0])
 
 
-@kernel
-def newmark_restart(m, s):  # type: ignore[no-untyped-def]
+def newmark_restart(m: Any, s: Any) -> None:
     """Begin anew from consistent accelerations."""
     s.extra[0] = s.a

@@ -9,8 +9,9 @@ from numba.extending import register_jitable
 
 from ..elements import point_laws
 from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns
-from .jit import kernel
+from .jit import inlined, kernel
 from .matrix import scatter
+from .stack import array, vector
 
 for _helper in point_laws.HELPERS:
     register_jitable(_helper)
@@ -124,9 +125,15 @@ def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
 @kernel
 def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill fields, rates, amplitude and f, H, C of item i; return its energy."""
+    _fields(points, i, v, w)
+    return _evaluate_at(points, i, d, amps, u, w, a, f, H, C)
+
+
+@kernel
+def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+    """Do as ``_evaluate`` does with the rates in w."""
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     _fields(points, i, d, u)
-    _fields(points, i, v, w)
     _amplitude(points, i, amps, u, w, a)
     f[:m] = 0.0
     H[:m, :m] = 0.0
@@ -135,11 +142,20 @@ def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyp
                  C[:m, :m])
 
 
-@kernel
+@inlined
 def _work_arrays():  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
     n = MAX_FIELDS
-    return np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    return vector(n), vector(n), vector(3), vector(n), array(n, n), array(n, n)
+
+
+@inlined
+def _most_coordinates(points):  # type: ignore[no-untyped-def]
+    """Return how many coordinates an item touches at most."""
+    most = 0
+    for i in range(len(points.law)):
+        most = max(most, points.dof[i + 1] - points.dof[i])
+    return most
 
 
 @kernel
@@ -169,13 +185,16 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     if len(points.law) == 0:
         return energy
     u, w, a, f, H, C = _work_arrays()
+    most = _most_coordinates(points)
+    entries = vector(most * most)
     for i in range(len(points.law)):
         energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
         _add(points, i, f, Q)
         first, m = points.dof[i], points.field[i + 1] - points.field[i]
         n = points.dof[i + 1] - first
         at = points.entry[i]
-        K = np.zeros((n, n))
+        K = entries[:n * n].reshape((n, n))
+        K[:] = 0.0
         for p in range(m):
             for q in range(m):
                 h = 0.5 * (H[p, q] + H[q, p] + c * (C[p, q] + C[q, p]))
@@ -201,7 +220,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     if len(points.law) == 0:
         return energy, power
     u0, w, a0, f, _, _ = _work_arrays()
-    u1, a1 = np.zeros(MAX_FIELDS), np.zeros(3)
+    u1, a1 = vector(MAX_FIELDS), vector(3)
     for i in range(len(points.law)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         _fields(points, i, d0, u0)
@@ -273,7 +292,7 @@ def point_accept(points, d):  # type: ignore[no-untyped-def]
     """Count the turns of directions from the accepted state d on."""
     if len(points.law) == 0:
         return
-    u = np.zeros(MAX_FIELDS)
+    u = vector(MAX_FIELDS)
     for i in range(len(points.law)):
         if points.law[i] == ROTATIONAL:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -290,9 +309,11 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     if len(points.law) == 0:
         return
     u, w, a, f, H, C = _work_arrays()
-    no_amps, rest = np.ones((np.max(points.signal) + 1, 3)), np.zeros(len(d))
+    no_amps = array(np.max(points.signal) + 1, 3)
+    no_amps[:] = 1.0
     for i in range(len(points.law)):
-        _evaluate(points, i, d, rest, no_amps, u, w, a, f, H, C)
+        w[:] = 0.0
+        _evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
         first, m = points.dof[i], points.field[i + 1] - points.field[i]
         n = points.dof[i + 1] - first
         at = points.entry[i]

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
-from .dynamics import at_floor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
-from .jit import inner, kernel
+from .arrays import copy, copy_rows
+from .band import ldl_solve
+from .dynamics import at_floor, factor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
+from .jit import inlined, inner
 from .mass import band_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 
@@ -61,7 +62,7 @@ class Radau(NamedTuple):
     sine: Any
 
 
-@inner
+@inlined
 def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
     """Fill the stages by what the last step's polynomials go on to, or by the series in h after a restart."""
     stages, n = m.X.shape
@@ -111,10 +112,10 @@ def _place(m, p, w, s, i):  # type: ignore[no-untyped-def]
     """Fill m.y with the unknowns at stage i, and the signals there."""
     for k in range(len(m.y)):
         m.y[k] = s.z[k] * p.coordinate[k] + m.X[i, k]
-    w.amps[:] = m.amps[i]
+    copy_rows(m.amps[i], w.amps)
 
 
-@inner
+@inlined
 def _turns(m, p, w, s):  # type: ignore[no-untyped-def]
     """Fill how the vectors of all pairs stand at the stages, beside the middle one."""
     stages, middle = len(m.c), len(m.c) // 2
@@ -138,7 +139,7 @@ def _turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
         x[a], x[b] = c * x[a] - s * x[b], s * x[a] + c * x[b]
 
 
-@inner
+@inlined
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the middle stage; return whether they could be."""
     n, width = w.A.shape
@@ -146,7 +147,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     _place(m, p, w, s, middle)
     if m.damped:
         forces_tangent(p, w, m.y, m.V[middle], 1.0)
-        m.B[:] = w.A
+        copy_rows(w.A, m.B)
     forces_tangent(p, w, m.y, m.V[middle], 0.0)
     real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
     for k in range(len(m.mus)):
@@ -158,7 +159,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
                 if m.damped:
                     v += f * (m.B[i, j] - w.A[i, j])
                 m.C[k, i, j] = v
-        if ldl_factor(m.C[k], 1e-16)[0] >= 0:
+        if not factor(w, m.C[k], m.u[k]):
             return False
     for i in range(n):
         for j in range(width):
@@ -166,10 +167,10 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
             if m.damped:
                 v += real * (m.B[i, j] - w.A[i, j])
             m.B[i, j] = v
-    return ldl_factor(m.B, 1e-16)[0] < 0
+    return factor(w, m.B, w.x)
 
 
-@inner
+@inlined
 def _solve(m, p):  # type: ignore[no-untyped-def]
     """Turn the residuals into increments of the stages, in m.R; return the size of the largest [m]."""
     stages, n = m.R.shape
@@ -199,7 +200,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     return size
 
 
-@inner
+@inlined
 def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return the local error [m] against the embedded formula of order s, stiff parts filtered."""
     stages, n = m.X.shape
@@ -218,7 +219,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     return norm(p, w.y)
 
 
-@inner
+@inlined
 def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     """Return whether the constraints hold to round-off at the end of the step."""
     if p.points is None and p.sliding is None:
@@ -229,7 +230,7 @@ def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     return violation(p.points, p.sliding, w.d, w.amps) <= 1e-13
 
 
-@inner
+@inlined
 def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
     """Fill the end of the step and what its interpolation needs."""
     stages, n = m.X.shape
@@ -275,7 +276,7 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
             _place(m, p, w, s, i)
             forces(p, w, m.y, m.V[i])
             residual(p, w, m.V[i], m.A[i])
-            m.R[i] = w.R
+            copy(w.R, m.R[i])
             if iteration > 2 and floor:
                 floor = at_floor(p, w, m.V[i], m.A[i])
         step = _solve(m, p)
@@ -306,10 +307,9 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
 @inner
 def radau_accept(m, s):  # type: ignore[no-untyped-def]
     """Keep the stages, which the next step goes on from."""
-    s.extra[:] = m.X
+    copy_rows(m.X, s.extra)
 
 
-@kernel
-def radau_restart(m, s):  # type: ignore[no-untyped-def]
+def radau_restart(m: Any, s: Any) -> None:
     """Begin anew: the series in h predicts the first step."""
     s.numbers[OLD_STEP] = 0.0

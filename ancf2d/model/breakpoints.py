@@ -99,10 +99,11 @@ def _order(signal: Signal, before: float, after: float, size: float, span: float
     change, largest = np.abs(sides[1] - sides[0]), np.max(np.abs(sides), axis=0)
     moved = 2.0 * (after - before) * largest[1] if math.isfinite(largest[1]) else 0.0
     for order in range(SMOOTH):
-        scale = max(largest[order], size / span**order)
+        scale = max(largest[order], size)
         # written so that a derivative without a value counts as a break
         if not change[order] <= 1e-10 * scale + (moved if order == 0 else 0.0):
             return order
+        size /= span
     return SMOOTH
 
 

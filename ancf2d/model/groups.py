@@ -33,8 +33,8 @@ def make_group(mesh: BodyMesh) -> Group:
     blocks, pairs, entries = _blocks(B, nc)
     parts = _parts(B.shape[1], blocks)
     point = plan.formulation.law
-    law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2), _in_parts(ref, parts, 2),
-              _in_parts(D, parts, 3, 0.0))
+    law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
+              _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     made = _plan(law, parts, nc, blocks, pairs, entries)
     return Group(law, np.ascontiguousarray(mesh.cls, dtype=np.int64), np.ascontiguousarray(mesh.turn),
                  np.ascontiguousarray(mesh.dofs, dtype=np.int64), nc, made)

@@ -53,6 +53,14 @@ class Numbering:
             np.add.at(out, self.index, self.value * full[self.dependent[owner]])
         return out
 
+    def reduce_sizes(self, full: Array) -> Array:
+        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them."""
+        out = full[self.free]
+        if len(self.dependent):
+            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
+            np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[owner]])
+        return out
+
     def expand(self, z: Array, out: Array) -> None:
         """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
         out[self.free] = z

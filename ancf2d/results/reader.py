@@ -284,7 +284,7 @@ class Results:
         for key in group or ():
             dataset = safe.child(group, key, h5py.Dataset)
             name = unescape(key)
-            if dataset.dtype.kind == "S":
+            if dataset.dtype.kind == "S" and rows is None:  # texts stand in tables alone
                 table[name] = safe.strings(group, key)
             else:
                 values = safe.numbers(group, key, 1)

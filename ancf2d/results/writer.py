@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -15,6 +14,7 @@ import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
+from ancf2d.interrupts import uninterrupted
 from ancf2d.results.checkpoint import (
     Checkpoint,
     checkpoint_to_resume,
@@ -111,9 +111,9 @@ class ResultWriter:
         except ResultsError:
             self._target.release()
             raise
-        with self._disk_errors():
+        self._committed, self._earlier = found.rows[0], found.wall_s
+        with self._disk_errors(begin=True):
             self._begin(recovered(self._target.descriptor))
-            self._committed, self._earlier = found.rows[0], found.wall_s
             self._growth.reopen(found.rows)
             if "summary" in self._file:
                 del self._file["summary"]
@@ -293,14 +293,14 @@ class ResultWriter:
     @contextmanager
     def _disk_errors(self, begin: bool = False) -> Iterator[None]:
         try:
-            with _uninterrupted():
+            with uninterrupted():  # HDF5 cannot be left midway
                 yield
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             failure = (self._stream.failure if hasattr(self, "_stream") else None) or error
             self._abandon()
             cause = getattr(failure, "strerror", None) or str(failure)
             raise ResultsError(f"cannot write '{self._target.path}': {cause}") from error
-        except ResultsError:
+        except BaseException:
             if begin:
                 self._abandon()
             raise
@@ -326,19 +326,6 @@ class ResultWriter:
         interrupted = not isinstance(value, Exception)
         reason = str(value) or type(value).__name__ if value else "left before it was finished"
         self.finish({"reason": reason}, "interrupted" if interrupted else "failed")
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and termination wait until HDF5 has finished writing: it cannot be left midway."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _numbers(values: Sequence[Any]) -> np.ndarray:

@@ -91,7 +91,7 @@ class System:
             force_noise(group, d, out)
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
-        return UNIT_ROUNDOFF * np.abs(n.reduce(out))
+        return UNIT_ROUNDOFF * n.reduce_sizes(out)
 
     def rigid_forces(self) -> Array:
         """Return what round-off makes of no force: those of elements in unit rigid motions (3, n_unknowns).

@@ -18,6 +18,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
+from ..interrupts import uninterrupted
+
 J = TypeVar("J")
 R = TypeVar("R")
 
@@ -135,14 +137,15 @@ def _processes(count: int) -> Iterator[Executor]:
 @contextmanager
 def no_interrupts() -> Iterator[None]:
     """Let Ctrl-C wait. Processes that begin meanwhile inherit this, and leave it to the one that began them."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    with uninterrupted():
+        if not hasattr(signal, "pthread_sigmask"):
+            yield
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def begin_worker(warnoptions: tuple[str, ...]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -80,15 +80,25 @@ class Recorder:
         if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
         self.state, self.probes = state, self.observer.observe(state)
-        for text in state.warnings:
-            self.warnings.append(text)
-            self.progress.warn(text)
+        self._warn(state.warnings)
         self.report.update(state.report)
         if self.moves:
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
         self.progress.state(state)
+
+    def conclude(self) -> None:
+        """Look at the last state as a whole."""
+        from ..model.coarse import coarse_warnings
+
+        if self.state is not None and not self.state.linear:
+            self._warn(coarse_warnings(self.model, self.state.d))
+
+    def _warn(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            self.warnings.append(text)
+            self.progress.warn(text)
 
     def _reference(self) -> None:
         from ..solve.post import Observer

@@ -137,6 +137,7 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
             recorder.take(state)
     except ComputationError as error:
         failure = error
+    recorder.conclude()
     summary = summarise(loaded, model, recorder, failure)
     if conclude is not None and failure is None:
         conclude(summary, model)

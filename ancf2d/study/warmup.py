@@ -38,7 +38,6 @@ def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
     """
     from ..kernels.jit import CACHE, cache_is_cold
 
-    keep_where_there_is_room()
     announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, compiling)
     announce.daemon = True
     announce.start()
@@ -50,22 +49,6 @@ def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
                 _touch(model)
     finally:
         announce.cancel()
-
-
-def keep_where_there_is_room() -> None:
-    """Let kernels that the disk has no room for be compiled for this process alone: numba would end the run."""
-    from numba.core.caching import FunctionCache
-
-    save = FunctionCache.save_overload
-    if getattr(save, "forgives", False):
-        return
-
-    def save_or_not(self: Any, signature: Any, data: Any) -> None:
-        with suppress(OSError):
-            save(self, signature, data)
-
-    save_or_not.forgives = True  # type: ignore[attr-defined]
-    FunctionCache.save_overload = save_or_not
 
 
 def kernels_of(case: Case) -> str:

@@ -6,30 +6,13 @@ Exudyn's default tolerance lies below round-off on pendulum (1): it must be loos
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
+from scenes import PENDULUMS, Bar
 
 
-@dataclass(frozen=True)
-class Pendulum:
-    """A bar that falls from the horizontal about a pin at its end."""
-
-    length: float
-    height: float
-    width: float
-    E: float
-    rho: float
-    nu: float = 0.3
-    gravity: float = 9.81
-
-
-PENDULUMS = {1: Pendulum(1.8, 0.008, 0.03125, 2.07e11, 2766.67), 2: Pendulum(1.2, 0.253, 0.006335, 7e5, 5540)}
-SHEAR = 5 / 6
-
-
-def build(p: Pendulum, element: str, count: int):
-    """Return (system, tip node); ``element`` is ``geometrically_exact`` or ``cable``."""
+def build(p: Bar, element: str, count: int):
+    """Return (system, tip node); ``element`` is ``geometrically exact`` or ``cable``."""
     import exudyn as exu
     from exudyn.itemInterface import (
         CoordinateConstraint,
@@ -45,10 +28,10 @@ def build(p: Pendulum, element: str, count: int):
 
     system = exu.SystemContainer()
     mbs = system.AddSystem()
-    A, I, h = p.height * p.width, p.width * p.height**3 / 12, p.length / count
+    A, I, h = p.area, p.inertia, p.length / count
     common = {"physicsLength": h, "physicsMassPerLength": p.rho * A, "physicsBendingStiffness": p.E * I,
               "physicsAxialStiffness": p.E * A}
-    exact = element == "geometrically_exact"
+    exact = element == "geometrically exact"
     nodes = [mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[h * i, 0, 0]) if exact else
                          NodePoint2DSlope1(referenceCoordinates=[h * i, 0, 1, 0])) for i in range(count + 1)]
     for i in range(count):
@@ -56,7 +39,7 @@ def build(p: Pendulum, element: str, count: int):
         body = mbs.AddObject(
             ObjectBeamGeometricallyExact2D(
                 nodeNumbers=ends, physicsCrossSectionInertia=p.rho * I,
-                physicsShearStiffness=SHEAR * p.E / (2 * (1 + p.nu)) * A, **common) if exact else
+                physicsShearStiffness=p.shear_stiffness, **common) if exact else
             ObjectANCFCable2D(nodeNumbers=ends, **common))
         mbs.AddLoad(LoadMassProportional(
             markerNumber=mbs.AddMarker(MarkerBodyMass(bodyNumber=body)), loadVector=[0, -p.gravity, 0]))

@@ -1,8 +1,10 @@
-"""Table 2's cantilever with many elements in 10 load steps: wall time and peak memory, ancf2d beside Exudyn.
+"""Table 2's cantilever with many elements in 10 load steps: wall time and peak memory, ancf2d beside others.
 
 Each run is a process of its own; the two tools alternate, and medians and ratios are printed. Time is the solve
 alone, after imports, mesh and (for ancf2d) compiled kernels; memory is the process's peak less what it had after
-its imports. Exudyn (``pip install .[peers]``) uses its geometrically exact beam, the like of reissner2.
+its imports. Exudyn uses its geometrically exact beam, the like of reissner2; OpenSees its corotational beams, by forces
+and with a line search, without which it does not solve fine meshes. PyElastica has no static solver. The peers:
+``pip install .[peers]``.
 
     python scripts/bench/static_cantilever.py --elements 10000 --repeat 3 --json out.json
 """
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import os
 import platform
 import resource
 import statistics
@@ -19,9 +22,11 @@ import subprocess
 import sys
 import time
 
-LENGTH, HEIGHT, WIDTH, E, NU, LOAD, STEPS = 2.0, 0.1, 0.1, 2.07e11, 0.3, 500e3, 10
-SHEAR = 10 * (1 + NU) / (12 + 11 * NU)
+from scenes import STATIC
+
+STEPS = 10
 EXUDYN_TOLERANCE = 1e-6
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 CASE = """
 bodies:
   beam:
@@ -59,7 +64,7 @@ def run_ancf2d(element: str, count: int) -> dict:
     seconds = time.perf_counter() - built
     tip = Observer(model).observe(state)["tip"]
     return {"u": [tip["ux"], tip["uy"]], "build_s": built - start, "solve_s": seconds, "iterations": iterations,
-            "memory_mb": peak_mb() - base}
+            "memory_mb": peak_mb() - base, "peak_mb": peak_mb()}
 
 
 def run_exudyn(element: str, count: int) -> dict:
@@ -76,21 +81,22 @@ def run_exudyn(element: str, count: int) -> dict:
     )
 
     base, start = peak_mb(), time.perf_counter()
-    A, I = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12
+    bar = STATIC
+    A, I, L = bar.area, bar.inertia, bar.length
     system = exu.SystemContainer()
     mbs = system.AddSystem()
-    nodes = [mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[LENGTH * i / count, 0, 0])) for i in range(count + 1)]
+    nodes = [mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[L * i / count, 0, 0])) for i in range(count + 1)]
     for i in range(count):
-        mbs.AddObject(Beam2D(nodeNumbers=[nodes[i], nodes[i + 1]], physicsLength=LENGTH / count,
-                             physicsMassPerLength=7850 * A, physicsCrossSectionInertia=7850 * I,
-                             physicsBendingStiffness=E * I, physicsAxialStiffness=E * A,
-                             physicsShearStiffness=SHEAR * E / (2 * (1 + NU)) * A))
+        mbs.AddObject(Beam2D(nodeNumbers=[nodes[i], nodes[i + 1]], physicsLength=L / count,
+                             physicsMassPerLength=bar.rho * A, physicsCrossSectionInertia=bar.rho * I,
+                             physicsBendingStiffness=bar.E * I, physicsAxialStiffness=bar.E * A,
+                             physicsShearStiffness=bar.shear_stiffness))
     ground = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
     for k in range(3):
         held = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=k))
         mbs.AddObject(CoordinateConstraint(markerNumbers=[ground, held]))
     tip = mbs.AddMarker(MarkerNodePosition(nodeNumber=nodes[-1]))
-    mbs.AddLoad(Force(markerNumber=tip, loadVector=[0, -LOAD, 0]))
+    mbs.AddLoad(Force(markerNumber=tip, loadVector=[0, -bar.load, 0]))
     mbs.Assemble()
     settings = exu.SimulationSettings()
     settings.staticSolver.numberOfLoadSteps = STEPS
@@ -107,15 +113,31 @@ def run_exudyn(element: str, count: int) -> dict:
             "memory_mb": peak_mb() - base}
 
 
-TOOLS = {"ancf2d": run_ancf2d, "exudyn": run_exudyn}
+def run_opensees(element: str, count: int) -> dict:
+    """Solve with OpenSees' corotational beam; return tip, seconds and memory."""
+    import opensees_beam
+
+    # what loading its library takes
+    import openseespy.opensees
+
+    openseespy.opensees.wipe()
+    base = peak_mb()
+    found = opensees_beam.solve_static(element, count, STEPS)
+    return found | {"memory_mb": peak_mb() - base}
 
 
-def measure(tool: str, element: str, count: int) -> dict:
-    """Run one tool in a process of its own and return what it reports."""
+TOOLS = {"ancf2d": run_ancf2d, "exudyn": run_exudyn, "opensees": run_opensees}
+PEERS = {("exudyn", "geometrically exact"): "exudyn", ("opensees", "force-based"): "openseespy"}
+
+
+def measure(tool: str, element: str, count: int, threads: str = "1") -> dict:
+    """Run one tool in a process of its own, with so many threads, and return what it reports."""
     done = subprocess.run([sys.executable, __file__, "--child", tool, element, str(count)], capture_output=True,
-                          text=True, check=False)
+                          text=True, check=False, env={**os.environ, **dict.fromkeys(THREADS, threads)})
     if done.returncode != 0:
-        return {"error": (done.stderr or done.stdout).strip().splitlines()[-1]}
+        # OpenSees says goodbye behind its failure
+        lines = [x for x in (done.stderr or done.stdout).splitlines() if x.strip() and not x.startswith("Process ")]
+        return {"error": lines[-1] if lines else f"exit code {done.returncode}"}
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
@@ -138,11 +160,10 @@ def main() -> None:
 
 def compare(elements: int, types: list[str], repeat: int) -> list[dict]:
     """Return the medians of each tool and type, measured in turn; ``ratio`` is to Exudyn's solve where it ran."""
-    runs = [("ancf2d", t) for t in types]
-    if importlib.util.find_spec("exudyn"):
-        runs.insert(0, ("exudyn", "geometrically exact"))
-    else:
-        print("exudyn is not installed (pip install exudyn): ancf2d alone", file=sys.stderr)
+    runs = [peer for peer, module in PEERS.items() if importlib.util.find_spec(module)]
+    for tool, _ in PEERS.keys() - set(runs):
+        print(f"{tool} is not installed (pip install .[peers]): left out", file=sys.stderr)
+    runs += [("ancf2d", t) for t in types]
     found = {run: [] for run in runs}
     for _ in range(repeat):
         for run in runs:

@@ -10,7 +10,7 @@ from ancf2d.elements import registry
 from ancf2d.model.build import build_model
 from ancf2d.solve.energy import Energies, Kinds
 
-from .runs import case, follow, follow_from, small, table
+from .runs import Motion, case, follow, follow_from, small, table
 
 # a rod of steel that is hit at one end for a hundredth of a second, and then flies, turns and swings
 FLYING = """
@@ -23,7 +23,7 @@ bodies:
     element: {{type: {element}, count: 4}}
 loads:
   - {{type: force, at: rod@1, value: [300, 2000], amplitude: {{type: table, t: [0, 0.005, 0.01], value: [0, 1, 0]}}}}
-solver: {{type: dynamic, t_end: {end}, dt: {dt}, method: energy_momentum, estimate: false}}
+solver: {{type: dynamic, t_end: {end}, dt: {dt}, method: {method}, estimate: false}}
 output: {{every: {every}, probes: {{tip: rod@1}}}}
 """
 PUSH, DT = 0.01, 1e-4
@@ -54,16 +54,16 @@ WAYS = (("vallejo", "method: energy_momentum, dt: 3e-4"), ("cable", "method: ene
         ("vallejo", "method: radau9, dt: 5e-3"), ("vallejo", "method: generalized_alpha, dt: 3e-4"))
 
 
-def drift(element: str, steps: int) -> dict[str, float]:
+def drift(element: str, steps: int, method: str = "energy_momentum") -> dict[str, float]:
     """Return how far energy and momenta of a freely flying rod of steel stray, relative, in so many steps."""
-    loaded = case(FLYING.format(element=element, end=steps * DT, dt=DT, every=max(1, steps // 1000)))
+    loaded = case(FLYING.format(element=element, end=steps * DT, dt=DT, every=max(1, steps // 1000), method=method))
     motion = follow(loaded, momentum=True)
     free = motion.t > PUSH * (1.0 + 1e-9)
     total = np.array([e["kinetic"] + e["strain"] for e in motion.energies])[free]
     strain = np.array([e["strain"] for e in motion.energies])[free]
     momenta = motion.momenta[free]
     speed = float(np.hypot(*momenta[0, :2]))
-    return {"energy": float(np.max(np.abs(total / total[0] - 1.0))),
+    return {"energy": float(np.max(np.abs(total / total[0] - 1.0))), "gain": float(np.max(total / total[0] - 1.0)),
             "linear": float(np.hypot(*(momenta[:, :2] - momenta[0, :2]).T).max()) / speed,
             "angular": float(np.max(np.abs(momenta[:, 2] / momenta[0, 2] - 1.0))),
             "strain": float(strain.max() / total[0]), "step_us": 1e6 * motion.summary["wall_s"] / steps,
@@ -82,16 +82,29 @@ def drifts(steps: int) -> str:
                   "angular momentum", "a step"], rows)
 
 
-def steady(element: str, solver: str, turns: float, states: int = 200) -> tuple[float, int, float]:
-    """Return the largest relative change of the strain energy of a turning rod, steps and seconds."""
+def turning(element: str, solver: str, turns: float, states: int = 200) -> Motion:
+    """Return the motion of a rod that begins in steady rotation. Raises ComputationError where it fails."""
     end = 2.0 * math.pi * turns / OMEGA
     dt = float(solver.split("dt:")[1]) if "dt:" in solver else 1e-3
     motion = follow_from(STEADY.format(element=element, omega=OMEGA), TURNING.format(
         element=element, omega=OMEGA, end=repr(end), solver=solver, every=max(1, round(end / dt / states))))
     if motion.outcome.failure is not None:
         raise motion.outcome.failure
+    return motion
+
+
+def steady(element: str, solver: str, turns: float) -> tuple[float, int, float]:
+    """Return the largest relative change of the strain energy of a turning rod, steps and seconds."""
+    motion = turning(element, solver, turns)
     strain = np.array([e["strain"] for e in motion.energies])
     return float(np.max(np.abs(strain / strain[0] - 1.0))), motion.summary["steps"], motion.summary["wall_s"]
+
+
+def spun(element: str, solver: str, turns: float) -> float:
+    """Return the largest relative change of energy and angular momentum of a rod that turns freely."""
+    motion = turning(element, solver, turns)
+    total, momentum = np.array([e["kinetic"] + e["strain"] for e in motion.energies]), motion.momenta[:, 2]
+    return float(max(np.max(np.abs(total / total[0] - 1.0)), np.max(np.abs(momentum / momentum[0] - 1.0))))
 
 
 def steadies(turns: float) -> str:

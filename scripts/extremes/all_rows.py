@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import modes, motions, scaling, statics, traps
+from . import across, modes, motions, scaling, statics, traps
 from .cell import Cell
 
-ROOMS = (scaling, statics, modes, motions, traps)
+ROOMS = (scaling, statics, across, modes, motions, traps)
 
 
 def all_rows() -> Iterator[Cell]:

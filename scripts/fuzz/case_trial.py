@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from types import FrameType
 
 from ancf2d.errors import ResultsError
 
@@ -17,10 +18,11 @@ from . import case_mutants
 from .command import CODES, INTERRUPTED, Called, call, unreal
 from .pen import Ended, Limits, confined
 
-SECONDS = 30.0  # within which a file must be validated
+SECONDS = 30.0  # of the processor's time within which a file must be validated
 IMPORTED = ("ancf2d.kernels.elements", "ancf2d.kernels.radau", "ancf2d.solve.registry", "ancf2d.solve.dynamic",
             "ancf2d.results", "ancf2d.study.warmup", "scipy.integrate", "scipy.sparse.linalg", "click.testing")
-PATIENCE = 2.0  # seconds until a run is interrupted
+PATIENCE = 2.0  # seconds of the processor's time until a run is interrupted
+SHORT = "there is not enough memory for this"
 # what is run although it was refused: as many of 100
 REFUSED = 10
 
@@ -47,19 +49,29 @@ def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None
         import_module(name)
     for number, ended in confined(work, numbers, limits or Limits(patience=2 * SECONDS)):
         trial = ended.value or Trial(number)
-        trial.faults += [ended.fault] if ended.fault else []
+        trial.faults += [*([ended.fault] if ended.fault else []), *ended.notes]
         yield trial, ended
 
 
 @contextmanager
 def interrupted_after(seconds: float) -> Iterator[None]:
-    """Interrupt what takes longer, as Ctrl-C would."""
-    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    """Interrupt a command that takes more of the processor's time, as Ctrl-C would; it alone meets that."""
+    signal.signal(signal.SIGPROF, _interrupt)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, signal.SIG_IGN)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        # before and after this, the interruption would be that of the trial
+        if (frame.f_globals.get("__name__"), frame.f_code.co_name) == ("click.core", "invoke"):
+            signal.raise_signal(signal.SIGINT)
+            return
+        frame = frame.f_back
 
 
 def examine(folder: Path, seed: int, number: int) -> Trial:
@@ -70,10 +82,11 @@ def examine(folder: Path, seed: int, number: int) -> Trial:
         os.unlink(name)
     Path("case.yaml").write_bytes(content)
     Path("own.yaml").write_bytes(definition)
-    trial, began = Trial(number), time.monotonic()
+    trial, began = Trial(number), time.process_time()
     checked = call("validate", "case.yaml")
-    trial.validated, trial.seconds = checked.code, time.monotonic() - began
-    trial.faults += checked.faults({0, 2})
+    trial.validated, trial.seconds = checked.code, time.process_time() - began
+    # as many elements as a case may have need more than this process has: told, that is no fault
+    trial.faults += checked.faults({0, 1, 2} if SHORT in checked.err else {0, 2})
     if trial.seconds > SECONDS:
         trial.faults.append(f"validate took {trial.seconds:.0f} s")
     if checked.code == 0 or number % 100 < REFUSED:

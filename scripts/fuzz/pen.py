@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import resource
 import signal
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -14,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 GRACE = 30.0  # seconds after an interruption in which work must have ended
+# by the clock, work on a machine that others share may take so many times the processor's time
+SHARED = 4.0
 MEMORY = 2 << 30  # bytes that work may use beyond what its process uses before
 
 
 @dataclass
 class Limits:
-    """Seconds until work is interrupted, seconds from then until it is killed, and bytes of memory."""
+    """Seconds of the processor until work is interrupted, and from then until it is killed; bytes of memory."""
 
     patience: float = 2.0
     grace: float = GRACE
@@ -66,9 +69,9 @@ def _one(process: Any, here: Connection, job: Any, limits: Limits) -> Ended:
     """Hand a job to the process and wait for its end."""
     here.send(job)
     try:
-        if not here.poll(limits.patience):
+        if not _ends_within(limits.patience, process, here):
             os.kill(process.pid, signal.SIGINT)
-            if not here.poll(limits.grace):
+            if not _ends_within(limits.grace, process, here):
                 return Ended(fault=f"went on for {limits.grace:.0f} s after it was interrupted")
         found: Ended = here.recv()
         return found
@@ -77,6 +80,21 @@ def _one(process: Any, here: Connection, job: Any, limits: Limits) -> Ended:
         code = process.exitcode
         return Ended(fault=f"its process was ended by {signal.Signals(-code).name}" if code < 0 else
                      f"its process ended with {code}")
+
+
+def _ends_within(seconds: float, process: Any, here: Connection) -> bool:
+    """Wait until work has ended or its time is up."""
+    used, began = _processor_time(process.pid), time.monotonic()
+    while not here.poll(min(0.2, seconds)):
+        if _processor_time(process.pid) - used > seconds or time.monotonic() - began > SHARED * seconds:
+            return False
+    return True
+
+
+def _processor_time(pid: int) -> float:
+    """Return the seconds of the processor that a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _stop(process: Any) -> None:

@@ -59,7 +59,7 @@ def mutant(bases: list[Path], path: Path, seed: int, number: int) -> Path:
         with h5py.File(path, "r+") as file:
             for _ in range(rng.choice([1, 1, 1, 2, 4])):
                 _edit(file, rng)
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError, AttributeError):
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError, AttributeError, MemoryError):
         # what HDF5 itself does not allow, or an edit after which it writes no more: what is there is a mutant, too
         pass
     if rng.random() < 0.05:

@@ -27,7 +27,9 @@ def refuse() -> cell.Found:
 
 
 def wait() -> cell.Found:
-    time.sleep(5.0)
+    began = time.process_time()
+    while time.process_time() < began + 5.0:
+        pass
     return cell.Found(0.0)
 
 

@@ -71,3 +71,19 @@ def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label
 def test_a_weak_excess_is_left_to_the_documents() -> None:
     case = cantilever(BY_LABEL["omar:continuum"], Beam(nu=0.1), 4, [])
     assert not ancf2d.solve(case, states=False).warnings
+
+
+@pytest.mark.parametrize("label", ["omar", "patel"])
+@pytest.mark.parametrize(("count", "error"), [(64, 0.58), (128, 0.11)])
+def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, error: float) -> None:
+    """A load of 1000 times the buckling load bends the first elements by half a radian each, over many heights."""
+    found = statics.pushed(label, 1e3, count)
+    assert found.error == pytest.approx(error, rel=0.05)
+    assert any("too stiff where elements bend so far" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("label", ["omar", "patel", "li", "vallejo", "reissner3"])
+def test_elements_that_follow_how_far_they_bend_say_nothing(label: str) -> None:
+    found = statics.pushed(label, 1e3, 256)
+    assert found.error < 0.02
+    assert not found.warnings

@@ -11,7 +11,7 @@ import pytest
 import ancf2d
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from extremes import cell, modes, statics, traps
+from extremes import across, cell, modes, statics, traps
 from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever, force
 
 
@@ -77,3 +77,10 @@ def test_stiffnesses_beyond_floating_point_are_refused_where_they_are_given(chan
 @pytest.mark.parametrize("row", [c for c in traps.rows() if c.quick], ids=lambda c: c.key)
 def test_traps_hold_or_are_refused_or_told(row: cell.Cell) -> None:
     assert cell.run(replace(row, seconds=600.0)).verdict in ("holds", "degrades", "refused")
+
+
+@pytest.mark.parametrize("label", ["omar", "patel", "ancf[1,2]", "ancf[3,1]", "2d3n", "vallejo"])
+def test_round_off_of_forces_that_cancel_at_a_clamp_between_nodes_is_no_imbalance(label: str) -> None:
+    """An element held in its middle turns: what its halves pull there is as large as their round-off is not."""
+    found = across.spun(label, 0.3, 1e-6, 1)
+    assert found.error < across.LIMIT

@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.elements.formulations import FORMULATIONS
-from ancf2d.kernels.elements import element_matrices, force
+from ancf2d.kernels.elements import element_matrices, force, viscous_force
 from ancf2d.kernels.matrix import Csr
 from ancf2d.kernels.mean import mean_force, mean_force_tangent
-from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.groups import damping_times
 from ancf2d.model.mesh import mass_matrix
 

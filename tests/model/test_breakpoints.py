@@ -108,3 +108,9 @@ def test_breaks_of_several_signals_that_coincide_are_one_of_the_lowest_order() -
     low, high = math.nextafter(0.5, 0), math.nextafter(0.5, 1)
     assert all_breakpoints([*signals, *signals], 0.0, 1.0) == [
         (high, 0, low), (0.7, 1, math.nextafter(0.7, 0)), (0.9, 1, math.nextafter(0.9, 0))]
+
+
+@pytest.mark.parametrize("end", [1.7e308, 1e160, 1e-160, 5e-324])
+def test_times_of_any_size_have_breaks(end: float) -> None:
+    assert found(formula(f"1 if t < {end!r} else 2"), end) == [(end, 0)]
+    assert found(formula(f"1 if t < {end!r} else 1"), end) == []

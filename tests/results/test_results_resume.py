@@ -319,3 +319,22 @@ def test_fifty_kills_at_random_moments_and_the_run_is_finished_all_the_same(tmp_
     w = begin(path, True)
     states(w, last)
     assert content(w.finish({})) == content(whole(tmp_path / "b.h5", last))
+
+
+@pytest.mark.parametrize("error", [OSError("Input/output error"), KeyboardInterrupt()], ids=["disk", "interruption"])
+def test_what_was_reached_outlives_a_failure_to_take_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                           error: BaseException) -> None:
+    w = begin(tmp_path / "a.h5", False)
+    states(w, 8)
+    w.finish({}, "interrupted")
+    before = part_path(tmp_path / "a.h5").read_bytes()
+
+    def fail(descriptor: int) -> None:
+        raise error
+
+    with monkeypatch.context() as context:
+        context.setattr(writer_module, "recovered", fail)
+        with pytest.raises((ResultsError, KeyboardInterrupt)):
+            begin(tmp_path / "a.h5", True)
+    assert part_path(tmp_path / "a.h5").read_bytes() == before
+    begin(tmp_path / "a.h5", True).discard()  # its lock is free

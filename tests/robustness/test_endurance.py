@@ -37,7 +37,8 @@ def workshop():  # type: ignore[no-untyped-def]
 
 
 def test_damage_is_seen(tmp_path: Path, workshop: Path) -> None:
-    for name, content in (("a.png", b"\x89PNG"), ("a.html", b"<html>"), ("a.h5", b"\x89HDF"), ("a.xyz", b"")):
+    for name, content in (("a.png", b"\x89PNG"), ("a.gif", b"GIF89a"), ("a.html", b"<html>"),
+                          ("a.h5", b"\x89HDF"), ("a.xyz", b"")):
         (tmp_path / name).write_bytes(content)
         assert stops.damage(tmp_path / name)
     assert stops.damage(workshop / "sound.h5") == ""

@@ -13,7 +13,6 @@ import pytest
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results, part_path
-from ancf2d.study.warmup import keep_where_there_is_room
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
@@ -26,11 +25,14 @@ from synthetic import HEADER, bent_beam, coordinates, tangent_body
 def room(size: int) -> Iterator[None]:
     """Let no file grow beyond a size (bytes), as on a disk that fills."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # Python would keep the first half of the bytecode of what is imported meanwhile, and not import it again
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        sys.dont_write_bytecode = writes
 
 
 def refused(found: Called) -> None:
@@ -65,6 +67,7 @@ def test_a_run_leaves_nothing_or_what_is_readable(folder: Path, size: int) -> No
 @pytest.mark.parametrize(("arguments", "size"), [
     (["export", "sound.h5", "out.vtkhdf"], 5000), (["export", "sound.h5", "out.json"], 100),
     (["export", "sound.h5", "out.csv"], 10), (["plot", "sound.h5", "--save", "out.png"], 5000),
+    (["plot", "sound.h5", "--animate", "out.gif", "--frames", "2"], 5000),
     (["plot", "sound.h5", "--data", "out.csv"], 100), (["view", "sound.h5", "--save", "out.html"], 5000)],
     ids=lambda v: " ".join(v) if isinstance(v, list) else "")
 def test_what_a_command_could_not_write_to_its_end_is_not_there(folder: Path, arguments: list[str], size: int) -> None:
@@ -99,9 +102,9 @@ def test_what_earlier_commits_hold_outlives_errors_of_the_disk_within_hdf5(tmp_p
 
 
 KERNEL = """
-import numba
+from ancf2d.kernels.jit import kernel
 
-@numba.njit(cache=True)
+@kernel
 def twice(x):
     return 2 * x
 """
@@ -113,7 +116,6 @@ def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, m
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
     from kernel_of_a_full_disk import twice
 
-    keep_where_there_is_room()
     with room(0):
         assert twice(2) == 4
     assert [p.name for p in (tmp_path / "cache").rglob("*.nb*")] == []

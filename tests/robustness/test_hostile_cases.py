@@ -125,6 +125,8 @@ def test_an_alias_bomb_is_refused_where_it_begins(tmp_path: Path) -> None:
     ("bodies.beam.element.count", MAX_COORDINATES // 6 + 1, "32000004 nodal coordinates"),
     ("bodies.beam.geometry.end", [1.7e308, 1.7e308], "too large or too small"),
     ("bodies.beam.geometry.end", [5e-324, 0], "too large or too small"),
+    ("bodies.beam.geometry.end", [1e154, 0], "too large or too small"),
+    ("bodies.beam.geometry.end", [1e-150, 0], "too large or too small"),
     ("bodies.beam.section.height", 1e200, "too large or too small"),
     ("bodies.beam.section", {"A": 1e300, "I": 1e-300, "height": 1}, "too large or too small"),
     ("bodies.beam.geometry.end", [1e-9, 0], "cannot be computed with"),

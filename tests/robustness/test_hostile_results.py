@@ -86,3 +86,18 @@ def test_a_page_of_probes_that_are_no_numbers(tmp_path: Path) -> None:
         writer.finish({})
     with open_results(tmp_path / "a.h5") as found:
         assert '"probes": []' in make_page(found).html.replace('"probes":[]', '"probes": []')
+
+
+@pytest.mark.parametrize("place", ["probes/tip/uy", "history/iterations", "energies/strain"])
+def test_texts_in_the_place_of_numbers_are_damage(tmp_path: Path, place: str) -> None:
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
+        for k in range(3):
+            writer.append(float(k), np.zeros(12), history={"iterations": 3}, probes={"tip": {"uy": 0.0}},
+                          energies={"strain": 0.0})
+        writer.finish({})
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file[place]
+        file[place] = np.array(["a", "b", "c"], dtype="S1")
+    with open_results(tmp_path / "a.h5") as found, pytest.raises(ResultsError, match=r"a\.h5' is damaged"):
+        _ = found.probes, found.history, found.energies

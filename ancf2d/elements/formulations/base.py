@@ -23,15 +23,15 @@ from ..shape import Array, ShapeFunctions, gauss
 class PointLaw:
     """Strains of one point as functions of its fields; formulations that differ in what they sample may share one.
 
-    Functions are compiled by the kernels for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and sigma
-    (strains, lanes), J (strains, fields, lanes), H (fields, fields, lanes).
+    Functions are compiled by the kernels for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and
+    sigma (strains, lanes), J (strains, fields, lanes), H (fields, fields, lanes).
 
-    ``strain(ref, u, eps, J, lanes)`` fills eps and J = d eps/du, whose zeros are left alone. ``geometric(ref, u, sigma,
-    J, H, lanes)`` adds sum_i sigma_i d2 eps_i/du2 to the upper half of H; J is that of ``strain``, unless there is a
-    ``mean``. ``mean(ref, u0, u1, eps0, eps1, J, lanes)`` overwrites the entries of J that ``strain`` fills with those of
-    the discrete Jacobian between two states whose strains are given: J (u1 - u0) = eps1 - eps0, and turning the
-    mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the position gradients). None where
-    no such form is known: then no time step keeps energy and angular momentum at once.
+    ``strain(ref, u, eps, J, lanes)`` fills eps and J = d eps/du, whose zeros are left alone, J[0, 0] being none.
+    ``geometric(ref, u, sigma, J, H, lanes)`` adds sum_i sigma_i d2 eps_i/du2 to the upper half of H; J is that of
+    ``strain``, unless there is a ``mean``. ``mean(ref, u0, u1, eps0, eps1, J, lanes)`` overwrites the entries of J that
+    ``strain`` fills with those of the discrete Jacobian between two states whose strains are given: J (u1 - u0) =
+    eps1 - eps0, and turning the mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the
+    position gradients). None where no such form is known: then no time step keeps energy and angular momentum at once.
     """
 
     fields: int
@@ -85,9 +85,9 @@ class Formulation:
 
     ``refuse(element)`` gives the reason why it makes no sense for a type, or None. ``rule(element)`` is
     its default quadrature; ``exact(element)`` the rule that integrates a straight element exactly, or
-    None where no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations, any) and
-    D (stations, strains, strains) of one element class, quadrature weight and volume included; fields, reference values
-    and strains of a station are those of its points, one after another.
+    None where no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations,
+    any) and D (stations, strains, strains) of one element class, quadrature weight and volume included; fields,
+    reference values and strains of a station are those of its points, one after another.
     ``selective`` tells whether shear may have a rule of its own.
     """
 

@@ -1,0 +1,230 @@
+"""The element kernels against what the processor can do, and one Newton iteration of many elements, part by part.
+
+Operations of an element's forces and tangent are counted from the shapes of its law: s stations, b entries of B that
+are not zero (fields times coordinates at most), f fields, e strains, n coordinates, k entries of D that are not zero,
+c and h the operations of strain and of second derivatives, counted by running them on numbers that count. A station:
+
+    u = B d: 2 b;  strains: c;  stresses and energy: 2 k + 2 e;  J^T sigma: 2 e f;  forces: 2 b
+    D J: 2 k f;  half of J^T (D J): e f (f + 1);  second derivatives: h;
+    half of B^T H B: the smaller of 2 f b + (n + 1) b  (H B first)  and  the products of B's rows times H, 2 per product
+
+The peak is that of one core in double precision, measured by chains of multiply-adds that fit into registers.
+
+    python scripts/bench/arithmetic.py --types reissner2,vallejo
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from static_cantilever import CASE, THREADS
+
+TYPES = ["reissner2", "reissner3", "vallejo", "2d2n"]
+# as many elements as one core's caches hold
+ELEMENTS, MANY = 256, 100_000
+CHAIN, LANES = 16, 1024
+
+
+class Counted:
+    """A number that counts what is done to it."""
+
+    operations = 0
+
+    def __init__(self, value: float) -> None:
+        self.value = float(value)
+
+    def _with(self, value: float) -> Counted:
+        Counted.operations += 1
+        return Counted(value)
+
+    def __add__(self, other: Any) -> Counted:
+        return self._with(self.value + number(other))
+
+    def __sub__(self, other: Any) -> Counted:
+        return self._with(self.value - number(other))
+
+    def __rsub__(self, other: Any) -> Counted:
+        return self._with(number(other) - self.value)
+
+    def __mul__(self, other: Any) -> Counted:
+        return self._with(self.value * number(other))
+
+    def __truediv__(self, other: Any) -> Counted:
+        return self._with(self.value / number(other))
+
+    def __rtruediv__(self, other: Any) -> Counted:
+        return self._with(number(other) / self.value)
+
+    def __neg__(self) -> Counted:
+        return Counted(-self.value)
+
+    def __lt__(self, other: Any) -> bool:
+        return self.value < number(other)
+
+    def __abs__(self) -> Counted:
+        return Counted(abs(self.value))
+
+    # numpy calls these for arrays of objects
+    def sin(self) -> Counted:
+        """Return the sine, as one operation."""
+        return self._with(np.sin(self.value))
+
+    def cos(self) -> Counted:
+        """Return the cosine, as one operation."""
+        return self._with(np.cos(self.value))
+
+    def sqrt(self) -> Counted:
+        """Return the root."""
+        return self._with(self.value**0.5)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def number(x: Any) -> float:
+    """Return a plain number."""
+    return x.value if isinstance(x, Counted) else float(x)
+
+
+def counted(shape: tuple[int, ...], seed: int) -> Any:
+    """Return an array of numbers that count, small and none zero."""
+    values = 1e-3 * np.random.default_rng(seed).uniform(0.5, 1.0, shape)
+    return np.vectorize(Counted, otypes=[object])(values)
+
+
+def strain_operations(point: Any) -> tuple[int, int]:
+    """Return what one point's strains with J, and their second derivatives, take."""
+    f, e = point.fields, point.strains
+    ref, u, found = np.ones((point.references, 1)), counted((f, 1), 1), []
+    for call in (lambda: point.strain(ref, u, counted((e, 1), 2), counted((e, f, 1), 3), 1),
+                 lambda: point.geometric(ref, u, counted((e, 1), 4), counted((e, f, 1), 3), counted((f, f, 1), 5), 1)):
+        Counted.operations = 0
+        call()
+        found.append(Counted.operations)
+    return found[0], found[1]
+
+
+def operations(law: Any, point: Any) -> dict[str, int]:
+    """Return the operations of an element's forces, and of forces with the lower half of its tangent."""
+    c, h = strain_operations(point)
+    f, s, n = law.B.shape[1:]
+    e, b_rows, k = law.D.shape[1], np.count_nonzero(law.B[0, :, 0], axis=1), int(np.count_nonzero(law.D[0, :, :, 0]))
+    b = int(b_rows.sum())
+    force = 4 * b + c + 2 * k + 2 * e + 2 * e * f
+    two_products = 2 * f * b + (n + 1) * b
+    rows = sum(2 * int(b_rows[i] * b_rows[j]) for i in range(f) for j in range(i + 1))
+    tangent = force + 2 * k * f + e * f * (f + 1) + h + min(two_products, rows)
+    return {"stations": s, "fields": f, "strains": e, "coordinates": n, "force": s * force, "tangent": s * tangent}
+
+
+def peak() -> float:
+    """Return the operations per second of one core that multiply-adds reach, 2 each."""
+    import numba
+
+    @numba.njit(fastmath={"contract"})
+    def chains(x, a, b, repeat):  # type: ignore[no-untyped-def]
+        for _ in range(repeat):
+            for k in range(len(x)):
+                v = x[k]
+                for _ in range(CHAIN):
+                    v = v * a + b
+                x[k] = v
+
+    x, repeat = np.ones(LANES), 2000
+    chains(x, 0.999, 1e-3, 1)
+    return 2.0 * CHAIN * LANES * repeat / min(seconds(lambda: chains(x, 0.999, 1e-3, repeat), 7))
+
+
+def seconds(call: Any, repeat: int) -> list[float]:
+    """Return the wall time of each of some calls [s]."""
+    out = []
+    for _ in range(repeat):
+        began = time.perf_counter()
+        call()
+        out.append(time.perf_counter() - began)
+    return out
+
+
+def _model(element: str, count: int) -> Any:
+    from ancf2d.case import load_case_text
+    from ancf2d.model.build import build_model
+
+    return build_model(load_case_text(CASE.format(element=element, count=count)))
+
+
+def bent(element: str, count: int) -> tuple[Any, Any]:
+    """Return Table 2's cantilever (model) and its state under the whole load."""
+    from ancf2d.solve.static import solve_static
+
+    model = _model(element, count)
+    *_, state = solve_static(model, 10)
+    return model, state.d
+
+
+def kernel(element: str, machine: float, repeat: int) -> dict:
+    """Return operations, nanoseconds and the share of the peak of forces, and of forces with tangent, per element."""
+    from ancf2d.kernels.elements import element_matrices, force
+
+    model, d = bent(element, ELEMENTS)
+    group, Q = model.groups[0], np.zeros(len(d))
+    n = group.law.B.shape[3]
+    Qe, Ke, times = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n)), {}
+    for name, call in (("force", lambda: force(group, d, Q)),
+                       ("tangent", lambda: element_matrices(group, d, 0, Qe, Ke))):
+        call()
+        times[name] = statistics.median(seconds(lambda call=call: [call() for _ in range(20)], repeat)) / 20 / ELEMENTS
+    counts = operations(group.law, model.meshes["beam"].plan.formulation.law)
+    return {"element": element, **counts,
+            **{f"{name}_ns": 1e9 * t for name, t in times.items()},
+            **{f"{name}_share": counts[name] / t / machine for name, t in times.items()}}
+
+
+def iteration(element: str, count: int, repeat: int) -> dict:
+    """Return microseconds per element of one Newton iteration, part by part."""
+    from ancf2d.solve.system import System
+
+    bent(element, 8)
+    model = _model(element, count)
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    system, parts = System(model), {"force, tangent, assembly": [], "factor": [], "solve": []}
+    R = system.assemble(d, 0.1).R
+    for _ in range(repeat):
+        parts["force, tangent, assembly"] += seconds(lambda: system.assemble(d, 0.1), 1)
+        parts["factor"] += seconds(lambda: system.factor({}), 1)
+        parts["solve"] += seconds(lambda: system.matrix.solve(R), 1)
+    found = {name: 1e6 * statistics.median(t) / count for name, t in parts.items()}
+    return {"element": element, "elements": count, **found, "all": sum(found.values())}
+
+
+def collect(types: list[str], repeat: int = 7) -> dict:
+    """Return the peak [operations/s], the kernels' shares of it and the parts of an iteration."""
+    machine = peak()
+    return {"peak": machine, "kernels": [kernel(t, machine, 3 * repeat) for t in types],
+            "iterations": [iteration(t, MANY, repeat) for t in types]}
+
+
+def measure(types: list[str], repeat: int) -> dict:
+    """Return what ``collect`` does, from a process of its own with one thread."""
+    done = subprocess.run([sys.executable, __file__, "--types", ",".join(types), "--repeat", str(repeat)],
+                          capture_output=True, text=True, check=True, env={**os.environ, **dict.fromkeys(THREADS, "1")})
+    return json.loads(done.stdout)
+
+
+def main() -> None:
+    """Print what was measured as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--types", default=",".join(TYPES))
+    parser.add_argument("--repeat", type=int, default=7)
+    args = parser.parse_args()
+    print(json.dumps(collect(args.types.split(","), args.repeat), indent=1))
+
+
+if __name__ == "__main__":
+    main()

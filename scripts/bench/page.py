@@ -1,0 +1,205 @@
+"""docs/speed.md from what was measured: what to expect, aims, tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dynamics
+from scenes import T_END
+
+Found = dict[str, Any]
+# what stands between the aims and what was measured
+LIMITS = ""
+EXACT, REISSNER, FORCES = dynamics.GEOMETRICALLY_EXACT, dynamics.REISSNER, dynamics.FORCES
+
+
+def table(head: list[str], rows: list[list[Any]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(c) for c in line) + " |" for line in lines)
+
+
+def brief(seconds: float | None) -> str:
+    """Return a time in fitting units."""
+    if seconds is None:
+        return "-"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if seconds >= size or unit == "us":
+            return f"{seconds / size:.3g} {unit}" if seconds < 1e4 else f"{seconds:.0f} s"
+    return "-"
+
+
+# ---------------------------------------------------------------------- tables
+
+
+def start_table(found: Found) -> str:
+    """Return what starting costs."""
+    base = found["start"]["the imports alone"]
+    return table(["what", "median", "of the imports alone"],
+                 [[name, f"{t:.2f} s", f"{t / base:.1f}"] for name, t in found["start"].items()])
+
+
+def static_table(found: Found) -> str:
+    """Return the cantilever beside other tools."""
+    rows = []
+    for elements, results in found["static"].items():
+        for r in results:
+            head = [elements, r["tool"], r["element"]]
+            if "error" in r:
+                rows.append([*head, f"failed: {r['error']}", "", "", "", ""])
+                continue
+            ratio = f"{r['ratio']:.2f}" if r["ratio"] else ""
+            rows.append([*head, brief(r["solve_s"]), ratio, r["iterations"] or "", f"{r['memory_mb']:.0f} MB",
+                         f"{r['u'][1]:.6f} m"])
+    return table(["elements", "tool", "type", "solve", "to Exudyn", "iterations", "memory", "tip"], rows)
+
+
+def scaling_table(found: Found) -> str:
+    """Return cost against size."""
+    rows = {}
+    for r in found["scaling"]["rows"]:
+        line = rows.setdefault((r["element"], r["elements"]), {})
+        line[r["cores"]] = brief(r["solve_s"]) if "error" not in r else f"failed: {r['error']}"
+        line["memory"] = f"{r['memory_mb']:.0f} MB" if "memory_mb" in r else ""
+        line["each"] = f"{1e6 * r['solve_s'] / r['elements']:.3g} us" if r["cores"] == "1" and "solve_s" in r else \
+            line.get("each", "")
+    body = [[e, n, v.get("1", ""), v["each"], v.get("all", ""), v["memory"]] for (e, n), v in rows.items()]
+    return table(["type", "elements", "one core", "per element", f"{found['scaling']['cores']} cores", "memory"], body)
+
+
+def exponents(found: Found) -> str:
+    """Return the exponents in words."""
+    return ", ".join(f"{e['exponent']:.2f} with `{e['element']}`" for e in found["scaling"]["exponents"]
+                     if e["cores"] == "1" and e["exponent"] is not None)
+
+
+def kernel_table(found: Found) -> str:
+    """Return the kernels beside the processor's peak."""
+    rows = [[k["element"], f"{k['stations']}, {k['fields']}, {k['strains']}, {k['coordinates']}", k["force"],
+             f"{k['force_ns']:.0f} ns", f"{100 * k['force_share']:.1f} %", k["tangent"], f"{k['tangent_ns']:.0f} ns",
+             f"{100 * k['tangent_share']:.1f} %"] for k in found["arithmetic"]["kernels"]]
+    return table(["type", "stations, fields, strains, coordinates", "operations of forces", "time", "of the peak",
+                  "with tangent", "time", "of the peak"], rows)
+
+
+def iteration_table(found: Found) -> str:
+    """Return the parts of one Newton iteration."""
+    parts = ["force, tangent, assembly", "factor", "solve", "all"]
+    return table(["type", *parts], [[r["element"], *(f"{r[p]:.2f} us" for p in parts)]
+                                    for r in found["arithmetic"]["iterations"]])
+
+
+def modes_table(found: Found) -> str:
+    """Return the modes of long meshes."""
+    return table(["elements", "type", "solve", "memory", "first, off the exact one by", "all, off 1000 elements by"],
+                 [[r["elements"], r["element"], brief(r["solve_s"]), f"{r['memory_mb']:.0f} MB", f"{r['to_exact']:.0e}",
+                   f"{r['to_coarse']:.0e}"] for r in found["modes"]])
+
+
+def ladder_table(found: Found, number: int) -> str:
+    """Return every rung of one pendulum."""
+    rows = []
+    for r in found["motion"]["ladders"][str(number)]:
+        head = [r["tool"], r["element"], r["elements"], r["solver"].removesuffix(f", {dynamics.ALONE}")]
+        if "error" in r:
+            rows.append([*head, "", f"failed: {r['error']}", ""])
+        elif not r["fine"] and r["solve_s"]:
+            rows.append([*head, r["steps"], brief(r["solve_s"]), f"{r['error_m']:.1e} m"])
+    return table(["tool", "type", "elements", "step", "steps", "solve", "largest tip error"], rows)
+
+
+def times_at(found: Found, number: int, key: tuple[str, str]) -> list[tuple[float, bool] | None]:
+    """Return the time that each wanted error takes, and whether it is extrapolated."""
+    rows = found["motion"]["ladders"][str(number)]
+    return [dynamics.at_error(rows, *key, wanted) for wanted in dynamics.WANTED]
+
+
+def errors_table(found: Found) -> str:
+    """Return the times that wanted errors take, both pendulums."""
+    rows = []
+    for number, ladders in dynamics.LADDERS.items():
+        for key in ladders:
+            at = times_at(found, number, key)
+            if any(at):
+                rows.append([f"({number})", *key, *("-" if a is None else brief(a[0]) + (" *" if a[1] else "")
+                                                    for a in at)])
+    return table(["pendulum", "tool", "type", *(f"{w:.0e} m" for w in dynamics.WANTED)], rows)
+
+
+def step_table(found: Found) -> str:
+    """Return the cost of one implicit step."""
+    rows = [[r["tool"], r["element"], r["newton"],
+             f"{r['step_us']:.1f} us" if "step_us" in r else f"failed: {r['error']}"] for r in found["motion"]["steps"]]
+    return table(["tool", "type", "Newton", "a step"], rows)
+
+
+def explicit_text(found: Found) -> str:
+    """Return what explicit integration takes, in words."""
+    names = {"RK45": "RK45 with 8 elements `2d2n`",
+             "pyelastica": "PyElastica with 32 elements, at the longest step that its explicit method bears there"}
+    lines = []
+    for name, r in found["motion"]["explicit"].items():
+        lines.append(f"{names[name]}: " + (f"failed, {r['error']}." if "error" in r else
+                     f"{r['steps']} steps and {brief(r['measured_s'])} for {r['measured_to']:g} s of motion; "
+                     f"{brief(r['extrapolated_s'])} for {T_END[1]:g} s, extrapolated."))
+    return "\n".join(f"* {line}" for line in lines)
+
+
+# ---------------------------------------------------------------------- aims
+
+
+def ratio(one: tuple[float, bool] | None, other: tuple[float, bool] | None) -> str:
+    """Return how many times faster one is than the other; ``*`` where a time is extrapolated."""
+    if one is None or other is None:
+        return "not measured"
+    return f"{other[0] / one[0]:.3g} times" + (" *" if one[1] or other[1] else "")
+
+
+def _first(rows: list[Found], **wanted: Any) -> Found:
+    return next((r for r in rows if all(r.get(k) == v for k, v in wanted.items())), {})
+
+
+def aims(found: Found) -> list[list[str]]:
+    """Return what is wanted and what was measured."""
+    out = []
+    for number in (1, 2):
+        ours, theirs = times_at(found, number, REISSNER), times_at(found, number, EXACT)
+        for wanted, factor in ((1e-4, 10), (1e-6, 100)):
+            k = dynamics.WANTED.index(wanted)
+            out.append([f"pendulum ({number}), tip error {wanted:.0e} m: {factor} times faster than Exudyn's "
+                        "geometrically exact beam", ratio(ours[k], theirs[k])])
+    rk, ours = found["motion"]["explicit"].get("RK45", {}), times_at(found, 1, REISSNER)[1]
+    out.append(["pendulum (1), tip error 1e-04 m: 1000 times faster than RK45 with `2d2n`",
+                ratio(ours, (rk["extrapolated_s"], True)) if "extrapolated_s" in rk else "not measured"])
+    rows = found["static"].get("10000", [])
+    own, peer = _first(rows, element="reissner2"), _first(rows, tool="exudyn")
+    if "solve_s" in peer:
+        out.append(["cantilever, 10 000 elements: 5 times faster than Exudyn with `reissner2`",
+                    f"{peer['solve_s'] / own['solve_s']:.1f} times"])
+        out.append(["and no more memory than Exudyn", f"{own['memory_mb']:.0f} MB beside {peer['memory_mb']:.0f} MB"])
+    for element, limit in (("reissner2", 30), ("vallejo", 60)):
+        r = _first(found["scaling"]["rows"], element=element, elements=1_000_000, cores="all")
+        if "solve_s" in r:
+            out.append([f"a million elements `{element}` on 2 cores: {limit} s, 4 GB",
+                        f"{r['solve_s']:.0f} s, {r['peak_mb'] / 1000:.1f} GB"])
+    for e in found["scaling"]["exponents"]:
+        if e["cores"] == "1" and e["exponent"] is not None:
+            out.append([f"exponent of time over elements with `{e['element']}`: 0.95 to 1.05", f"{e['exponent']:.2f}"])
+    for element, limit in (("reissner2", 0.3), ("vallejo", 1.0)):
+        r = _first(found["arithmetic"]["iterations"], element=element)
+        out.append([f"one Newton iteration, 100 000 elements `{element}`: {limit} us per element",
+                    f"{r['all']:.2f} us"])
+    for element, limit in (("reissner2", 8), ("vallejo", 25)):
+        r = _first(found["motion"]["steps"], element=element)
+        out.append([f"one full Newton step of pendulum (2), 8 elements `{element}`: {limit} us",
+                    f"{r['step_us']:.1f} us"])
+    start = found["start"]
+    out.append(["a warm run of a small case: 0.4 s over the imports alone",
+                f"{start['run'] - start['the imports alone']:.2f} s"])
+    out.append(["the first run ever: 10 s", f"{start['first run ever']:.1f} s"])
+    return out
+
+
+def aims_table(found: Found) -> str:
+    """Return the aims as a table."""
+    return table(["wanted", "measured"], aims(found))

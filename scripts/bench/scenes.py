@@ -1,0 +1,42 @@
+"""The bars that every tool of the bench computes: the paper's cantilever of Table 2 and its pendulums of Sec. 5.4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A straight bar of rectangular section; ``shear`` is its shear factor, ``load`` a force at its end [N]."""
+
+    length: float
+    height: float
+    width: float
+    E: float
+    rho: float
+    shear: float
+    nu: float = 0.3
+    gravity: float = 9.81
+    load: float = 0.0
+
+    @property
+    def area(self) -> float:
+        """Area of the section [m2]."""
+        return self.height * self.width
+
+    @property
+    def inertia(self) -> float:
+        """Second moment of area [m4]."""
+        return self.width * self.height**3 / 12
+
+    @property
+    def shear_stiffness(self) -> float:
+        """Shear stiffness kGA [N]."""
+        return self.shear * self.E / (2 * (1 + self.nu)) * self.area
+
+
+# ancf2d's own shear factor of a rectangle, after Cowper (1966)
+COWPER = 10 * (1 + 0.3) / (12 + 11 * 0.3)
+STATIC = Bar(2.0, 0.1, 0.1, 2.07e11, 7850, COWPER, load=500e3)
+PENDULUMS = {1: Bar(1.8, 0.008, 0.03125, 2.07e11, 2766.67, 5 / 6), 2: Bar(1.2, 0.253, 0.006335, 7e5, 5540, 5 / 6)}
+T_END = {1: 1.5, 2: 1.1}

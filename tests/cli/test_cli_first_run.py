@@ -1,0 +1,67 @@
+"""What a run costs beside the solve: the libraries it imports, and the kernels that the first one compiles."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+# what no linear static run calls, nor loads where its kernels are compiled already
+NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.integrate", "scipy.optimize",
+              "scipy.special", "numba.np.npyimpl", "numba.typed.listobject", "ancf2d.plot", "ancf2d.view", "ancf2d.api",
+              "ancf2d.kernels.advance", "ancf2d.kernels.points", "ancf2d.solve.stepping", "ancf2d.study.convergence",
+              "ancf2d.study.sweep"}
+# kernels of the package, and functions of numba's own, that linear statics takes
+KERNELS, LIBRARY = 15, 57
+RUN = """
+import json, sys
+from numba.core import event
+compiled, warm = [], []
+
+class Compiled(event.Listener):
+    def on_start(self, found):
+        function = found.data["dispatcher"].py_func
+        compiled.append(f"{function.__module__}.{function.__qualname__}")
+    def on_end(self, found):
+        pass
+
+event.register("numba:compile", Compiled())
+import ancf2d.study.warmup as warmup
+warm_up = warmup.warm_up
+def counted(*arguments):
+    warm_up(*arguments)
+    warm.extend(compiled)
+warmup.warm_up = counted
+from ancf2d.cli import main
+try:
+    main(["run", "beam.yaml", "-q", "--force"])
+except SystemExit as end:
+    assert end.code == 0, end.code
+print(json.dumps({"compiled": compiled, "warm": warm, "modules": sorted(sys.modules)}))
+"""
+
+
+def run(folder: Path, **environment: str) -> dict[str, Any]:
+    """Run the case in a process of its own; return what was compiled, by the end of the warm-up too, and imported."""
+    found = subprocess.run([sys.executable, "-c", RUN], cwd=folder, text=True, capture_output=True, timeout=240,
+                           env={**os.environ, **environment})
+    assert found.returncode == 0, found.stderr
+    out: dict[str, Any] = json.loads(found.stdout)
+    return out
+
+
+def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports_no_more(folder: Path) -> None:
+    # code that is optimised less counts as much, and is there sooner
+    # code that is optimised less counts as much, and is there sooner
+    cache = {"XDG_CACHE_HOME": str(folder / "cache"), "NUMBA_OPT": "1"}
+    first, second = run(folder, **cache), run(folder, **cache)
+    own = [name for name in first["compiled"] if name.startswith("ancf2d.")]
+    assert 0 < len(own) <= KERNELS, own
+    assert len(first["compiled"]) - len(own) <= LIBRARY, first["compiled"]
+    assert not {name.rpartition(".")[2] for name in own} & {"force", "force_noise", "stations", "strain_action"}
+    assert first["warm"] == first["compiled"], "compiled after the warm-up, on the clock of the solve"
+    assert second["compiled"] == []
+    assert not NOT_NEEDED & set(second["modules"])

@@ -1,0 +1,95 @@
+"""Compiled kernels between processes: read without the compiler's libraries, whatever has become of their files."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from ancf2d.kernels.jit import kernel
+
+SOURCE = """
+import numpy as np
+from ancf2d.kernels.jit import kernel
+
+@kernel
+def filled(n, x):
+    out = np.zeros((n, 2))
+    out[:, 1] = x
+    return out
+"""
+# what numba imports before it compiles
+COMPILING = ("scipy.linalg", "numba.np.npyimpl", "numba.typed.listobject")
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """A module with one kernel, and a cache of its own."""
+    (tmp_path / "one_kernel.py").write_text(SOURCE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.delitem(sys.modules, "one_kernel", raising=False)
+    return importlib.import_module("one_kernel")
+
+
+def anew(module: ModuleType) -> Any:
+    """The kernel as another process finds it."""
+    return kernel(module.filled.py_func)
+
+
+def hits_and_misses(compiled: Any) -> tuple[int, int]:
+    """How often a kernel was read from the cache, and compiled."""
+    assert compiled(3, 2.0).tolist() == [[0.0, 2.0]] * 3
+    return sum(compiled.stats.cache_hits.values()), sum(compiled.stats.cache_misses.values())
+
+
+def test_a_kernel_is_compiled_once(module: ModuleType) -> None:
+    assert hits_and_misses(module.filled) == (0, 1)
+    assert hits_and_misses(anew(module)) == (1, 0)
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", [lambda b: b"", lambda b: b[:len(b) // 2], lambda b: bytes(len(b))],
+                         ids=["empty", "half", "zeros"])
+def test_a_damaged_file_is_compiled_and_written_anew(module: ModuleType, tmp_path: Path, suffix: str,
+                                                     damage: Any) -> None:
+    assert hits_and_misses(module.filled) == (0, 1)
+    file, = (tmp_path / "cache").rglob(f"*{suffix}")
+    file.write_bytes(damage(file.read_bytes()))
+    assert hits_and_misses(anew(module)) == (0, 1)
+    assert hits_and_misses(anew(module)) == (1, 0)
+
+
+def in_a_process(folder: Path, **environment: str) -> list[str]:
+    """Call the kernel in a process of its own; return what it has imported to do so."""
+    code = f"""
+import sys
+from one_kernel import filled
+assert filled(3, 2.0).tolist() == [[0.0, 2.0]] * 3
+print(*(m for m in {COMPILING!r} if m in sys.modules))
+"""
+    found = subprocess.run([sys.executable, "-c", code], cwd=folder, text=True, capture_output=True, timeout=60,
+                           env={**os.environ, **environment})
+    assert found.returncode == 0, found.stderr
+    return found.stdout.split()
+
+
+def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Path) -> None:
+    (tmp_path / "one_kernel.py").write_text(SOURCE)
+    cache = str(tmp_path / "cache")
+    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=cache) == list(COMPILING)
+    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=cache) == []
+
+
+def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> None:
+    (tmp_path / "one_kernel.py").write_text(SOURCE)
+    nowhere = {"NUMBA_CACHE_DIR": str(tmp_path / "one_kernel.py" / "no folder"),
+               "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator"}
+    assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
+    assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
