@@ -52,7 +52,8 @@ class Slots(NamedTuple):
     """Rows of a point where each quantity starts, and how many they are: all constants of its law.
 
     ref, D, H, g : reference values, stiffness, second derivatives of the energy and forces by the fields; u, eps,
-    sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ : D eps and D J.
+    sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ : D eps
+    and D J.
     """
 
     ref: int
