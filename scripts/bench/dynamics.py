@@ -1,10 +1,11 @@
-"""The paper's pendulums over time: error against wall time beside other tools, and the cost of a step.
+"""The paper's pendulums over time: error against time beside other tools, and the cost of a step.
 
 Pendulum (1) to 1.5 s and pendulum (2) to 1.1 s, ladders of meshes and steps. The error is the largest distance of the
 tip, at multiples of 0.01 s, from a fine solution of the same theory: of the same element of the same tool, but that
 Exudyn's geometrically exact beam is judged by the finest ``reissner3``, whose limit it shares. Times are of runs of the
-same settings that store the end alone: the solve call, after imports, mesh and compiling. Every tool runs in a process
-of its own, in turn. The peers: ``pip install .[peers]``; what is not installed is left out, and said.
+same settings that store the end alone: the processor's time of the solve call, after imports, mesh and compiling. Every
+tool runs in a process of its own, in turn. The peers: ``pip install .[peers]``; what is not installed is left out, and
+said.
 
     python scripts/bench/dynamics.py --repeat 3 --json out.json
 """
@@ -95,9 +96,9 @@ def run_ancf2d(number: int, element: str, count: int, solver: str, t_end: float,
     states, seconds, t, tip, steps = solve(model), 0.0, [], [], 0
     observer = Observer(model)
     while True:
-        started = time.perf_counter()
+        started = time.process_time()
         state = next(states, None)
-        seconds += time.perf_counter() - started
+        seconds += time.process_time() - started
         if state is None:
             break
         at = observer.observe(state)["tip"]

@@ -68,8 +68,8 @@ def solve(number: int, element: str, count: int, t_end: float, dt: float, interv
     settings.solutionSettings.writeSolutionToFile = False
     settings.solutionSettings.sensorsWritePeriod = interval
     settings.linearSolverType = exu.LinearSolverType.EXUdense if count <= 8 else exu.LinearSolverType.EigenSparse
-    started = time.perf_counter()
+    started = time.process_time()
     mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     data = np.array(mbs.GetSensorStoredData(sensor))
     return {"t": data[:, 0].tolist(), "tip": data[:, 1:3].tolist(), "solve_s": seconds, "steps": steps}

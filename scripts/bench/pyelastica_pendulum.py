@@ -53,10 +53,10 @@ def solve_pendulum(number: int, count: int, t_end: float, dt: float, interval: f
     stepper.step(build_time[0], np.float64(0.0), np.float64(dt))
     now, t, tip, seconds = np.float64(0.0), [0.0], [rod.position_collection[:2, -1].tolist()], 0.0
     for _ in range(steps // every):
-        began = time.perf_counter()
+        began = time.process_time()
         for _ in range(every):
             now = stepper.step(scene, now, np.float64(dt))
-        seconds += time.perf_counter() - began
+        seconds += time.process_time() - began
         if not np.isfinite(rod.position_collection).all():
             raise RuntimeError(f"the motion has grown without bound before t = {now:g}: the step is too long")
         t.append(float(now))
