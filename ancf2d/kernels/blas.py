@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from functools import cache
+from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from typing import Any
 
+import scipy
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import get_cython_function_address, intrinsic
+from numba.extending import intrinsic
 
 _INT, _DOUBLE = ir.IntType(32), ir.DoubleType()
 _DGEMM = ir.FunctionType(ir.VoidType(), [
@@ -19,8 +26,26 @@ _DGEMM = ir.FunctionType(ir.VoidType(), [
 
 @cache
 def dgemm_address() -> int:
-    """Return the address of dgemm, with which ``multiply`` is called."""
-    return int(get_cython_function_address("scipy.linalg.cython_blas", "dgemm"))
+    """Return the address of dgemm, with which ``multiply`` is called.
+
+    Its module alone is loaded, under its own name: all of scipy.linalg takes longer to import than a small case to
+    solve.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name not in sys.modules:
+        folder = Path(scipy.__file__).parent / "linalg"
+        found = [path for suffix in EXTENSION_SUFFIXES if (path := folder / f"cython_blas{suffix}").exists()]
+        spec = spec_from_file_location(name, found[0]) if found else None
+        if spec is not None and spec.loader is not None:
+            sys.modules[name] = module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+    # the capsule of Cython's public functions: what numba asks for by the same name
+    capsule = import_module(name).__pyx_capi__["dgemm"]
+    named = ctypes.pythonapi.PyCapsule_GetName
+    named.restype, named.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    return int(pointer(capsule, named(capsule)))
 
 
 def _multiplier(transposed: bool) -> Any:

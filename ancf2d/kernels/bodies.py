@@ -14,7 +14,7 @@ import numpy as np
 from numba import types
 
 from .batch import Group, Law
-from .elements import force, force_noise, scaled_force_tangent, viscous_force
+from .elements import force, force_noise, force_tangent, viscous_force
 from .jit import inlined, inner, kernel
 from .lanes import Plan, array_at
 from .matrix import SymBand
@@ -83,7 +83,7 @@ def _elastic(what, b, g, scale, d, Q, A, place, indptr, index, value):  # type: 
     if what == FORCE:
         return force(group, d, Q)
     if what == TANGENT:
-        return scaled_force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
+        return force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
     force_noise(group, d, Q)
     return 0.0
 

@@ -27,7 +27,7 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def scaled_force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add Q_e to Q and ``scale`` K to the matrix of the unknowns; return the strain energy."""
     energy, first, last = 0.0, 0, len(group.dofs)
     while first < last:
@@ -38,12 +38,6 @@ def scaled_force_tangent(group, d, scale, Q, matrix, place, indptr, index, value
         scatter_packed(matrix, Ke, scale, group.plan.entries, group.dofs, first, place, indptr, index, value)
         first += count
     return energy
-
-
-@kernel
-def force_tangent(group, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add Q_e to Q and K to the matrix of the unknowns; return the strain energy."""
-    return scaled_force_tangent(group, d, 1.0, Q, matrix, place, indptr, index, value)
 
 
 @kernel

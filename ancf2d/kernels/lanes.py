@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.extending import intrinsic, register_jitable
 from numba.np import arrayobj
 
 from .jit import inlined
@@ -84,7 +84,7 @@ class Places(NamedTuple):
     end: int
 
 
-@inlined
+@register_jitable
 def slots(fields, strains, references):  # type: ignore[no-untyped-def]
     """Return the rows of a point whose law has so many fields, strains and reference values."""
     u = references
@@ -101,7 +101,7 @@ def slots(fields, strains, references):  # type: ignore[no-untyped-def]
     return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, g + fields)
 
 
-@inlined
+@register_jitable
 def places(fields, strains, references, points):  # type: ignore[no-untyped-def]
     """Return the places for stations of so many points."""
     at = slots(fields, strains, references)
@@ -159,7 +159,7 @@ def vectors_of(lanes):  # type: ignore[no-untyped-def]
     return (lanes + VECTOR - 1) // VECTOR * VECTOR
 
 
-@inlined
+@register_jitable
 def matrices_at(at, n, flat, entries):  # type: ignore[no-untyped-def]
     """Return where displacements, lanes in a row, forces, tangents and products start in the buffer."""
     de = at.end * STRIDE
@@ -172,4 +172,4 @@ def matrices_at(at, n, flat, entries):  # type: ignore[no-untyped-def]
 
 def room(at: Places, n: int, flat: int, entries: int, size: int) -> int:
     """Return the length of the work buffer for these sizes."""
-    return int(matrices_at.py_func(at, n, flat, entries)[-1]) + size
+    return int(matrices_at(at, n, flat, entries)[-1]) + size

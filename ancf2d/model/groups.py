@@ -91,7 +91,7 @@ def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: A
     D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
     size = S * int(np.sum(blocks[:, 1] * blocks[:, 3]))
     most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
-    at = places.py_func(law.fields, law.strains, law.references, points)
+    at = places(law.fields, law.strains, law.references, points)
     length = room(at, n, max(nu, len(pairs)), len(entries), size)
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
     plan = Plan(parts, most, _vectors(law, nc), (D.max(axis=(1, 3)) > 0.0).astype(np.int64), blocks, pairs,

@@ -72,7 +72,7 @@ class System:
         Q = np.zeros(len(d))
         energy = 0.0
         for group in model.groups:
-            energy += force_tangent(group, d, Q, self.matrix.target, *self.tables)
+            energy += force_tangent(group, d, 1.0, Q, self.matrix.target, *self.tables)
         for u, q, K, dofs in self.patches(d, t, elastic=not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)

@@ -120,7 +120,7 @@ def _touch(model: Model) -> None:
         band_product(np.zeros((1, 1)), np.zeros(1), np.zeros(1))
     for group in model.groups:
         none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
-        force_tangent(none, d, d, matrix.target, *tables)
+        force_tangent(none, d, 1.0, d, matrix.target, *tables)
         linear = isinstance(model.case.solver, LinearStatic)
         if not linear:
             force(none, d, d)
