@@ -70,7 +70,9 @@ def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
         m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
     to_full(p, m.mid, w.amps, 0, w.d)
     patches_tangent(p, w, 2.0 / h)
-    w.A[:] = 0.5 * w.A
+    for i in range(w.A.shape[0]):
+        for j in range(w.A.shape[1]):
+            w.A[i, j] *= 0.5
 
 
 @inner
