@@ -99,29 +99,32 @@ def counted(shape: tuple[int, ...], seed: int) -> Any:
     return np.vectorize(Counted, otypes=[object])(values)
 
 
-def strain_operations(point: Any) -> tuple[int, int]:
-    """Return what one point's strains with J, and their second derivatives, take."""
-    f, e = point.fields, point.strains
-    ref, u, found = np.ones((point.references, 1)), counted((f, 1), 1), []
-    for call in (lambda: point.strain(ref, u, counted((e, 1), 2), counted((e, f, 1), 3), 1),
-                 lambda: point.geometric(ref, u, counted((e, 1), 4), counted((e, f, 1), 3), counted((f, f, 1), 5), 1)):
+def strain_operations(law: Any) -> tuple[int, int]:
+    """Return what the strains of a point with J, and their second derivatives, take."""
+    f, e, ref, found = law.fields, law.strains, counted((law.references, 1), 0), []
+    u, sigma, J = counted((f, 1), 1), counted((e, 1), 4), counted((e, f, 1), 3)
+    for call in (lambda: law.strain(ref, u, counted((e, 1), 2), J, 1),
+                 lambda: law.geometric(ref, u, sigma, J, counted((f, f, 1), 5), 1)):
         Counted.operations = 0
         call()
         found.append(Counted.operations)
     return found[0], found[1]
 
 
-def operations(law: Any, point: Any) -> dict[str, int]:
+def operations(law: Any, group: Any) -> dict[str, int]:
     """Return the operations of an element's forces, and of forces with the lower half of its tangent."""
-    c, h = strain_operations(point)
-    f, s, n = law.B.shape[1:]
-    e, b_rows, k = law.D.shape[1], np.count_nonzero(law.B[0, :, 0], axis=1), int(np.count_nonzero(law.D[0, :, :, 0]))
-    b = int(b_rows.sum())
-    force = 4 * b + c + 2 * k + 2 * e + 2 * e * f
+    B, D = group.law.B, group.law.D
+    f, stations, n, e = B.shape[1], B.shape[2] * group.plan.parts, B.shape[3], D.shape[1]
+    points = f // law.fields
+    c, h = (points * x for x in strain_operations(law))
+    b_rows, k = np.count_nonzero(B[0, :, 0], axis=1), int(np.count_nonzero(D[0, :, :, 0]))
+    b, entries = int(b_rows.sum()), points * law.strains * law.fields
+    force = 4 * b + c + 2 * k + 2 * e + 2 * entries
     two_products = 2 * f * b + (n + 1) * b
     rows = sum(2 * int(b_rows[i] * b_rows[j]) for i in range(f) for j in range(i + 1))
-    tangent = force + 2 * k * f + e * f * (f + 1) + h + min(two_products, rows)
-    return {"stations": s, "fields": f, "strains": e, "coordinates": n, "force": s * force, "tangent": s * tangent}
+    tangent = force + 2 * k * law.fields + e * law.fields * (f + 1) + h + min(two_products, rows)
+    return {"stations": stations, "fields": f, "strains": e, "coordinates": n, "force": stations * force,
+            "tangent": stations * tangent}
 
 
 def peak() -> float:
@@ -174,13 +177,14 @@ def kernel(element: str, machine: float, repeat: int) -> dict:
 
     model, d = bent(element, ELEMENTS)
     group, Q = model.groups[0], np.zeros(len(d))
-    n = group.law.B.shape[3]
+    n = group.dofs.shape[1]
     Qe, Ke, times = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n)), {}
     for name, call in (("force", lambda: force(group, d, Q)),
                        ("tangent", lambda: element_matrices(group, d, 0, Qe, Ke))):
         call()
         times[name] = statistics.median(seconds(lambda call=call: [call() for _ in range(20)], repeat)) / 20 / ELEMENTS
-    counts = operations(group.law, model.meshes["beam"].plan.formulation.law)
+    (mesh,) = model.meshes.values()
+    counts = operations(mesh.plan.formulation.law, group)
     return {"element": element, **counts,
             **{f"{name}_ns": 1e9 * t for name, t in times.items()},
             **{f"{name}_share": counts[name] / t / machine for name, t in times.items()}}
