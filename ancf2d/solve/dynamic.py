@@ -170,6 +170,7 @@ class Run:
         if out is None:
             return None
         out["balance"] = self.balance.numbers.copy()
+        out["inverted"] = np.frombuffer((self.inverted or "").encode(), dtype=np.uint8)
         if self.estimate is not None:
             out.update(self.estimate.checkpoint())
         return out
@@ -177,6 +178,7 @@ class Run:
     def _resume(self, kept: dict[str, Array]) -> None:
         self.stepper.resume(kept)
         self.balance.numbers[:] = kept["balance"]
+        self.inverted = kept["inverted"].tobytes().decode() or None
         if self.estimate is not None:
             self.estimate.resume(kept)
 

@@ -50,3 +50,18 @@ def test_states_before_a_failure_are_not_lost(method: str) -> None:
     assert error is not None
     assert "sqrt" in error.failure.reason
     np.testing.assert_allclose([s.t for s in states[:10]], 0.01 * np.arange(10), atol=1e-12)
+
+
+def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() -> None:
+    """Rubber hit by a force that throws its end through its wall before the state from which it goes on."""
+    hit = [{"type": "force", "at": "a@1", "value": [-3e3, 0]}]
+    rubber = h.body(h.line(0.1), h.element("vallejo", 2), {"height": 0.1, "width": 0.1},
+                    {"E": 1e4, "nu": 0.3, "rho": 1e3})
+    model = h.build({"a": rubber}, {"type": "dynamic", "t_end": 0.02, "dt": 1e-4, "method": "newmark",
+                                    "estimate": False},
+                    bc=[{"type": "clamp", "at": "a@0"}], loads=hit, output={"interval": 0.001})
+    states = list(solve(model))
+    told = [w for w in states[-1].warnings if "inside out" in w]
+    assert told
+    *_, last = solve(model, states[-2].checkpoint)
+    assert told == [w for w in last.warnings if "inside out" in w]
