@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import resource
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,8 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import ResultWriter, open_results, part_path
+from ancf2d.results import ResultWriter, journal, open_results, part_path
+from ancf2d.results.journal import JournaledFile
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
@@ -83,8 +85,8 @@ def test_an_earlier_figure_stays(folder: Path) -> None:
     assert (folder / "out.png").read_bytes() == b"earlier"
 
 
-def _go_on(writer: ResultWriter) -> None:
-    for k in range(1, 20_000):
+def _go_on(writer: ResultWriter, states: int = 20_000) -> None:
+    for k in range(1, states):
         writer.append(k, np.full(12, 1.0 / k))
         writer.flush()
 
@@ -119,3 +121,32 @@ def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, m
     with room(0):
         assert twice(2) == 4
     assert [p.name for p in (tmp_path / "cache").rglob("*.nb*")] == []
+
+
+def test_a_write_that_failed_is_no_commit_even_where_there_is_room_again(tmp_path: Path,
+                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    """The one that fails is HDF5's own, of data beyond what is committed."""
+    e0, failed, write, write_all = coordinates("tangent", np.linspace(0, 1, 3), 0.0), [], JournaledFile.write, \
+        journal._write_all
+
+    def fail(descriptor: int, data: memoryview, at: int) -> None:
+        if len(data):
+            failed.append(at)
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    def fail_once(self: JournaledFile, data: memoryview) -> int:
+        monkeypatch.setattr(journal, "_write_all", write_all if failed else fail)
+        try:
+            return write(self, data)
+        finally:
+            monkeypatch.setattr(journal, "_write_all", write_all)
+
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
+        writer.append(0, np.zeros(12))
+        writer.flush()
+        monkeypatch.setattr(JournaledFile, "write", fail_once)
+        with pytest.raises(ResultsError, match=r"cannot write .*No space left on device"):
+            _go_on(writer, 2000)
+    with open_results(part_path(tmp_path / "a.h5")) as found:
+        assert found.nt >= 1
+        assert np.isfinite(found.rows("d")).all()
