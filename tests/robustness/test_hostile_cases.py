@@ -140,6 +140,16 @@ def test_sizes_beyond_what_numbers_hold(tmp_path: Path, path: str, value: Any, s
     assert said in found[0]
 
 
+def test_a_rigid_body_whose_mass_no_number_holds(tmp_path: Path) -> None:
+    rigid = {**BEAM["bodies"]["beam"], "element": {"type": "rigid"}, "section": {"height": 1e3, "width": 1e3},
+             "material": {"E": 1e9, "nu": 0.3, "rho": 1e305}}
+    found = problems(tmp_path, json.dumps({
+        "bodies": {"beam": rigid}, "boundary_conditions": [{"type": "pin", "at": "beam@0"}],
+        "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-3}}))
+    assert len(found) == 1
+    assert "too large or too small" in found[0]
+
+
 @pytest.mark.parametrize(("encoding", "said"), [
     ("utf-16", "the file is not UTF-8 text but UTF-16"), ("utf-32", "the file is not UTF-8 text but UTF-16"),
     ("utf-16-le", "not valid YAML: the control character U+0000 is not allowed"),
