@@ -15,7 +15,7 @@ NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.i
               "ancf2d.kernels.advance", "ancf2d.kernels.points", "ancf2d.solve.stepping", "ancf2d.study.convergence",
               "ancf2d.study.sweep"}
 # kernels of the package, and functions of numba's own, that linear statics takes
-KERNELS, LIBRARY = 40, 57
+KERNELS, LIBRARY = 47, 9
 RUN = """
 import json, sys
 from numba.core import event
