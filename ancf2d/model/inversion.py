@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements.formulations.base import cross
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .mesh import STATIONS, BodyMesh
@@ -17,23 +16,23 @@ def _orientation(mesh: BodyMesh, e: Array, before: Array | None) -> Array:
     The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
     them, and for sections normal to the axis its direction beside that of the state ``before`` (coordinates, or None).
     """
-    out = np.ones((len(mesh.dofs), len(STATIONS)))
     nc, kind = mesh.plan.element.components, mesh.plan.element.section_kind
-    for k in range(len(mesh.classes)):
-        rows = mesh.cls == k
-        local = e[mesh.dofs[rows]].reshape(rows.sum(), -1, nc)
-        S_x, S_y, S = mesh.axis_rows[k]
-        along = np.einsum("sk,ekc->esc", S_x, local)
-        if kind == "interpolated":
-            out[rows] = cross(along, np.einsum("sk,ekc->esc", S_y, local))
-        elif kind == "theta":
-            theta = np.einsum("sk,ek->es", S, local[..., 2])
-            out[rows] = along[..., 0] * np.cos(theta) + along[..., 1] * np.sin(theta)
-        elif before is not None:
-            old = before[mesh.dofs[rows]].reshape(rows.sum(), -1, nc)
-            was = np.einsum("sk,ekc->esc", S_x, old)
-            out[rows] = (along * was).sum(axis=2)
-    return out
+    S_x, S_y, S = (rows[0] if len(rows) == 1 else np.stack(rows)[mesh.cls]
+                   for rows in zip(*mesh.axis_rows, strict=True))
+
+    def values(rows: Array, q: Array, component: int) -> Array:
+        of = q[mesh.dofs[:, component::nc]]
+        return of @ rows.T if rows.ndim == 2 else np.einsum("esk,ek->es", rows, of)
+
+    x, y = values(S_x, e, 0), values(S_x, e, 1)
+    if kind == "interpolated":
+        return x * values(S_y, e, 1) - y * values(S_y, e, 0)
+    if kind == "theta":
+        theta = values(S, e, 2)
+        return x * np.cos(theta) + y * np.sin(theta)
+    if before is not None:
+        return x * values(S_x, before, 0) + y * values(S_x, before, 1)
+    return np.ones_like(x)
 
 
 def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
