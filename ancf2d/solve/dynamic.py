@@ -32,6 +32,8 @@ STATES = 200
 BEGIN, AHEAD = 1e-3, 0.02
 # share of the energy that may be lost without a word
 LOST = 0.01
+# times what anything has moved, that turning, by half of a section's height, may count as without a word
+WOUND = 10.0
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
@@ -159,6 +161,8 @@ class Run:
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
         if self.inverted is not None:
             state.warnings.append(self.inverted)
+        if self.spec.dt is None:
+            state.warnings += wound_warning(self.model, state.d)
         if self.estimate is not None:
             state.report["accuracy"] = self.estimate.report()
             state.warnings += self.estimate.warnings()
@@ -181,6 +185,23 @@ class Run:
         self.inverted = kept["inverted"].tobytes().decode() or None
         if self.estimate is not None:
             self.estimate.resume(kept)
+
+
+def wound_warning(model: Model, d: Array) -> list[str]:
+    """Return what is to be said of adaptive steps where angles have grown far beyond all displacements.
+
+    Local errors are relative to the largest displacement, and an angle counts as what it moves: after many turns, much
+    more than anything has moved.
+    """
+    angles = np.concatenate([mesh.kinds == 2 for mesh in model.meshes.values()])
+    moved = model.weights * np.abs(d[:model.n_q])
+    wound = float(np.max(moved, where=angles, initial=0.0))
+    share = wound / max(float(np.max(moved, where=~angles, initial=0.0)), model.extent)
+    if share <= WOUND:
+        return []
+    return [f"the error of the steps is larger than the tolerance says: it is relative to the largest displacement, as "
+            f"which turning counts, {share:.2g} times what anything has moved; a tolerance as many times smaller, or a "
+            "type without angles for coordinates, such as vallejo"]
 
 
 def drift_warning(drift: float, estimate: float | None) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -39,3 +40,23 @@ def test_steps_that_are_followed_are_estimated() -> None:
 @pytest.mark.parametrize("row", [c for c in motions.rows() if c.quick], ids=lambda c: c.key)
 def test_motions_hold_or_are_refused_or_told(row: cell.Cell) -> None:
     assert cell.run(replace(row, seconds=600.0)).verdict in ("holds", "degrades", "refused")
+
+
+def spinning(label: str, turns: float, **solver: float) -> ancf2d.Solution:
+    """Return a free rod that has turned so many times."""
+    case = {"bodies": {"rod": Beam(L=1.0, h=0.5, b=0.02, E=2e7).body(BY_LABEL[label], 1, (-0.5, 0.0))},
+            "initial": {"rotation_rate": {"omega": 20.0, "about": [0, 0]}},
+            "solver": {"type": "dynamic", "t_end": math.pi * turns / 10.0, "estimate": False, **solver}}
+    return ancf2d.solve(case, states=False)
+
+
+def test_many_turns_that_loosen_the_tolerance_are_told() -> None:
+    """Angles count as displacements, to which local errors are relative."""
+    assert any("error of the steps is larger than the tolerance" in w
+               for w in spinning("reissner2", 10.0, tolerance=1e-3).warnings)
+
+
+@pytest.mark.parametrize(("label", "turns", "solver"), [
+    ("vallejo", 10.0, {"tolerance": 1e-3}), ("reissner2", 1.0, {"tolerance": 1e-3}), ("reissner2", 10.0, {"dt": 0.01})])
+def test_turns_that_loosen_nothing_are_not(label: str, turns: float, solver: dict[str, float]) -> None:
+    assert not spinning(label, turns, **solver).warnings
