@@ -8,8 +8,6 @@ import dynamics
 from scenes import T_END
 
 Found = dict[str, Any]
-# what stands between the aims and what was measured
-LIMITS = ""
 EXACT, REISSNER, FORCES = dynamics.GEOMETRICALLY_EXACT, dynamics.REISSNER, dynamics.FORCES
 
 
@@ -69,7 +67,7 @@ def scaling_table(found: Found) -> str:
             line["all"] = brief(r["wall_s"])
     body = [[e, n, v["one"], v["each"], v["all"], v["memory"]] for (e, n), v in rows.items()]
     return table(["type", "elements", "processor's time", "per element",
-                  f"wall's, {found['scaling']['cores']} cores free", "memory"], body)
+                  f"wall's, {found['scaling']['cores']} cores", "memory"], body)
 
 
 def exponents(found: Found) -> str:
@@ -108,9 +106,9 @@ def sampling_table(found: Found) -> str:
 
 def modes_table(found: Found) -> str:
     """Return the modes of long meshes."""
-    return table(["elements", "type", "solve", "memory", "first, off the exact one by", "all, off 1000 elements by"],
-                 [[r["elements"], r["element"], brief(r["solve_s"]), f"{r['memory_mb']:.0f} MB", f"{r['to_exact']:.0e}",
-                   f"{r['to_coarse']:.0e}"] for r in found["modes"]])
+    head = ["elements", "type", "whole run", "memory", "first, off the exact one by", "all, off 1000 elements by"]
+    return table(head, [[r["elements"], r["element"], brief(r["process_s"]), f"{r['memory_mb']:.0f} MB",
+                         f"{r['to_exact']:.0e}", f"{r['to_coarse']:.0e}"] for r in found["modes"]])
 
 
 def ladder_table(found: Found, number: int) -> str:
@@ -160,63 +158,3 @@ def explicit_text(found: Found) -> str:
                      f"{r['steps']} steps and {brief(r['measured_s'])} for {r['measured_to']:g} s of motion; "
                      f"{brief(r['extrapolated_s'])} for {T_END[1]:g} s, extrapolated."))
     return "\n".join(f"* {line}" for line in lines)
-
-
-# ---------------------------------------------------------------------- aims
-
-
-def ratio(one: tuple[float, bool] | None, other: tuple[float, bool] | None) -> str:
-    """Return how many times faster one is than the other; ``*`` where a time is extrapolated."""
-    if one is None or other is None:
-        return "not measured"
-    return f"{other[0] / one[0]:.3g} times" + (" *" if one[1] or other[1] else "")
-
-
-def _first(rows: list[Found], **wanted: Any) -> Found:
-    return next((r for r in rows if all(r.get(k) == v for k, v in wanted.items())), {})
-
-
-def aims(found: Found) -> list[list[str]]:
-    """Return what is wanted and what was measured."""
-    out = []
-    for number in (1, 2):
-        ours, theirs = times_at(found, number, REISSNER), times_at(found, number, EXACT)
-        for wanted, factor in ((1e-4, 10), (1e-6, 100)):
-            k = dynamics.WANTED.index(wanted)
-            out.append([f"pendulum ({number}), tip error {wanted:.0e} m: {factor} times faster than Exudyn's "
-                        "geometrically exact beam", ratio(ours[k], theirs[k])])
-    rk, ours = found["motion"]["explicit"].get("RK45", {}), times_at(found, 1, REISSNER)[1]
-    out.append(["pendulum (1), tip error 1e-04 m: 1000 times faster than RK45 with `2d2n`",
-                ratio(ours, (rk["extrapolated_s"], True)) if "extrapolated_s" in rk else "not measured"])
-    rows = found["static"].get("10000", [])
-    own, peer = _first(rows, element="reissner2"), _first(rows, tool="exudyn")
-    if "solve_s" in peer:
-        out.append(["cantilever, 10 000 elements: 5 times faster than Exudyn with `reissner2`",
-                    f"{peer['solve_s'] / own['solve_s']:.1f} times"])
-        out.append(["and no more memory than Exudyn", f"{own['memory_mb']:.0f} MB beside {peer['memory_mb']:.0f} MB"])
-    for element, limit in (("reissner2", 30), ("vallejo", 60)):
-        r = _first(found["scaling"]["rows"], element=element, elements=1_000_000, cores="all")
-        if "solve_s" in r:
-            out.append([f"a million elements `{element}` on 2 cores: {limit} s, 4 GB",
-                        f"{r['wall_s']:.0f} s ({r['solve_s']:.0f} s of the processor), {r['peak_mb'] / 1000:.1f} GB"])
-    for e in found["scaling"]["exponents"]:
-        if e["exponent"] is not None:
-            out.append([f"exponent of time over elements with `{e['element']}`: 0.95 to 1.05", f"{e['exponent']:.2f}"])
-    for element, limit in (("reissner2", 0.3), ("vallejo", 1.0)):
-        r = _first(found["arithmetic"]["iterations"], element=element)
-        out.append([f"one Newton iteration, 100 000 elements `{element}`: {limit} us per element",
-                    f"{r['all']:.2f} us"])
-    for element, limit in (("reissner2", 8), ("vallejo", 25)):
-        r = _first(found["motion"]["steps"], element=element)
-        out.append([f"one full Newton step of pendulum (2), 8 elements `{element}`: {limit} us",
-                    f"{r['step_us']:.1f} us"])
-    start = found["start"]
-    out.append(["a warm run of a small case: 0.4 s over the imports alone",
-                f"{start['run'] - start['the imports alone']:.2f} s"])
-    out.append(["the first run ever: 10 s", f"{start['first run ever']:.1f} s"])
-    return out
-
-
-def aims_table(found: Found) -> str:
-    """Return the aims as a table."""
-    return table(["wanted", "measured"], aims(found))

@@ -17,6 +17,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import aims
 import arithmetic
 import dynamics
 import eigen
@@ -66,9 +67,9 @@ the ratios more than the seconds.
 What this program is meant to reach beside what it reached in this run, on one core where nothing else is said. `*`: a
 time is extrapolated, as told below.
 
-{page.aims_table(found)}
+{aims.aims_table(found)}
 
-{page.LIMITS}
+{aims.limits(found)}
 
 ## Start
 
@@ -87,7 +88,8 @@ imports.
 ## Cost against size
 
 The same beam and load, ten load steps, from 8 to a million elements; memory is that above the imports. From 1000
-elements on time grows with the number of elements to the power of {page.exponents(found)}.
+elements on time grows with the number of elements to the power of {page.exponents(found)}. The
+wall's time is that of a machine with other work to do.
 
 {page.scaling_table(found)}
 
@@ -95,8 +97,8 @@ elements on time grows with the number of elements to the power of {page.exponen
 
 One core reaches {peak / 1e9:.0f} billion operations per second here, in chains of multiply-adds that stay in its
 registers. Operations are those that forces, and forces with the lower half of the tangent, take by the shapes of the
-law, zeros of B left out, as `scripts/bench/arithmetic.py` states them; the time is that of {arithmetic.ELEMENTS}
-elements, per element.
+law, zeros of B left out, as `scripts/bench/arithmetic.py` states them; the time is that of an element among
+{arithmetic.ELEMENTS}.
 
 {page.kernel_table(found)}
 
@@ -109,14 +111,15 @@ One Newton iteration of {arithmetic.MANY} elements, per element, on one core:
 How few points keep each type's accuracy: its own quadrature beside one point fewer and one more along and across. A
 slender and a thick cantilever under large loads, 8 elements; errors are relative to 32 elements of the type with its
 own points. Fewer points leave motions without strain; more points lock (`reissner2`, `reissner3`, `kerkkanen`,
-`vallejo` along the axis) or change nothing that matters.
+`vallejo` and `2d2n` along the axis) or change little for more time. Only `patel` would do with one point fewer across,
+which its source does not have.
 
 {page.sampling_table(found)}
 
 ## Modes of many elements
 
-The 20 lowest modes of Table 3's beam (its Timoshenko solution: 95.63398088 rad/s for the first). Memory is the whole
-process.
+The 20 lowest modes of Table 3's beam (its Timoshenko solution: 95.63398088 rad/s for the first). Time and memory are
+those of the whole process, imports included.
 
 {page.modes_table(found)}
 

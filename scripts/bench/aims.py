@@ -1,0 +1,136 @@
+"""What the program is meant to reach in speed, beside what was measured; where it does not, why and what was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import dynamics
+from page import EXACT, REISSNER, Found, brief, table, times_at
+
+Aim = tuple[str, str, str, bool]
+# of aims that are not reached, by the first word of their names
+NOTES = {
+    "pendulum-1": (
+        "Pendulum (1): most of the time goes into Newton's iterations. Axial stiffness is half a million times "
+        "that of bending here (EA L^2/EI), and steps of more than 0.01 s take so many more iterations that they "
+        "gain nothing; shorter ones, order 9 and generalized alpha were tried and are among the runs below."),
+    "pendulum-2": (
+        "Pendulum (2) to 1e-6 m: gravity that sets in at once sends fronts through the thick bar across which "
+        "accelerations jump, and no order in space outlives that: from 16 to 128 elements of `reissner3` the "
+        "error falls by a factor of 2 to 3 with each halving, and 256 are needed. `vallejo`, and `ancf` of order "
+        "5 along the axis, did no better (2e-6 m with 32 of its elements, in twice the time)."),
+    "iteration": (
+        "One Newton iteration: {iteration}. An element with three nodes adds eight unknowns to a band of twelve, "
+        "which are factored one by one: its middle node is not eliminated beforehand, and the band is read and "
+        "written from memory."),
+    "step": (
+        "One full Newton step: each of its two iterations makes forces and tangent of 8 elements and factors a "
+        "band of a few dozen unknowns, sizes at which calls and short loops cost more than the arithmetic."),
+    "million": (
+        "A million elements: thirty-odd iterations at the cost that the table of one iteration tells, with "
+        "matrices far beyond the caches; one core does the work, as factors of a chain go from one end to the "
+        "other."),
+    "memory": (
+        "Memory: the band, two states of the path and the tables of the mesh; they are what the solution needs."),
+    "cantilever": (
+        "The cantilever: as one Newton iteration, below."),
+    "exponent": (
+        "The exponent: small meshes are in the caches and large ones are not."),
+    "explicit": (
+        "RK45: see pendulum (1)."),
+    "start": (
+        "Starting: beyond the imports a warm run loads kernels from the cache and reads, checks and writes the "
+        "case; `scripts/bench/startup.py` times each way to start."),
+    "first": (
+        "The first run ever compiles the kernels of the law, the matrix and the solver that the case needs; those "
+        "of others wait until they are needed. What remains is the compiler's own time.")}
+
+
+def _first(rows: list[Found], **wanted: Any) -> Found:
+    return next((r for r in rows if all(r.get(k) == v for k, v in wanted.items())), {})
+
+
+def _times(name: str, text: str, factor: float, ours: Any, theirs: Any) -> Iterator[Aim]:
+    """Yield an aim to be so many times faster; ``*`` where a time is extrapolated."""
+    if ours is not None and theirs is not None:
+        times = theirs[0] / ours[0]
+        star = " *" if ours[1] or theirs[1] else ""
+        yield name, text, f"{times:.3g} times{star} ({brief(ours[0])} beside {brief(theirs[0])})", times >= factor
+
+
+def _at_most(name: str, text: str, limit: float, found: float | None, unit: str, more: str = "") -> Iterator[Aim]:
+    if found is not None:
+        yield name, f"{text}: {limit:g} {unit}", f"{found:.2f} {unit}{more}", found <= limit
+
+
+def motion_aims(found: Found) -> Iterator[Aim]:
+    """Yield what is wanted of motion."""
+    for number in (1, 2):
+        ours, theirs = times_at(found, number, REISSNER), times_at(found, number, EXACT)
+        for wanted, factor in ((1e-4, 10), (1e-6, 100)):
+            k = dynamics.WANTED.index(wanted)
+            text = (f"pendulum ({number}) with a tip error of {wanted:.0e} m: {factor} times faster than Exudyn's "
+                    "geometrically exact beam")
+            yield from _times(f"pendulum-{number}", text, factor, ours[k], theirs[k])
+    rk = found["motion"]["explicit"].get("RK45", {})
+    if "extrapolated_s" in rk:
+        text = "pendulum (1) with a tip error of 1e-04 m: 1000 times faster than RK45 with `2d2n`"
+        yield from _times("explicit", text, 1000, times_at(found, 1, REISSNER)[1], (rk["extrapolated_s"], True))
+    for element, limit in (("reissner2", 8), ("2d2n", 25), ("vallejo", 25)):
+        r = _first(found["motion"]["steps"], tool="ancf2d", element=element)
+        yield from _at_most("step", f"one full Newton step of pendulum (2), 8 elements `{element}`", limit,
+                            r.get("step_us"), "us")
+
+
+def static_aims(found: Found) -> Iterator[Aim]:
+    """Yield what is wanted of statics."""
+    rows = found["static"].get("10000", [])
+    own, peer = _first(rows, element="reissner2"), _first(rows, tool="exudyn")
+    if "solve_s" in peer and "solve_s" in own:
+        text = "cantilever of 10 000 elements: 5 times faster than Exudyn, with `reissner2`"
+        yield from _times("cantilever", text, 5, (own["solve_s"], False), (peer["solve_s"], False))
+        yield ("memory", "and with no more memory", f"{own['memory_mb']:.0f} MB beside {peer['memory_mb']:.0f} MB",
+               own["memory_mb"] <= peer["memory_mb"])
+    for element, limit in (("reissner2", 30), ("vallejo", 60)):
+        r = _first(found["scaling"]["rows"], element=element, elements=1_000_000)
+        more = f" of the processor, {brief(r['wall_s'])} of the wall, {r['peak_mb'] / 1000:.1f} GB" if r else ""
+        yield from _at_most("million", f"a million elements `{element}`, ten load steps, 4 GB", limit,
+                            r.get("solve_s"), "s", more)
+    for e in found["scaling"]["exponents"]:
+        if e["exponent"] is not None:
+            yield ("exponent", f"exponent of time over elements with `{e['element']}`, from 1000 on: 0.95 to 1.05",
+                   f"{e['exponent']:.2f}", 0.95 <= round(e["exponent"], 2) <= 1.05)
+    for element, limit in (("reissner2", 0.3), ("2d2n", 1.0), ("vallejo", 1.0)):
+        r = _first(found["arithmetic"]["iterations"], element=element)
+        yield from _at_most("iteration", f"one Newton iteration of 100 000 elements `{element}`, per element", limit,
+                            r.get("all"), "us")
+
+
+def start_aims(found: Found) -> Iterator[Aim]:
+    """Yield what is wanted of starting."""
+    start = found["start"]
+    yield from _at_most("start", "a warm run of a small case over the imports alone", 0.4,
+                        start["run"] - start["the imports alone"], "s")
+    yield from _at_most("first", "the first run ever", 10, start["first run ever"], "s")
+
+
+def aims(found: Found) -> list[Aim]:
+    """Return (name, what is wanted, what was measured, whether it is reached)."""
+    return [*motion_aims(found), *static_aims(found), *start_aims(found)]
+
+
+def aims_table(found: Found) -> str:
+    """Return the aims as a table."""
+    return table(["wanted", "measured", "reached"],
+                 [[wanted, measured, "yes" if met else "no"] for _, wanted, measured, met in aims(found)])
+
+
+def limits(found: Found) -> str:
+    """Return what stands between the aims that are not reached and what was measured."""
+    missed = dict.fromkeys(name for name, _, _, met in aims(found) if not met)
+    parts = ", ".join(f"`{r['element']}` {r['force, tangent, assembly']:.2f} us for forces, tangent and assembly, "
+                      f"{r['factor']:.2f} us for the factors, {r['solve']:.2f} us for the solution"
+                      for r in found["arithmetic"]["iterations"])
+    lines = [f"* {NOTES[name].format(iteration=parts)}" for name in missed]
+    return "\n".join(["What is not reached, and why:", "", *lines]) if lines else "All of them are reached."
