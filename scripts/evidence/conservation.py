@@ -100,11 +100,12 @@ def steady(element: str, solver: str, turns: float) -> tuple[float, int, float]:
     return float(np.max(np.abs(strain / strain[0] - 1.0))), motion.summary["steps"], motion.summary["wall_s"]
 
 
-def spun(element: str, solver: str, turns: float) -> float:
-    """Return the largest relative change of energy and angular momentum of a rod that turns freely."""
+def spun(element: str, solver: str, turns: float) -> tuple[float, list[str]]:
+    """Return the largest relative change of energy and angular momentum of a rod that turns freely, and warnings."""
     motion = turning(element, solver, turns)
     total, momentum = np.array([e["kinetic"] + e["strain"] for e in motion.energies]), motion.momenta[:, 2]
-    return float(max(np.max(np.abs(total / total[0] - 1.0)), np.max(np.abs(momentum / momentum[0] - 1.0))))
+    change = max(np.max(np.abs(total / total[0] - 1.0)), np.max(np.abs(momentum / momentum[0] - 1.0)))
+    return float(change), motion.outcome.warnings
 
 
 def steadies(turns: float) -> str:

@@ -106,7 +106,7 @@ def spun(label: str, solver: str) -> Found:
     ``energy_momentum`` keeps both, but for round-off. Adaptive steps err by their tolerance each, and the energy by
     twice that: 3e5 steps, thirty a turn, may lose 6e-5 at 1e-10.
     """
-    return Found(conservation.spun(label, solver, 1e4))
+    return Found(*conservation.spun(label, solver, 1e4))
 
 
 def over_the_top(label: str, speed: float) -> Found:

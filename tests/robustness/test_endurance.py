@@ -14,7 +14,7 @@ from endurance import repeats, scenes, stops
 
 
 def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None:
-    repeats.growth(3)  # what is made once
+    repeats.growth(30)  # what is made once, some of it late
     found = repeats.growth(30)
     assert set(found.others.values()) == {0}
     assert (found.late.files, found.late.threads) == (found.early.files, found.early.threads)
