@@ -55,7 +55,8 @@ the ratios more than the seconds.
 * A small case takes about as long as the imports of Python's numerical libraries; `--help` and `validate` load no
   compiler. The first run of a formulation compiles its kernels; they are kept in the user's cache folder under a name
   that changes with the sources, so that they are never stale.
-* Time and memory grow in proportion to the number of elements. A chain of elements is factored as a band.
+* Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
+  band.
 * Motion is integrated by high order (`radau5`, `radau9`): smooth motion takes few steps, and wanted digits cost little
   more. Fixed steps with `estimate: false` do without the coarser runs beside, which tell how far the result is right. A
   state that is stored costs about 0.1 ms on top, whatever the step.
