@@ -56,7 +56,7 @@ def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def strain_action(group, d, v, out):  # type: ignore[no-untyped-def]
+def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     """Add K(d) v to ``out`` (full coordinates) by way of the strains that v makes.
 
     The entries of K of fine meshes are large and cancel; strains are small differences taken once, so that this
@@ -87,23 +87,6 @@ def element_matrices(group, d, start, Q, K):  # type: ignore[no-untyped-def]
                 K[first - start + m, b, a] = Ke[x, m]
         first += count
     return energy
-
-
-@kernel
-def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
-    """Add K(d) v, summed over elements in full coordinates, to ``out``."""
-    first, last = 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        call_batch(group.plan.forces, (TANGENT, group, d, d, first, count, 0, 0.0))
-        _, Ke = results(group, count)
-        for m in range(count):
-            for x in range(len(Ke)):
-                a, b = group.dofs[first + m, group.plan.entries[x, 0]], group.dofs[first + m, group.plan.entries[x, 1]]
-                out[a] += Ke[x, m] * v[b]
-                if a != b:
-                    out[b] += Ke[x, m] * v[a]
-        first += count
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.elements import strain_action
+from ..kernels.elements import tangent_action
 from ..kernels.mass import band_product
 from ..model.model import Model
 from .linear import GeneralSparse, Pivots, make_matrix
@@ -101,7 +101,7 @@ class Pencil:
         """Return K v in full coordinates, by way of the strains."""
         out = np.zeros(len(v))
         for group in self.model.groups:
-            strain_action(group, self.d, v, out)
+            tangent_action(group, self.d, v, out)
         for _, _, K, dofs in self.system.patches(self.d, self.t, elastic=not self.loads):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out

@@ -112,7 +112,6 @@ def _touch(model: Model) -> None:
         scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
     d = np.zeros(len(num.place))
     if isinstance(model.case.solver, Eigen | Buckling):
-        from ..kernels.elements import strain_action
         from ..kernels.mass import band_product, scatter_classes
 
         no_index = np.zeros(0, dtype=np.int64)
@@ -121,14 +120,11 @@ def _touch(model: Model) -> None:
     for group in model.groups:
         none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
         force_tangent(none, d, 1.0, d, matrix.target, *tables)
-        linear = isinstance(model.case.solver, LinearStatic)
-        if not linear:
+        if not isinstance(model.case.solver, LinearStatic):
             force(none, d, d)
             force_noise(none, d, d)
-        if model.moves or linear:
+        if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
             tangent_action(none, d, d, d)
-        if isinstance(model.case.solver, Eigen | Buckling):
-            strain_action(none, d, d, d)
         if asks_for_forces(model.case):
             n = none.law.B.shape[3]
             element_matrices(none, d, 0, np.zeros((0, n)), np.zeros((0, n, n)))

@@ -18,8 +18,9 @@ from ancf2d.study.run import load, run_case, vocabulary
 CASES = Path(__file__).parents[2] / "cases"
 FILES = sorted(CASES.rglob("*.yaml"))
 EVERY = pytest.mark.parametrize("case", FILES, ids=[str(f.relative_to(CASES).with_suffix("")) for f in FILES])
-# one solution of the linear equations of 128 slender elements loses this much to round-off
-ROUND_OFF = {"fig4_linear_2d2n": 1e-7, "fig4_linear_2d3n": 1e-5}
+# one solution of the linear equations of 128 slender elements loses this much to round-off; all pairs of a stiff matrix
+# at once as much as they differ where the same beam lies at another angle
+ROUND_OFF = {"fig4_linear_2d2n": 1e-7, "fig4_linear_2d3n": 1e-5, "rotating_cantilever_vallejo": 5e-9}
 # steps of a motion are chosen by estimates whose last digits are round-off
 MOTION = 1e-5
 
