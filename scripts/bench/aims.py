@@ -31,7 +31,7 @@ NOTES = {
         "band of a few dozen unknowns, sizes at which calls and short loops cost more than the arithmetic."),
     "million": (
         "A million elements: {count}. Up to 100 000 elements as many are needed as for eight; the more there are "
-        "beyond, in elements of 2e-6 m, the more round-off keeps increments from falling. One core does the work, "
+        "beyond, in elements of 2e-6 m, the more, probably as round-off keeps increments from falling. One core does the work, "
         "as the factors of a chain go from one end to the other."),
     "memory": (
         "Memory: the band, two states of the path and the tables of the mesh; they are what the solution needs."),
@@ -39,7 +39,7 @@ NOTES = {
         "The cantilever: as one Newton iteration, below."),
     "exponent": (
         "The exponent: an iteration of a million elements takes a quarter to a third more time per element than one of "
-        "100 000, as vectors outgrow the caches, and there are more of them, as told above."),
+        "100 000, probably as vectors outgrow the caches, and there are more of them, as told above."),
     "explicit": (
         "RK45: see pendulum (1)."),
     "start": (
