@@ -31,8 +31,8 @@ NOTES = {
         "band of a few dozen unknowns, sizes at which calls and short loops cost more than the arithmetic."),
     "million": (
         "A million elements: {count}. Up to 100 000 elements as many are needed as for eight; the more there are "
-        "beyond, in elements of 2e-6 m, the more, probably as round-off keeps increments from falling. One core does the work, "
-        "as the factors of a chain go from one end to the other."),
+        "beyond, in elements of 2e-6 m, the more, probably as round-off keeps increments from falling. One core does "
+        "the work, as the factors of a chain go from one end to the other."),
     "memory": (
         "Memory: the band, two states of the path and the tables of the mesh; they are what the solution needs."),
     "cantilever": (
