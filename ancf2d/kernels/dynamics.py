@@ -111,6 +111,17 @@ def to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
 
 
 @inner
+def sizes_to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
+    """Fill |T|^T of sizes of full forces: (n,), what those of opposite signs cannot cancel."""
+    for i in range(len(out)):
+        out[i] = full[p.full[i]]
+    for k in range(len(p.dependents)):
+        f = full[p.dependents[k]]
+        for m in range(p.indptr[k], p.indptr[k + 1]):
+            out[p.index[m]] += abs(p.value[m]) * f
+
+
+@inner
 def _points(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
     if points is None:
         return 0.0, 0.0
@@ -304,10 +315,10 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     _patch_noise(p.points, p.sliding, w.d, w.other)
     for m in range(len(p.load_coord)):
         w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])
-    to_unknowns(p, w.other, w.y)
+    sizes_to_unknowns(p, w.other, w.y)
     n, bw = len(w.y), p.mass.shape[1] - 1
     for i in range(n):
-        bound = abs(w.y[i])
+        bound = w.y[i]
         for j in range(max(0, i - bw), min(n, i + bw + 1)):
             m = p.mass[i, bw + j - i] if j <= i else p.mass[j, bw + i - j]
             bound += abs(m * (abs(a[j]) + p.alpha * abs(v[j])) * p.coordinate[j])

@@ -1,0 +1,31 @@
+"""Sizes of full forces as seen by the unknowns: at least what forces of any signs come to."""
+
+from __future__ import annotations
+
+import helpers as h
+import numba
+import numpy as np
+
+from ancf2d.kernels.dynamics import sizes_to_unknowns, to_unknowns
+from ancf2d.solve.problem import make_problem
+
+
+@numba.njit
+def reduced(p, full, sizes, out, bound):  # type: ignore[no-untyped-def]
+    to_unknowns(p, full, out)
+    sizes_to_unknowns(p, sizes, bound)
+
+
+def test_sizes_do_not_cancel_where_a_coordinate_depends_on_others_with_both_signs() -> None:
+    """A clamp between nodes makes coordinates differences of others: round-off there does not cancel as forces do."""
+    beam = {"b": h.body(h.line(1.0), h.element("vallejo", 2), {"height": 0.1, "width": 0.1})}
+    model = h.build(beam, {"type": "dynamic", "t_end": 1.0, "dt": 0.1}, bc=[{"type": "clamp", "at": "b@0.3"}])
+    p, _ = make_problem(model)
+    assert (p.value < 0.0).any()
+    assert (p.value > 0.0).any()
+    rng, n = np.random.default_rng(1), len(p.full)
+    out, bound = np.zeros(n), np.zeros(n)
+    for _ in range(20):
+        full = rng.choice([-1.0, 1.0], len(p.place))
+        reduced(p, full, np.abs(full), out, bound)
+        assert np.all(np.abs(out) <= bound * (1 + 1e-14))
