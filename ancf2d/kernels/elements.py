@@ -108,6 +108,7 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
                     ub[i] = 0.0
                     for a in range(n):
                         ub[i] += abs(law.B[q, i, s, a] * d[group.dofs[ie, a]])
+                _turn_sizes(group, ie, ub)
                 sb[:] = 0.0
                 _add_sizes(group, at.rows, slot.J, s, ub, sb, False)
                 for p in range(ns):
@@ -116,9 +117,20 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
                         tb[p] += abs(law.D[q, p, r, s]) * sb[r]
                 ub[:] = 0.0
                 _add_sizes(group, at.rows, slot.J, s, ub, tb, True)
+                _turn_sizes(group, ie, ub)
                 for i in range(nu):
                     for a in range(n):
                         out[group.dofs[ie, a]] += abs(law.B[q, i, s, a]) * ub[i]
+
+
+@inlined
+def _turn_sizes(group, ie, fields):  # type: ignore[no-untyped-def]
+    """Turn the sizes of fields into the frame of an element, or out of it: both ways they can sum up alike."""
+    t, vectors = ie if len(group.turn) > 1 else 0, group.plan.vectors
+    c, s = abs(group.turn[t, 0]), abs(group.turn[t, 1])
+    for v in range(len(vectors)):
+        x, y = fields[vectors[v, 0]], fields[vectors[v, 1]]
+        fields[vectors[v, 0]], fields[vectors[v, 1]] = c * x + s * y, s * x + c * y
 
 
 @inlined

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.kernels.elements import element_matrices, force, force_tangent, stations, tangent_action
+from ancf2d.kernels.elements import element_matrices, force, force_noise, force_tangent, stations, tangent_action
 from ancf2d.kernels.matrix import Csr
 
 CASES = [(*v, g) for v in helpers.VARIANTS for g in helpers.GEOMETRIES]
@@ -181,3 +181,21 @@ def test_station_values_give_the_energy():
     eps, sigma = np.zeros(shape), np.zeros(shape)
     stations(group, d, eps, sigma)
     assert 0.5 * np.sum(eps * sigma) == pytest.approx(energy_and_force(model, d)[0], rel=1e-13)
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+def test_what_round_off_can_leave_turns_with_the_body(name, formulation):
+    """A beam along y in the state of one along x: the same sizes, of y where they were of x."""
+    noises = []
+    for turned in (False, True):
+        model = model_of(name, formulation, {"type": "line", "start": [0, 0], "end": [0, 1.5] if turned else [1.5, 0]})
+        nc, n = model.meshes["b"].plan.element.components, model.n_q
+        d = helpers.random_state(model, SIZE)[:n].reshape(-1, nc)
+        d[:, 1] *= 1e-3
+        d[:, :2] = d[:, 1::-1] * [-1.0, 1.0] if turned else d[:, :2]
+        out = np.zeros(n)
+        force_noise(model.groups[0], d.ravel().copy(), out)
+        out = out.reshape(-1, nc)
+        out[:, :2] = out[:, 1::-1] if turned else out[:, :2]
+        noises.append(out)
+    np.testing.assert_allclose(noises[1], noises[0], rtol=1e-6)
