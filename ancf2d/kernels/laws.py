@@ -1,6 +1,6 @@
 """The laws of points, compiled each by itself and called by address: all other kernels are compiled once for every law.
 
-A law works on rows of a work buffer (``lanes``): what it does is told by a number, to which rows by theirs.
+A law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number.
 """
 
 from __future__ import annotations
