@@ -1,13 +1,24 @@
 """Symmetric band LDL^T without pivoting: factor, solve, inertia; complex symmetric ones too.
 
-Storage is row by row: ``A[i, bw + j - i] = K[i, j]`` for i - bw <= j <= i, shape (n, bw + 1).
+Storage is row by row: ``A[i, bw + j - i] = K[i, j]`` for i - bw <= j <= i, shape (n, bw + 1). Four pivots are taken out
+at a time, in blocks of four rows and four columns; narrow bands and what is left at the end one by one.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .jit import kernel
+from .blocks import backward, eliminate, forward, room, take, take_diagonal
+from .jit import inlined, kernel
+from .stack import numbers
+
+# below this half bandwidth, blocks of four would reach over more than one row
+NARROW = 4
+
+
+@inlined
+def _size(x):  # type: ignore[no-untyped-def]
+    return abs(x.real) + abs(x.imag)
 
 
 @kernel
@@ -16,40 +27,103 @@ def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
 
     ``A`` holds L below and D on the diagonal afterwards. A pivot is bad where it is not a number or
     smaller than ``tiny`` times the terms that it is the difference of: the system is singular there.
-    Each pivot is taken out of the rows below it at once: rows are contiguous, and nothing waits for a sum.
+    Sizes of complex numbers are |re| + |im|.
     """
-    n, w = A.shape
-    return ldl_factor_with(A, tiny, np.empty(w, A.dtype), np.empty(n))
+    return ldl_factor_with(A, tiny, np.empty(len(A)))
 
 
 @kernel
-def ldl_factor_with(A, tiny, column, scale):  # type: ignore[no-untyped-def]
-    """Do as ``ldl_factor`` does, with arrays to work in: column (bw + 1 or more,) of A's kind, scale (n,)."""
+def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
+    """Do as ``ldl_factor`` does, with an array (n,) to work in."""
     n, w = A.shape
     bw = w - 1
-    negative = 0
-    smallest = np.inf
     for i in range(n):
-        scale[i] = abs(A[i, bw])
-    for k in range(n):
+        scale[i] = _size(A[i, bw])
+    bad, negative, smallest, k = -1, 0, np.inf, 0
+    if bw >= NARROW:
+        flat, C = A.reshape(n * w), numbers(A, room(bw))
+        while bad < 0 and k + 4 <= n:
+            bad, found, least = _four_pivots(A, flat, k, tiny, scale, C)
+            negative += found
+            smallest = min(smallest, least)
+            k += 4
+    while bad < 0 and k < n:
         d = A[k, bw]
-        ratio = abs(d) / scale[k] if scale[k] > 0.0 else 0.0
-        if ratio < smallest:
-            smallest = ratio
+        ratio = _size(d) / scale[k] if scale[k] > 0.0 else 0.0
+        smallest = min(smallest, ratio)
         if not ratio > tiny:
-            return k, negative, smallest
-        if d.real < 0.0:
-            negative += 1
-        over = 1.0 / d
-        for m in range(min(bw, n - 1 - k)):
-            i = k + 1 + m
-            x = A[i, bw - 1 - m]
-            l = x * over
-            column[m] = x
-            A[i, bw - 1 - m] = l
-            scale[i] += abs(l * x)
-            for j in range(m + 1):
-                A[i, bw - m + j] -= l * column[j]
+            bad = k
+        else:
+            negative += d.real < 0.0
+            _one_pivot(A, k, scale)
+            k += 1
+    return bad, negative, smallest
+
+
+@inlined
+def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
+    """Take pivot k out of the rows below it, from the last on: those above still hold what it multiplies them by."""
+    n, w = A.shape
+    bw = w - 1
+    over = 1.0 / A[k, bw]
+    for i in range(min(k + bw, n - 1), k, -1):
+        x = A[i, bw + k - i]
+        l = x * over
+        for j in range(k + 1, i + 1):
+            A[i, bw + j - i] -= l * A[j, bw + k - j]
+        A[i, bw + k - i] = l
+        scale[i] += _size(l * x)
+
+
+@inlined
+def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
+    """Factor the four rows of four pivots, the first at entry ``at``; return (D, 1/D, L D below the pivots, sizes).
+
+    Sizes are those of the terms that pivots 1, 2, 3 are less by.
+    """
+    b, c, d = at + bw, at + 2 * bw, at + 3 * bw
+    d0, x10, x20, x30 = flat[at], flat[b], flat[c], flat[d]
+    o0 = 1.0 / d0
+    l10, l20, l30 = x10 * o0, x20 * o0, x30 * o0
+    d1 = flat[b + 1] - l10 * x10
+    o1 = 1.0 / d1
+    x21, x31 = flat[c + 1] - l20 * x10, flat[d + 1] - l30 * x10
+    l21, l31 = x21 * o1, x31 * o1
+    d2 = flat[c + 2] - l20 * x20 - l21 * x21
+    o2 = 1.0 / d2
+    x32 = flat[d + 2] - l30 * x20 - l31 * x21
+    l32 = x32 * o2
+    d3 = flat[d + 3] - l30 * x30 - l31 * x31 - l32 * x32
+    flat[b], flat[b + 1] = l10, d1
+    flat[c], flat[c + 1], flat[c + 2] = l20, l21, d2
+    flat[d], flat[d + 1], flat[d + 2], flat[d + 3] = l30, l31, l32, d3
+    sizes = (_size(l10 * x10), _size(l20 * x20) + _size(l21 * x21),
+             _size(l30 * x30) + _size(l31 * x31) + _size(l32 * x32))
+    return (d0, d1, d2, d3), (o0, o1, o2, 1.0 / d3), (x10, x20, x21, x30, x31, x32), sizes
+
+
+@inlined
+def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
+    """Take pivots k, ..., k + 3 out of the rows below; return (bad row or -1, negative pivots, smallest of them)."""
+    n, w = A.shape
+    bw = w - 1
+    D, over, below, sizes = _triangle(flat, k * w + bw, bw)
+    for p in range(3):
+        scale[k + 1 + p] += sizes[p]
+    negative, smallest = 0, np.inf
+    for p in range(4):
+        ratio = _size(D[p]) / scale[k + p] if scale[k + p] > 0.0 else 0.0
+        smallest = min(smallest, ratio)
+        if not ratio > tiny:
+            return k + p, negative, smallest
+        negative += D[p].real < 0.0
+    stride = (len(C) - 16) // 4
+    for m in range(4, min(bw + 4, n - k), 4):
+        at, count = (k + m) * w + bw - m, n - k - m
+        if eliminate(flat, at, bw, m - bw, count, C, stride, m - 4, scale, k + m, over, below):
+            for j in range(4, m, 4):
+                take(flat, at + j, bw, count, C, stride, j - 4)
+            take_diagonal(flat, at + m, bw, count, C, stride, m - 4)
     return -1, negative, smallest
 
 
@@ -58,13 +132,51 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
     n, w = A.shape
     bw = w - 1
-    for k in range(n):
-        s = x[k]
-        for m in range(min(bw, n - 1 - k)):
-            x[k + 1 + m] -= A[k + 1 + m, bw - 1 - m] * s
+    flat, fours = A.reshape(n * w), n // 4 if bw >= NARROW else 0
+    for p in range(fours):
+        _forward(A, flat, x, 4 * p)
+    for k in range(4 * fours, n):
+        for i in range(k + 1, min(k + bw, n - 1) + 1):
+            x[i] -= A[i, bw + k - i] * x[k]
     for i in range(n):
         x[i] /= A[i, bw]
-    for i in range(n - 1, -1, -1):
-        s = x[i]
-        for j in range(max(0, i - bw), i):
-            x[j] -= A[i, bw + j - i] * s
+    for i in range(n - 1, 4 * fours - 1, -1):
+        for j in range(max(4 * fours, i - bw), i):
+            x[j] -= A[i, bw + j - i] * x[i]
+    for p in range(fours - 1, -1, -1):
+        _backward(A, flat, x, 4 * p)
+
+
+@inlined
+def _forward(A, flat, x, k):  # type: ignore[no-untyped-def]
+    """Solve for x[k:k + 4], and take what they make from those below."""
+    n, w = A.shape
+    bw = w - 1
+    for i in range(k + 1, k + 4):
+        for j in range(k, i):
+            x[i] -= A[i, bw + j - i] * x[j]
+    for i in range(k + 4, min(k + bw + 4, n), 4):
+        if i + 4 <= n:
+            forward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
+        else:
+            for r in range(i, n):
+                for j in range(max(k, r - bw), k + 4):
+                    x[r] -= A[r, bw + j - r] * x[j]
+
+
+@inlined
+def _backward(A, flat, x, k):  # type: ignore[no-untyped-def]
+    """Take from x[k:k + 4] what those below make, the nearest last, and solve for them."""
+    n, w = A.shape
+    bw = w - 1
+    for b in range((min(bw, n - k - 4) + 3) // 4, 0, -1):
+        i = k + 4 * b
+        if i + 4 <= n:
+            backward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
+        else:
+            for r in range(i, n):
+                for j in range(max(k, r - bw), k + 4):
+                    x[j] -= A[r, bw + j - r] * x[r]
+    for i in range(k + 3, k, -1):
+        for j in range(k, i):
+            x[j] -= A[i, bw + j - i] * x[i]

@@ -142,7 +142,7 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     while True:
         anew = iteration == 0 or m.full or rate > SLOW
         _balance(m, p, w, s, h, anew)
-        if anew and not factor(w, w.A, w.x):
+        if anew and not factor(w, w.A):
             return SINGULAR, iteration + 1, 0.0, rate
         for i in range(n):
             w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]

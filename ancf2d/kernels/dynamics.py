@@ -290,10 +290,10 @@ def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
 
 
 @inner
-def factor(w, A, column):  # type: ignore[no-untyped-def]
-    """Factor a band (n, bw + 1) in place; return whether it could be. ``column`` (n,) of its kind and w.y are lost."""
+def factor(w, A):  # type: ignore[no-untyped-def]
+    """Factor a band (n, bw + 1) in place; return whether it could be. What is in w.y is lost."""
     w.counts[FACTORS] += 1
-    return ldl_factor_with(A, 1e-16, column, w.y)[0] < 0
+    return ldl_factor_with(A, 1e-16, w.y)[0] < 0
 
 
 @inner

@@ -80,7 +80,7 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         if iteration == 0 or m.full or rate > SLOW:
             forces_tangent(p, w, end.z, end.v, cv)
             add_mass(p, ca + p.alpha * cv, w.A)
-            if not factor(w, w.A, w.x):
+            if not factor(w, w.A):
                 return SINGULAR, iteration + 1, 0.0, rate
         else:
             forces(p, w, end.z, end.v)

@@ -159,7 +159,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
                 if m.damped:
                     v += f * (m.B[i, j] - w.A[i, j])
                 m.C[k, i, j] = v
-        if not factor(w, m.C[k], m.u[k]):
+        if not factor(w, m.C[k]):
             return False
     for i in range(n):
         for j in range(width):
@@ -167,7 +167,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
             if m.damped:
                 v += real * (m.B[i, j] - w.A[i, j])
             m.B[i, j] = v
-    return factor(w, m.B, w.x)
+    return factor(w, m.B)
 
 
 @inlined

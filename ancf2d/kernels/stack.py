@@ -7,6 +7,7 @@ from typing import Any
 from llvmlite import ir
 from numba import carray, types
 from numba.extending import intrinsic
+from numba.np import arrayobj
 
 from .jit import inlined
 
@@ -18,6 +19,22 @@ def _doubles(_: Any, count: Any) -> Any:
         return builder.alloca(ir.DoubleType(), size=args[0])
 
     return types.CPointer(types.float64)(types.intp), generate
+
+
+@intrinsic
+def numbers(_: Any, like: Any, count: Any) -> Any:
+    """Return room for so many numbers of an array's kind, as ``vector`` does; what they are is not said."""
+    kind = types.Array(like.dtype, 1, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = builder.alloca(context.get_data_type(like.dtype), size=args[1])
+        out = arrayobj.make_array(kind)(context, builder)
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(like.dtype)))
+        arrayobj.populate_array(out, data=data, shape=[args[1]], strides=[size], itemsize=size, meminfo=None,
+                                parent=None)
+        return out._getvalue()
+
+    return kind(like, types.intp), generate
 
 
 @inlined

@@ -71,7 +71,7 @@ class SymmetricBand:
         x = np.zeros(len(self.values))
         x[bad] = 1.0
         bw = self.values.shape[1] - 1
-        # L^T x = e_bad over the rows already factored; rows still hold L D where the factorisation broke
+        # L^T x = e_bad over the rows already factored; rows hold L where the factorisation broke
         first = max(0, bad - bw)
         x[first:bad] = -self.values[bad, bw + first - bad:bw]
         for i in range(bad - 1, -1, -1):

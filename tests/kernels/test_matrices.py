@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ancf2d.kernels.band import ldl_factor, ldl_solve
 from ancf2d.kernels.matrix import Band, Csr, SymBand, scatter, scatter_patches
+from ancf2d.solve.linear import SymmetricBand
 
 
 def random_band(rng, n: int, bw: int, definite: bool):
@@ -17,7 +18,7 @@ def random_band(rng, n: int, bw: int, definite: bool):
 
 
 def lower(K, bw: int):
-    A = np.zeros((len(K), bw + 1))
+    A = np.zeros((len(K), bw + 1), dtype=K.dtype)
     for i in range(len(K)):
         for j in range(max(0, i - bw), i + 1):
             A[i, bw + j - i] = K[i, j]
@@ -25,7 +26,7 @@ def lower(K, bw: int):
 
 
 @settings(max_examples=40, deadline=None)
-@given(n=st.integers(1, 30), bw=st.integers(0, 8), seed=st.integers(0, 10**6), definite=st.booleans())
+@given(n=st.integers(1, 40), bw=st.integers(0, 18), seed=st.integers(0, 10**6), definite=st.booleans())
 def test_band_ldl_solves_and_its_negative_pivots_are_the_negative_eigenvalues(n, bw, seed, definite):
     bw = min(bw, n - 1)
     rng = np.random.default_rng(seed)
@@ -49,6 +50,38 @@ def test_band_ldl_names_the_row_where_a_singular_matrix_breaks():
     K[1, 1] = np.nan
     assert ldl_factor(lower(K, 1), 1e-15)[0] == 1
     assert ldl_factor(np.zeros((3, 2)), 1e-15)[0] == 0
+
+
+@settings(max_examples=40, deadline=None)
+@given(n=st.integers(1, 40), bw=st.integers(0, 18), seed=st.integers(0, 10**6), gaps=st.booleans())
+def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):
+    bw = min(bw, n - 1)
+    rng = np.random.default_rng(seed)
+    K = random_band(rng, n, bw, True) + 1j * random_band(rng, n, bw, False)
+    if gaps:  # blocks of zeros in the band are passed over
+        K[np.abs(np.subtract.outer(np.arange(n), np.arange(n))) > bw // 3] = 0.0
+    A, b = lower(K, bw), rng.normal(size=n) + 1j * rng.normal(size=n)
+    assert ldl_factor(A, 1e-14)[0] == -1
+    x = b.copy()
+    ldl_solve(A, x)
+    assert np.linalg.norm(K @ x - b) < 1e-13 * np.linalg.norm(K) * np.linalg.norm(x)
+
+
+@pytest.mark.parametrize("bw", [2, 5, 11, 30])
+@pytest.mark.parametrize("bad", [0, 1, 2, 3, 4, 6, 21, 38, 39])
+def test_the_motion_without_stiffness_is_told_wherever_a_band_breaks(bw, bad):
+    rng = np.random.default_rng(bad)
+    # L D L^T with one pivot zero, in numbers that are exact: K has just one motion without stiffness
+    L = np.tril(np.triu(rng.integers(-1, 2, size=(40, 40)), -bw), -1) + np.eye(40)
+    D = 2.0 ** rng.integers(-2, 3, size=40)
+    D[bad] = 0.0
+    K = L @ np.diag(D) @ L.T
+    matrix = SymmetricBand(40, bw)
+    matrix.values[:] = lower(K, bw)
+    assert matrix.factor().bad == bad
+    x = matrix.null_vector(bad)
+    assert x[bad] == 1.0
+    assert not (K @ x).any()
 
 
 KINDS = ("symmetric band", "general band", "compressed rows")

@@ -1,0 +1,190 @@
+"""Blocks of four rows and four columns of a symmetric band stored row by row: eliminated, and solved with.
+
+A block starts at entry ``at`` of the band ``A`` (flat, rows of bw + 1): row r of it lies r bw entries further. Its
+first ``outside`` + r columns lie left of the band, and only ``count`` rows are there: what is not counts as zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from .jit import inlined
+from .vectors import INDEX, LANES, Four, repeated, transposed
+
+_i = types.intp
+
+
+@inlined
+def room(bw):  # type: ignore[no-untyped-def]
+    """Return how many numbers a factorisation works with: C (4, bw rounded up), then the factors of a block (4, 4)."""
+    return 4 * ((bw + 3) // 4 * 4) + 16
+
+
+class _Block:
+    """Where the rows of a block are, as code is generated that works on it."""
+
+    def __init__(self, context: Any, builder: Any, array_type: Any, array: Any, at: Any, bw: Any) -> None:
+        self.builder, self.is_complex = builder, isinstance(array_type.dtype, types.Complex)
+        self.start, self.bw = builder.gep(context.make_array(array_type)(context, builder, array).data, [at]), bw
+
+    def row(self, r: Any) -> Any:
+        return self.builder.gep(self.start, [self.builder.mul(self.bw, r)])
+
+    def rows(self, count: Any) -> tuple[list[Any], list[Any]]:
+        """Return where the four rows start, the last one again for those that are not there; and which are."""
+        b = self.builder
+        there = [b.icmp_signed("<", ir.Constant(INDEX, r), count) for r in range(LANES)]
+        last = b.sub(count, ir.Constant(INDEX, 1))
+        return [self.row(b.select(t, ir.Constant(INDEX, r), last)) for r, t in enumerate(there)], there
+
+    def inside(self, outside: Any, r: int) -> Any:
+        """Return which of the four columns of row r lie in the band."""
+        b = self.builder
+        lanes = ir.Constant(ir.VectorType(INDEX, LANES), list(range(LANES)))
+        return b.icmp_signed(">=", lanes, repeated(b, b.add(outside, ir.Constant(INDEX, r))))
+
+    def load(self, pointer: Any) -> Four:
+        return Four.load(self.builder, pointer, self.is_complex)
+
+    def zeros(self) -> Four:
+        return Four.zeros(self.builder, self.is_complex)
+
+    def spread(self, value: Any) -> Four:
+        return Four.of(self.builder, value, self.is_complex)
+
+
+def _data(context: Any, builder: Any, array_type: Any, array: Any, at: Any) -> Any:
+    return builder.gep(context.make_array(array_type)(context, builder, array).data, [at])
+
+
+@intrinsic
+def eliminate(_, A, at, bw, outside, count, C, stride, column, scale, row, over, below):  # type: ignore[no-untyped-def]
+    """Turn a block below four pivots to factors l = x/d, and return whether it has any: x goes to columns of C.
+
+    over : (4,) reciprocal pivots; below : what lies below them in their own rows times pivot, (0, 1), (0, 2), (1, 2),
+    (0, 3), (1, 3), (2, 3); C (4, stride) from ``column`` on; behind C the factors again; sizes |l x| add to scale.
+    """
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        A, at, bw, outside, count, C, stride, column, scale, row, over, below = args
+        kinds = signature.args
+        block = _Block(context, builder, kinds[0], A, at, bw)
+        places, there = block.rows(count)
+        old = [block.load(p) for p in places]
+        masks = [block.inside(outside, r) for r in range(LANES)]
+        x = transposed([v.where(mask, block.zeros()) for v, mask in zip(old, masks, strict=True)])
+        inverse = [block.spread(v) for v in cgutils.unpack_tuple(builder, over, LANES)]
+        under = iter([block.spread(v) for v in cgutils.unpack_tuple(builder, below, 6)])
+        l: list[Four] = []
+        total = found = None
+        for q in range(LANES):
+            for p in range(q):
+                x[q] = x[q].less(l[p], next(under))
+            l.append(x[q].times(inverse[q]))
+            size, some = l[q].times(x[q]).sizes(), x[q].any()
+            total, found = (size, some) if q == 0 else (builder.fadd(total, size), builder.or_(found, some))
+            x[q].store(_data(context, builder, kinds[5], C,
+                             builder.add(column, builder.mul(stride, ir.Constant(INDEX, q)))))
+        factors = _data(context, builder, kinds[5], C, builder.mul(stride, ir.Constant(INDEX, LANES)))
+        sizes = _data(context, builder, kinds[8], scale, row)
+        for r, v in enumerate(transposed(l)):
+            v.store(builder.gep(factors, [ir.Constant(INDEX, LANES * r)]))
+            with builder.if_then(there[r], likely=True):
+                v.where(masks[r], old[r]).store(places[r])
+                size = builder.gep(sizes, [ir.Constant(INDEX, r)])
+                more = builder.extract_element(total, ir.Constant(ir.IntType(32), r))
+                builder.store(builder.fadd(builder.load(size), more), size)
+        bits = builder.bitcast(found, ir.IntType(LANES))
+        return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
+
+    numbers = types.UniTuple(A.dtype, LANES), types.UniTuple(A.dtype, 6)
+    return types.boolean(A, _i, _i, _i, _i, C, _i, _i, scale, _i, *numbers), generate
+
+
+def _taker(diagonal: bool) -> Callable[..., Any]:
+    @intrinsic
+    def take(_, A, at, bw, count, C, stride, column):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            A, at, bw, count, C, stride, column = args
+            block = _Block(context, builder, signature.args[0], A, at, bw)
+            factors = _data(context, builder, signature.args[4], C, builder.mul(stride, ir.Constant(INDEX, LANES)))
+            columns = [block.load(_data(context, builder, signature.args[4], C,
+                                        builder.add(column, builder.mul(stride, ir.Constant(INDEX, q)))))
+                       for q in range(LANES)]
+            for r in range(LANES):
+                with builder.if_then(builder.icmp_signed("<", ir.Constant(INDEX, r), count), likely=True):
+                    _take_row(block, r, factors, columns, diagonal)
+            return context.get_dummy_value()
+
+        return types.void(A, _i, _i, _i, C, _i, _i), generate
+
+    return take
+
+
+def _take_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal: bool) -> None:
+    builder, place = block.builder, block.row(ir.Constant(INDEX, r))
+    v = block.load(place)
+    for q in range(LANES):
+        l = builder.gep(factors, [ir.Constant(INDEX, LANES * r + q)])
+        if block.is_complex:
+            l = builder.bitcast(l, ir.LiteralStructType([ir.DoubleType()] * 2).as_pointer())
+        v = v.less(block.spread(builder.load(l)), columns[q])
+    if diagonal:
+        for lane in range(r + 1):
+            v.put(builder.gep(place, [ir.Constant(INDEX, lane)]), lane)
+    else:
+        v.store(place)
+
+
+# take(A, at, bw, count, C, stride, column): A less l C for a block, l being the factors behind C, C (4, 4) from
+# ``column`` on; of a block on the diagonal its lower half alone
+take, take_diagonal = _taker(False), _taker(True)
+
+
+@intrinsic
+def forward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
+    """Take from x[i:i + 4] what a block makes of x[k:k + 4]."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        A, at, bw, outside, x, k, i = args
+        block = _Block(context, builder, signature.args[0], A, at, bw)
+        rows = [block.load(block.row(ir.Constant(INDEX, r))).where(block.inside(outside, r), block.zeros())
+                for r in range(LANES)]
+        target = _data(context, builder, signature.args[4], x, i)
+        v = block.load(target)
+        solved = _numbers(block, _data(context, builder, signature.args[4], x, k))
+        for column, number in zip(transposed(rows), solved, strict=True):
+            v = v.less(column, number)
+        v.store(target)
+        return context.get_dummy_value()
+
+    return types.void(A, _i, _i, _i, x, _i, _i), generate
+
+
+@intrinsic
+def backward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
+    """Take from x[k:k + 4] what a block, transposed, makes of x[i:i + 4]."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        A, at, bw, outside, x, k, i = args
+        block = _Block(context, builder, signature.args[0], A, at, bw)
+        target = _data(context, builder, signature.args[4], x, k)
+        v = block.load(target)
+        for r, number in enumerate(_numbers(block, _data(context, builder, signature.args[4], x, i))):
+            row = block.load(block.row(ir.Constant(INDEX, r))).where(block.inside(outside, r), block.zeros())
+            v = v.less(row, number)
+        v.store(target)
+        return context.get_dummy_value()
+
+    return types.void(A, _i, _i, _i, x, _i, _i), generate
+
+
+def _numbers(block: _Block, pointer: Any) -> list[Four]:
+    """Return four numbers, each four times."""
+    builder = block.builder
+    if block.is_complex:
+        pointer = builder.bitcast(pointer, ir.LiteralStructType([ir.DoubleType()] * 2).as_pointer())
+    return [block.spread(builder.load(builder.gep(pointer, [ir.Constant(INDEX, r)]))) for r in range(LANES)]
