@@ -49,7 +49,7 @@ def no_group() -> Group:
     x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
     law = Law(0, 1, 1, 1, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
-    plan = Plan(1, 1, index, index, index, index, index, table, n, x, 0, 0)
+    plan = Plan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
     return Group(law, n, table, index, 2, plan)
 
 

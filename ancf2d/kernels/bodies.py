@@ -26,7 +26,7 @@ FORCE, TANGENT, NOISE = range(3)
 
 
 class Bodies(NamedTuple):
-    """Groups of elements: numbers (g, 9), shapes (g, 14, 4) and starts (g, 14) of their arrays, and these in two.
+    """Groups of elements: numbers (g, 9), shapes (g, 15, 4) and starts (g, 15) of their arrays, and these in two.
 
     numbers : address, fields, strains and reference values of the law, components, parts, most elements of a batch,
     addresses of dgemm and of what makes a batch. Arrays are those of ``_FLOATS``, then those of ``_INTS``.
@@ -41,7 +41,7 @@ class Bodies(NamedTuple):
 
 # the arrays of a group, as they are kept one after another; its law and plan are unfolded
 _FLOATS = ("B", "ref", "D", "turn", "products", "work")
-_INTS = ("cls", "dofs", "vectors", "coupled", "blocks", "pairs", "entries", "held")
+_INTS = ("cls", "dofs", "vectors", "coupled", "blocks", "pairs", "entries", "following", "held")
 
 
 def make_bodies(groups: Sequence[Group]) -> Bodies:
@@ -71,8 +71,8 @@ def _group(b, g):  # type: ignore[no-untyped-def]
     plan = Plan(k[5], k[6], array_at(i, o[8], (h[8, 0], h[8, 1])),
                 array_at(i, o[9], (h[9, 0], h[9, 1])), array_at(i, o[10], (h[10, 0], h[10, 1])),
                 array_at(i, o[11], (h[11, 0], h[11, 1])), array_at(i, o[12], (h[12, 0], h[12, 1])),
-                array_at(f, o[4], (h[4, 0], h[4, 1])), array_at(i, o[13], (h[13, 0],)), array_at(f, o[5], (h[5, 0],)),
-                k[7], k[8])
+                array_at(i, o[13], (h[13, 0], h[13, 1])), array_at(f, o[4], (h[4, 0], h[4, 1])),
+                array_at(i, o[14], (h[14, 0],)), array_at(f, o[5], (h[5, 0],)), k[7], k[8])
     return Group(sampled, array_at(i, o[6], (h[6, 0],)), array_at(f, o[3], (h[3, 0], h[3, 1])),
                  array_at(i, o[7], (h[7, 0], h[7, 1])), k[4], plan)
 

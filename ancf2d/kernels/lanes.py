@@ -29,8 +29,9 @@ class Plan(NamedTuple):
     parts : stations come in this many parts of equal length; most : elements of a batch at most; vectors : (v, 2)
     fields that are the x and y of a vector; coupled : (points, points) whether D couples points of a station; blocks :
     (b, 4) first pair, pairs, first entry and entries of K that are made at once; pairs : (k, 2) fields i <= j of the
-    entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K; products : (classes parts,
-    size) what the entries of H are multiplied by, empty where it is made anew each time; held : class and elements that
+    entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K, those of blocks first;
+    following : (k, 3) how others follow from them (``tangents.follow``); products : (classes parts, size) what the
+    entries of H are multiplied by, empty where it is made anew each time; held : class and elements that
     the constants in ``work`` are for; dgemm, forces : addresses of what multiplies matrices and makes a batch's forces.
     """
 
@@ -41,6 +42,7 @@ class Plan(NamedTuple):
     blocks: Any
     pairs: Any
     entries: Any
+    following: Any
     products: Any
     held: Any
     work: Any

@@ -6,10 +6,15 @@ The factors in brackets are constants of a class: one product of matrices makes 
 
 from __future__ import annotations
 
+import numpy as np
+
 from .batch import copy_rows, layout, matrices, points_of, turn_rows, turned
 from .blas import multiply
 from .jit import inlined, inner, kernel
 from .lanes import STRIDE, array_at, vectors_of
+
+# of the 53 bits of a number, those that leave room for the sums of a few
+ROUNDED_BITS = 48
 
 
 @kernel
@@ -82,3 +87,54 @@ def tangents(group, part, q, count):  # type: ignore[no-untyped-def]
             multiply(plan.dgemm, plan.products, q * size + where, plan.work, H, plan.work, K, m, columns, count,
                      part > 0)
         where += m * columns
+    if part == plan.parts - 1:
+        follow(plan.following, array_at(plan.work, start, (len(plan.entries), count)))
+
+
+@inner
+def follow(rules, K):  # type: ignore[no-untyped-def]
+    """Fill the entries of tangents K (entries, m) that follow from others, so that translations meet no force at all.
+
+    Round-off of an element is a spring to the ground of unit round-off times EA/l, alike in all elements that are: a
+    million together outdo bending. What couples to the first node's position is therefore what couples to those of the
+    others, summed up with the other sign; sums of positions are exact as what they sum is rounded alike. Rules are
+    (entries that are rounded alike from here on, of which on the diagonal, -1), then (entry, 0, 0) each; (entry, one
+    that it is the opposite of, the same); (entry, two that it is the opposite of the sum of); or (entry, itself, one
+    that it is less by).
+    """
+    k, count = 0, K.shape[1]
+    flat = array_at(K, 0, (K.shape[0] * count,))
+    while k < len(rules):
+        if rules[k, 2] < 0:
+            _round_alike(rules, k + 1, k + 1 + rules[k, 1], k + 1 + rules[k, 0], flat, count)
+            k += rules[k, 0]
+        else:
+            t, a, b = rules[k, 0] * count, rules[k, 1] * count, rules[k, 2] * count
+            if a == t:
+                for m in range(count):
+                    flat[t + m] -= flat[b + m]
+            elif a == b:
+                for m in range(count):
+                    flat[t + m] = -flat[a + m]
+            else:
+                for m in range(count):
+                    flat[t + m] = -flat[a + m] - flat[b + m]
+        k += 1
+
+
+@inlined
+def _round_alike(rules, first, diagonal, last, flat, count):  # type: ignore[no-untyped-def]
+    """Round entries to multiples of one power of two, by the largest of those on the diagonal."""
+    largest = 0.0
+    for k in range(first, diagonal):
+        for m in range(count):
+            v = abs(flat[rules[k, 0] * count + m])
+            if v > largest:
+                largest = v
+    if 1e-250 < largest < np.inf:
+        grain = 2.0 ** (np.ceil(np.log2(largest)) - ROUNDED_BITS)
+        over = 1.0 / grain
+        for k in range(first, last):
+            start = rules[k, 0] * count
+            for m in range(count):
+                flat[start + m] = np.rint(flat[start + m] * over) * grain

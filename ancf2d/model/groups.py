@@ -15,6 +15,7 @@ from ..kernels.laws import law_address
 from ..kernels.tangents import fill_products
 from .mesh import BodyMesh
 from .model import Model
+from .translations import first_and_others, following, made
 
 # products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond
 KEPT = 4_000_000
@@ -30,22 +31,23 @@ def make_group(mesh: BodyMesh) -> Group:
     samples = [plan.formulation.sample(c.sampler, plan.rule) for c in mesh.classes]
     B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
     nc = plan.element.components
-    blocks, pairs, entries = _blocks(B, nc)
+    n, positions = B.shape[3], [k for k, (_, name) in enumerate(plan.element.functionals) if name == "r"]
+    blocks, pairs, entries = _blocks(B, nc, made(n, first_and_others(nc, positions)[0]))
+    follow, rules = following(n, nc, positions, entries)
     parts = _parts(B.shape[1], blocks)
     point = plan.formulation.law
     law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
-    made = _plan(law, parts, nc, blocks, pairs, entries)
+    batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
     return Group(law, np.ascontiguousarray(mesh.cls, dtype=np.int64), np.ascontiguousarray(mesh.turn),
-                 np.ascontiguousarray(mesh.dofs, dtype=np.int64), nc, made)
+                 np.ascontiguousarray(mesh.dofs, dtype=np.int64), nc, batches)
 
 
-def _blocks(B: Array, nc: int) -> tuple[Array, Array, Array]:
+def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Array, Array, Array]:
     """Return blocks, pairs and entries of ``kernels.lanes.Plan``: one block, or one for each pair of components."""
-    nu, n = B.shape[2:]
+    nu = B.shape[2]
     component = np.array([_component(B[:, :, i], nc) for i in range(nu)])
     pairs = [(i, j) for i in range(nu) for j in range(i, nu)]
-    entries = [(a, b) for a in range(n) for b in range(a + 1)]
     kinds = [frozenset({p, q}) for p in range(nc) for q in range(p, nc)]
     if len(pairs) * B.shape[1] * len(entries) <= WHOLE:
         return np.array([[0, len(pairs), 0, len(entries)]]), np.array(pairs), np.array(entries)
@@ -84,7 +86,7 @@ def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
     return np.ascontiguousarray(np.moveaxis(x, 1, axis))
 
 
-def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: Array) -> Plan:
+def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: Array, rules: Array) -> Plan:
     nu, S, n = law.B.shape[1:]
     ns = law.D.shape[1]
     points = nu // law.fields
@@ -95,7 +97,8 @@ def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: A
     length = room(at, n, max(nu, len(pairs)), len(entries), size)
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
     plan = Plan(parts, most, _vectors(law, nc), (D.max(axis=(1, 3)) > 0.0).astype(np.int64), blocks, pairs,
-                entries, np.zeros((kept, size)), np.full(2, -1), np.zeros(length), dgemm_address(), batch_address())
+                entries, rules, np.zeros((kept, size)), np.full(2, -1), np.zeros(length), dgemm_address(),
+                batch_address())
     for q in range(kept):
         fill_products(law.B, q, plan, plan.products[q])
     return plan

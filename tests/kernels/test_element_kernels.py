@@ -1,5 +1,7 @@
 """Element forces and tangents: gradient of the energy, objectivity, digits of small strain, zero-energy modes."""
 
+import math
+
 import helpers
 import numpy as np
 import pytest
@@ -181,6 +183,23 @@ def test_station_values_give_the_energy():
     eps, sigma = np.zeros(shape), np.zeros(shape)
     stations(group, d, eps, sigma)
     assert 0.5 * np.sum(eps * sigma) == pytest.approx(energy_and_force(model, d)[0], rel=1e-13)
+
+
+@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geometry):
+    """What nodes' positions make of each other sums up to zero: a million elements would sum up what round-off left."""
+    model = model_of(name, formulation, geometry, 3)
+    group, d = model.groups[0], helpers.random_state(model, SIZE)[: model.n_q]
+    ne, n = group.dofs.shape
+    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
+    element_matrices(group, d, 0, Q, K)
+    np.testing.assert_array_equal(K, np.swapaxes(K, 1, 2))
+    element = model.meshes["b"].plan.element
+    nc, positions = element.components, [k for k, (_, kind) in enumerate(element.functionals) if kind == "r"]
+    columns = np.add.outer([0, 1], [nc * k for k in positions])
+    rows = columns.ravel() if len(positions) > 2 else range(n)
+    for Ke in K:
+        assert all(math.fsum(Ke[a, some]) == 0.0 for a in rows for some in columns)
 
 
 @pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
