@@ -16,23 +16,33 @@ def _orientation(mesh: BodyMesh, e: Array, before: Array | None) -> Array:
     The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
     them, and for sections normal to the axis its direction beside that of the state ``before`` (coordinates, or None).
     """
-    nc, kind = mesh.plan.element.components, mesh.plan.element.section_kind
-    S_x, S_y, S = (rows[0] if len(rows) == 1 else np.stack(rows)[mesh.cls]
-                   for rows in zip(*mesh.axis_rows, strict=True))
-
-    def values(rows: Array, q: Array, component: int) -> Array:
-        of = q[mesh.dofs[:, component::nc]]
-        return of @ rows.T if rows.ndim == 2 else np.einsum("esk,ek->es", rows, of)
-
-    x, y = values(S_x, e, 0), values(S_x, e, 1)
+    kind = mesh.plan.element.section_kind
+    S_x, S_y, S = zip(*mesh.axis_rows, strict=True)
     if kind == "interpolated":
-        return x * values(S_y, e, 1) - y * values(S_y, e, 0)
+        x, y, nx, ny = _fields(mesh, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
+        return x * ny - y * nx
+    x, y = _fields(mesh, e, [(S_x, 0), (S_x, 1)])
     if kind == "theta":
-        theta = values(S, e, 2)
+        (theta,) = _fields(mesh, e, [(S, 2)])
         return x * np.cos(theta) + y * np.sin(theta)
     if before is not None:
-        return x * values(S_x, before, 0) + y * values(S_x, before, 1)
+        old_x, old_y = _fields(mesh, before, [(S_x, 0), (S_x, 1)])
+        return x * old_x + y * old_y
     return np.ones_like(x)
+
+
+def _fields(mesh: BodyMesh, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
+    """Return fields (elements, stations) each, given by their rows (stations, shapes) of each class and a component.
+
+    All of them are one product of matrices, for which coordinates are gathered once.
+    """
+    nc, stations = mesh.plan.element.components, len(STATIONS)
+    rows = np.zeros((len(mesh.axis_rows), len(wanted) * stations, mesh.dofs.shape[1]))
+    for k, (of, component) in enumerate(wanted):
+        rows[:, k * stations:(k + 1) * stations, component::nc] = np.stack(of)
+    gathered = q[mesh.dofs]
+    values = gathered @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[mesh.cls], gathered)
+    return [values[:, k * stations:(k + 1) * stations] for k in range(len(wanted))]
 
 
 def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
