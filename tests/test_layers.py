@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "ancf2d"
-BASE = {"errors", "interrupts", "plain", "__version__"}
+BASE = {"cores", "errors", "interrupts", "plain", "__version__"}
 # what a room may import from, besides itself and the base
 BELOW = {
     "case": set(), "elements": set(), "results": set(),

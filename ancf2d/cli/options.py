@@ -75,7 +75,8 @@ def jobs_option(what: str, default: str) -> Callable[[F], F]:
 
 def workers(jobs: int | None, scheduler: str | None, default: int | None = None) -> Workers:
     """Return who does the work that --jobs and --scheduler ask for; by default one process per core."""
-    from ..study.pool import Workers, cores
+    from ..cores import cores
+    from ..study.pool import Workers
 
     if scheduler is None:
         return Workers(jobs or default or cores())

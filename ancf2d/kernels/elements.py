@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from .batch import add_forces, batch_length, layout, place_of, sizes
 from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
-from .jit import inlined, kernel
+from .jit import inlined, kernel, shared
 from .lanes import row
 from .matrix import scatter_packed
 from .stack import vector
 
 
-@kernel
+@shared
 def force(group, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
     energy, first, last = 0.0, 0, len(group.dofs)
@@ -26,7 +26,7 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
     return energy
 
 
-@kernel
+@shared
 def force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add Q_e to Q and ``scale`` K to the matrix of the unknowns; return the strain energy."""
     energy, first, last = 0.0, 0, len(group.dofs)
@@ -55,7 +55,7 @@ def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
     return power
 
 
-@kernel
+@shared
 def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     """Add K(d) v to ``out`` (full coordinates) by way of the strains that v makes.
 
@@ -89,7 +89,7 @@ def element_matrices(group, d, start, Q, K):  # type: ignore[no-untyped-def]
     return energy
 
 
-@kernel
+@shared
 def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every product of Q_e = B^T J^T D eps(B d) can sum up to.
 

@@ -110,6 +110,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function)
 
 
+def shared(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what several threads do at once: Python's lock is let go meanwhile."""
+    return _compiled(function, nogil=True)
+
+
 def inner(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
     return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)

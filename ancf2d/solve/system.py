@@ -13,6 +13,7 @@ from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.model import Model
+from .crew import Crew
 from .linear import GeneralSparse, Pivots, SymmetricBand, make_matrix
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -33,6 +34,7 @@ class System:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.crew = Crew(model)
         self.matrix = make_matrix(model)
         n = model.numbering
         self.tables = (n.place, n.indptr, n.index, n.value)
@@ -70,9 +72,7 @@ class System:
         self.evaluations += 1
         self.matrix.clear()
         Q = np.zeros(len(d))
-        energy = 0.0
-        for group in model.groups:
-            energy += force_tangent(group, d, 1.0, Q, self.matrix.target, *self.tables)
+        energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, *self.tables))
         for u, q, K, dofs in self.patches(d, t, elastic=not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
@@ -87,8 +87,7 @@ class System:
         """Return what round-off alone can leave of the residual at d (n_unknowns,)."""
         model, n = self.model, self.model.numbering
         out = np.abs(model.external(t))
-        for group in model.groups:
-            force_noise(group, d, out)
+        self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         return UNIT_ROUNDOFF * n.reduce_sizes(out)
@@ -110,8 +109,7 @@ class System:
             moved, forces = zero.copy(), zero.copy()
             # no power of two, whose products would be exact
             moved[:n_q] = 1.1 * motions[:, k] / np.max(self.model.weights * np.abs(motions[:, k]))
-            for group in self.model.groups:
-                tangent_action(group, zero, moved, forces)
+            self._act(zero, moved, forces)
             out[k] = self.model.numbering.reduce(forces) / 1.1
         return out
 
@@ -124,9 +122,7 @@ class System:
         """Return the forces at d without a tangent."""
         model = self.model
         Q = np.zeros(len(d))
-        energy = 0.0
-        for group in model.groups:
-            energy += force(group, d, Q)
+        energy = self.crew.total(lambda g: force(g, d, Q))
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
@@ -136,11 +132,13 @@ class System:
     def action(self, d: Array, v: Array, t: float) -> Array:
         """Return K(d) v of elements, springs and constraints in full coordinates."""
         out = np.zeros(len(d))
-        for group in self.model.groups:
-            tangent_action(group, d, v, out)
+        self._act(d, v, out)
         for _, _, K, dofs in self.patches(d, t, elastic=True):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
+
+    def _act(self, d: Array, v: Array, out: Array) -> None:
+        self.crew.total(lambda g: tangent_action(g, d, v, out))
 
     def factor(self, at: dict[str, Any]) -> Pivots:
         """Factor the tangent; raises ComputationError that names the free coordinates where it is singular."""

@@ -44,11 +44,6 @@ class Workers:
 ALONE = Workers()  # this process
 
 
-def cores() -> int:
-    """Return how many processes this one may keep busy."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def run_jobs(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, lost: Callable[[J], R],
              done: Callable[[int, R], None] = lambda i, result: None) -> list[R]:
     """Return function(job) of every job, in their order; ``done`` is told number and result of each as it comes.

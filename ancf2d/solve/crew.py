@@ -1,0 +1,77 @@
+"""Elements shared out to threads, with the same bits whatever their number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..cores import threads
+from ..elements.shape import Array
+from ..model.model import Model, Numbering
+
+# a body's elements are shared out in parts of at least so many: fewer take less time than starting threads
+PART = 4096
+MOST = 8
+
+
+class Crew:
+    """The element groups of a model in parts that touch no unknown in common, and the elements between them.
+
+    How they are parted follows from the model alone, and what is between comes last, so that sums do not depend on how
+    many threads there are.
+    """
+
+    def __init__(self, model: Model) -> None:
+        shares = [_share(group, model.numbering) for group in model.groups]
+        self.stages = [stage for share in shares for stage in share]
+        most = max((len(stage) for stage in self.stages), default=1)
+        self.pool = ThreadPoolExecutor(min(threads(), most)) if min(threads(), most) > 1 else None
+
+    def total(self, work: Callable[[Any], Any]) -> float:
+        """Return the sum of what ``work`` returns for every group (None counts as zero), which has the lock let go."""
+        total = 0.0
+        for stage in self.stages:
+            found = map(work, stage) if self.pool is None or len(stage) == 1 else self.pool.map(work, stage)
+            for value in found:
+                total += value or 0.0
+        return total
+
+
+def _share(group: Any, num: Numbering) -> list[list[Any]]:
+    """Return a group in stages: parts of it that can be done at once, then the elements between them."""
+    ne = len(group.dofs)
+    count = min(MOST, ne // PART)
+    if count < 2:
+        return [[group]]
+    ends = np.linspace(0, ne, count + 1).astype(int)
+    between = ends[1:-1]
+    parts = [slice(a + (k > 0), b) for k, (a, b) in enumerate(pairwise(ends))]
+    if not _apart([group.dofs[p] for p in parts], num):
+        return [[group]]
+    return [[_some(group, p) for p in parts], [_some(group, between)]]
+
+
+def _some(group: Any, which: Any) -> Any:
+    """Return a group of some elements, with room of its own to work in."""
+    plan = group.plan._replace(held=np.full_like(group.plan.held, -1), work=np.zeros_like(group.plan.work))
+    turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
+    return group._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn,
+                          dofs=np.ascontiguousarray(group.dofs[which]), plan=plan)
+
+
+def _apart(parts: list[Array], num: Numbering) -> bool:
+    """Return whether no two parts touch a coordinate or an unknown in common."""
+    seen = np.zeros(len(num.place) + num.n_unknowns, dtype=bool)
+    for dofs in parts:
+        coordinates = np.unique(dofs)
+        place = num.place[coordinates]
+        combined = [num.index[num.indptr[k]:num.indptr[k + 1]] for k in -2 - place[place < -1]]
+        touched = np.concatenate([coordinates, len(num.place) + np.concatenate([place[place >= 0], *combined])])
+        if seen[touched].any():
+            return False
+        seen[touched] = True
+    return True
