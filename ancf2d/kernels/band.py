@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .blocks import backward, eliminate, forward, room, take, take_diagonal
-from .jit import inlined, kernel
+from .jit import inlined, kernel, maker
 from .stack import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
@@ -21,7 +21,7 @@ def _size(x):  # type: ignore[no-untyped-def]
     return abs(x.real) + abs(x.imag)
 
 
-@kernel
+@maker
 def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad row or -1, negative pivots, smallest relative pivot).
 

@@ -24,7 +24,7 @@ from .dynamics import (
     to_unknowns,
 )
 from .jit import inner
-from .mass import band_product
+from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
 from .points import point_mean_forces
@@ -101,7 +101,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
     for i in range(n):
         m.mid[i] = p.coordinate[i] * 2.0 * (m.rate[i] - s.v[i]) / h
         w.x[i] = m.mid[i] + p.alpha * m.rate[i] * p.coordinate[i]
-    band_product(p.mass, w.x, w.y)
+    mass_product(p, w.x, w.y)
     for i in range(n):
         w.R[i] += w.y[i]
     for k in range(len(p.motion_mass_signal)):
@@ -116,7 +116,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return the local error [m] by the change of the acceleration since the last step, stiff parts filtered."""
     for k in range(len(m.dz)):
         w.x[k] = (m.end.v[k] - s.v[k]) / h - s.a[k]
-    band_product(p.mass, w.x, w.y)
+    mass_product(p, w.x, w.y)
     for k in range(len(m.dz)):
         w.y[k] *= 1.0 / 6.0
     ldl_solve(w.A, w.y)

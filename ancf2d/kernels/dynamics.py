@@ -9,7 +9,7 @@ import numpy as np
 from .band import ldl_factor_with
 from .bodies import elastic, elastic_noise, elastic_tangent, viscous
 from .jit import inner, kernel
-from .mass import band_product
+from .mass import mass_product
 from .matrix import SymBand
 from .points import point_forces, point_noise, point_tangent, point_violation
 from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
@@ -27,7 +27,8 @@ class Problem(NamedTuple):
     bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau :
     (groups,) Kelvin-Voigt times [s]; points, sliding : tables of point
     laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
-    mass : (n, bw + 1) T^T M T; load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
+    mass : (n, bw + 1) T^T M T; diagonals (k,), along (k, n) : its diagonals d that are not zero, entries (j + d, j);
+    load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
     alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
     turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], 0 for multipliers; coordinate : (n,) 1, 0 for multipliers;
     extent : size of the scene [m].
@@ -46,6 +47,8 @@ class Problem(NamedTuple):
     full: Any
     dependents: Any
     mass: Any
+    diagonals: Any
+    along: Any
     load_coord: Any
     load_value: Any
     load_signal: Any
@@ -222,7 +225,7 @@ def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
     """Add M (a + alpha v) of unknowns and of prescribed motion to R (n,); w.amps hold the signals."""
     for i in range(len(R)):
         w.x[i] = p.coordinate[i] * (a[i] + p.alpha * v[i])
-    band_product(p.mass, w.x, w.y)
+    mass_product(p, w.x, w.y)
     for i in range(len(R)):
         R[i] += w.y[i]
     for k in range(len(p.motion_mass_signal)):
@@ -334,7 +337,7 @@ def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
     if p.alpha != 0.0:
         for i in range(len(v)):
             w.x[i] = p.coordinate[i] * v[i]
-        band_product(p.mass, w.x, w.y)
+        mass_product(p, w.x, w.y)
         for i in range(len(v)):
             total += p.alpha * w.x[i] * w.y[i]
     return total

@@ -89,6 +89,7 @@ class KernelCache(FunctionCache):
 
 
 _PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
+_NO_WAY_IN = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
@@ -106,8 +107,22 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
-    return _compiled(function)
+    """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects.
+
+    It makes no arrays: no references are counted, which took as long as all else where elements are few.
+    """
+    return _compiled(function, _nrt=False)
+
+
+def maker(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what makes arrays."""
+    # said, as it would be taken over from the caller that it is compiled for
+    return _compiled(function, _nrt=True)
+
+
+def inner_maker(function: Callable[..., Any]) -> Any:
+    """Compile as ``inner`` what makes arrays."""
+    return _compiled(function, _nrt=True, **_NO_WAY_IN)
 
 
 def shared(function: Callable[..., Any]) -> Any:
@@ -117,7 +132,7 @@ def shared(function: Callable[..., Any]) -> Any:
 
 def inner(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
-    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _compiled(function, _nrt=False, **_NO_WAY_IN)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -8,7 +8,7 @@ from numba.extending import overload
 
 from .jit import inlined, inner, kernel
 from .lanes import array_at
-from .stack import array
+from .stack import array, numbers
 
 
 class SymBand(NamedTuple):
@@ -155,65 +155,83 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
 
     ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
     """
-    n, count = dofs.shape[1], Ks.shape[1]
-    if only_lower(matrix) and _is_chain(dofs, first, count, place):
-        _add_chain(matrix, Ks, scale, entries, dofs, first, place)
-        return
-    lower = only_lower(matrix)
-    K = array(n, n)
-    for m in range(count):
-        if _is_plain(place, dofs, first + m):
+    lower, n = only_lower(matrix), dofs.shape[1]
+    K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
+    m = 0
+    while m < Ks.shape[1]:
+        run = _chain(dofs, first + m, Ks.shape[1] - m, place) if lower else 0
+        if run > 0:
+            _add_chain(matrix, Ks, m, run, scale, entries, dofs, first, place, starts, sources)
+            m += run
+            continue
+        if not lower and _is_plain(place, dofs, first + m):
             for x in range(len(entries)):
                 i, j = place[dofs[first + m, entries[x, 0]]], place[dofs[first + m, entries[x, 1]]]
                 if i >= 0 and j >= 0:
                     v = scale * Ks[x, m]
-                    if lower:
-                        add(matrix, max(i, j), min(i, j), v)
-                    else:
-                        add(matrix, i, j, v)
-                        if entries[x, 0] != entries[x, 1]:
-                            add(matrix, j, i, v)
+                    add(matrix, i, j, v)
+                    if entries[x, 0] != entries[x, 1]:
+                        add(matrix, j, i, v)
         else:
             for x in range(len(entries)):
                 K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]
                 K[entries[x, 1], entries[x, 0]] = scale * Ks[x, m]
             _scatter_combined(matrix, K, dofs[first + m], place, indptr, index, value)
+        m += 1
+
+
+@inlined
+def _at(x, k):  # type: ignore[no-untyped-def]
+    """Return x[k], k >= 0: of any other index it is asked whether it counts from the end."""
+    return array_at(x, k, (1,))[0]
 
 
 @inner
-def _is_chain(dofs, first, count, place):  # type: ignore[no-untyped-def]
-    """Return whether the unknowns of each element are those of the one before, all moved on by the same number."""
-    step = place[dofs[first + 1, 0]] - place[dofs[first, 0]] if count > 1 else 0
-    for a in range(dofs.shape[1]):
-        i = place[dofs[first, a]]
-        if i < 0:
-            return False
-        for m in range(1, count):
-            if place[dofs[first + m, a]] != i + m * step:
-                return False
-    return step >= 0
+def _chain(dofs, first, most, place):  # type: ignore[no-untyped-def]
+    """Return of how many elements the unknowns are those of the one before, all moved on by the same number.
+
+    An element with coordinates that are held is alone, and none where one is a combination of unknowns.
+    """
+    n = dofs.shape[1]
+    d = array_at(dofs, first * n, (most * n,))
+    lowest, count = 0, 1
+    for a in range(n):
+        lowest = min(lowest, _at(place, d[a]))
+    if lowest < 0 or most == 1:
+        return 1 if lowest >= -1 else 0
+    step, other = _at(place, _at(d, n)) - _at(place, d[0]), 0
+    while step >= 0 and count < most:
+        for k in range(count * n - n, count * n):
+            other |= _at(place, _at(d, k + n)) - _at(place, _at(d, k)) - step
+        if other != 0:
+            break
+        count += 1
+    return count
 
 
-def _add_chain_symband(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
-    width = matrix.values.shape[1]
-    whole = array_at(matrix.values, 0, (matrix.values.shape[0] * width,))
-    count = Ks.shape[1]
-    step = width * (place[dofs[first + 1, 0]] - place[dofs[first, 0]]) if count > 1 else 0
-    for x in range(len(entries)):
-        i, j = place[dofs[first, entries[x, 0]]], place[dofs[first, entries[x, 1]]]
-        start = max(i, j) * width + width - 1 - abs(i - j)
-        for m in range(count):
-            whole[start + m * step] += scale * Ks[x, m]
+def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+    # elements at, at + 1, ... of the batch
+    width, n = matrix.values.shape[1], dofs.shape[1]
+    size, used = len(entries), 0
+    d, e = array_at(dofs, (first + at) * n, (count * n,)), array_at(entries, 0, (2 * size,))
+    step = width * (_at(place, _at(d, n)) - _at(place, d[0])) if count > 1 else 0
+    for x in range(size):
+        i, j = _at(place, _at(d, e[2 * x])), _at(place, _at(d, e[2 * x + 1]))
+        starts[used], sources[used] = max(i, j) * width + width - 1 - abs(i - j), x * Ks.shape[1] + at
+        used += i >= 0 and j >= 0
+    for m in range(count):
+        for x in range(used):
+            array_at(matrix.values, starts[x] + m * step, (1,))[0] += scale * _at(Ks, sources[x] + m)
 
 
-def _no_chain(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
     return
 
 
-def _add_chain(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
     raise NotImplementedError
 
 
 @overload(_add_chain, inline="always")
-def _add_chain_of(matrix, Ks, scale, entries, dofs, first, place):  # type: ignore[no-untyped-def]
+def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
     return _add_chain_symband if matrix.instance_class is SymBand else _no_chain

@@ -11,7 +11,7 @@ from .arrays import copy
 from .band import ldl_solve
 from .dynamics import add_mass, at_floor, factor, forces, forces_tangent, norm, remember, residual, settled
 from .jit import inner
-from .mass import band_product
+from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
@@ -55,7 +55,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     """Return the local error [m]: the next term of the series in h, less what stiff motions make of it."""
     for k in range(len(m.alg)):
         w.x[k] = m.alg[k] - s.extra[0, k]
-    band_product(p.mass, w.x, w.y)
+    mass_product(p, w.x, w.y)
     factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from .amplitudes import evaluate
+from .arrays import copy_rows
 from .band import ldl_factor, ldl_solve
 from .consistent import _by_motion, _rates_of_constraints, constraint_matrix, onto_constraints
 from .dynamics import forces, forces_tangent, lost_to_mass_damping, power_of_loads, residual, to_full, violation
-from .jit import inner, kernel
+from .jit import inner, kernel, maker
 from .points import point_accept
 from .sliding import sliding_accept
 
 
-@kernel
+@maker
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 
@@ -78,14 +79,16 @@ def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
     """Fill dQ/dz, dQ/dz' and the matrix of [M G^T; G 0], bands (n, bw + 1) each, at s with its multipliers."""
     evaluate(p.programs, t, w.amps)
     forces_tangent(p, w, s.z, s.v, 1.0)
-    C[:] = w.A
+    copy_rows(w.A, C)
     forces_tangent(p, w, s.z, s.v, 0.0)
-    K[:] = w.A
-    C -= K
+    copy_rows(w.A, K)
+    for i in range(K.shape[0]):
+        for j in range(K.shape[1]):
+            C[i, j] -= K[i, j]
     to_full(p, s.z, w.amps, 0, w.d)
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
-    KKT[:] = w.A
+    copy_rows(w.A, KKT)
 
 
 @kernel

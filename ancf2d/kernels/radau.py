@@ -18,7 +18,7 @@ from .arrays import copy, copy_rows
 from .band import ldl_solve
 from .dynamics import at_floor, factor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
 from .jit import inlined, inner
-from .mass import band_product
+from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 
 
@@ -27,8 +27,8 @@ class Radau(NamedTuple):
 
     c (s,) nodes; W (s, s); real mu, left (s,), right (s,); complex mus (k,), lefts (k, s), rights (k, s);
     embedded (s,) and gamma of the error estimate; weights (s,); tolerance of Newton's increments; order of the error
-    in h; basis of the interpolation; end : a Step; X, V, A, R (s, n) stages; B (n, bw + 1), C (k, n, bw + 1) factors;
-    y (n,), u (k, n); amps (s, signals, 3);
+    in h; basis of the interpolation; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages;
+    B (n, bw + 1), C (k, n, bw + 1) factors; y (n,), u (k, n); amps (s, signals, 3);
     cosine, sine (s, pairs): how vectors have turned at a stage since the one that the tangent is of.
     """
 
@@ -53,6 +53,7 @@ class Radau(NamedTuple):
     V: Any
     A: Any
     R: Any
+    kept: Any
     B: Any
     C: Any
     y: Any
@@ -211,7 +212,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
             q += m.embedded[i] * m.X[i, k]
             v += m.embedded[i] * (m.V[i, k] - s.v[k])
         w.x[k] = (q + g * v) * p.coordinate[k]
-    band_product(p.mass, w.x, w.y)
+    mass_product(p, w.x, w.y)
     f = (m.mu / h) ** 2
     for k in range(n):
         w.y[k] *= f
@@ -258,6 +259,18 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
+    """Return whether no residual of the stages, as they were kept, exceeds what round-off can leave of its terms."""
+    for i in range(len(m.c)):
+        _place(m, p, w, s, i)
+        to_full(p, m.y, w.amps, 0, w.d)
+        copy(m.kept[i], w.R)
+        if not at_floor(p, w, m.V[i], m.A[i]):
+            return False
+    return True
+
+
+@inner
 def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     stages, n = m.X.shape
@@ -271,21 +284,19 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         return SINGULAR, 1, 0.0, rate
     wanted = m.tolerance * max(s.numbers[SIZE], 1e-3 * p.extent)
     while True:
-        floor = True
         for i in range(stages):
             _place(m, p, w, s, i)
             forces(p, w, m.y, m.V[i])
             residual(p, w, m.V[i], m.A[i])
             copy(w.R, m.R[i])
-            if iteration > 2 and floor:
-                floor = at_floor(p, w, m.V[i], m.A[i])
+            copy(w.R, m.kept[i])
         step = _solve(m, p)
         remember(w, iteration, step)
         if not np.isfinite(step):
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and iteration > 2 and floor:
+            if rate > 0.5 and iteration > 2 and _at_floor(m, p, w, s):
                 break
         for i in range(stages):
             for k in range(n):

@@ -2,45 +2,55 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
-from llvmlite import ir
-from numba import carray, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
 from .jit import inlined
 
 
-@intrinsic
-def _doubles(_: Any, count: Any) -> Any:
-    """Return the address of so many doubles in the frame of the caller."""
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.alloca(ir.DoubleType(), size=args[0])
+def _room(context: Any, builder: Any, result: Any, dims: Any) -> Any:
+    """Return an array of a type in the frame of the caller, of which no references are counted."""
+    kind = context.get_data_type(result.dtype)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(kind))
+    strides = [size]
+    for dim in dims[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], dim))
+    out = arrayobj.make_array(result)(context, builder)
+    data = builder.alloca(kind, size=reduce(builder.mul, dims))
+    arrayobj.populate_array(out, data=data, shape=dims, strides=strides, itemsize=size, meminfo=None, parent=None)
+    return out._getvalue()
 
-    return types.CPointer(types.float64)(types.intp), generate
+
+@intrinsic
+def _doubles(_: Any, shape: Any) -> Any:
+    result = types.Array(types.float64, len(shape), "C")
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return _room(context, builder, result, cgutils.unpack_tuple(builder, args[0], len(shape)))
+
+    return result(types.UniTuple(types.intp, len(shape))), generate
 
 
 @intrinsic
 def numbers(_: Any, like: Any, count: Any) -> Any:
     """Return room for so many numbers of an array's kind, as ``vector`` does; what they are is not said."""
-    kind = types.Array(like.dtype, 1, "C")
+    result = types.Array(like.dtype, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        data = builder.alloca(context.get_data_type(like.dtype), size=args[1])
-        out = arrayobj.make_array(kind)(context, builder)
-        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(like.dtype)))
-        arrayobj.populate_array(out, data=data, shape=[args[1]], strides=[size], itemsize=size, meminfo=None,
-                                parent=None)
-        return out._getvalue()
+        return _room(context, builder, result, [args[1]])
 
-    return kind(like, types.intp), generate
+    return result(like, types.intp), generate
 
 
 @inlined
 def vector(n):  # type: ignore[no-untyped-def]
     """Return zeros (n,). Made before loops, never in them, and never returned: gone when the kernel returns."""
-    out = carray(_doubles(n), (n,))
+    out = _doubles((n,))
     out[:] = 0.0
     return out
 
@@ -48,7 +58,7 @@ def vector(n):  # type: ignore[no-untyped-def]
 @inlined
 def matrices(k, n, m):  # type: ignore[no-untyped-def]
     """Return zeros (k, n, m), as ``vector`` does."""
-    out = carray(_doubles(k * n * m), (k, n, m))
+    out = _doubles((k, n, m))
     out[:] = 0.0
     return out
 
@@ -56,6 +66,6 @@ def matrices(k, n, m):  # type: ignore[no-untyped-def]
 @inlined
 def array(n, m):  # type: ignore[no-untyped-def]
     """Return zeros (n, m), as ``vector`` does."""
-    out = carray(_doubles(n * m), (n, m))
+    out = _doubles((n, m))
     out[:] = 0.0
     return out

@@ -110,7 +110,7 @@ def radau(stages: int) -> Maker:
                      np.ascontiguousarray(right[:, k].real / scale), values[upper], np.ascontiguousarray(left[upper]),
                      np.ascontiguousarray(right[:, upper].T), W.T @ (embedded - A[-1]), gamma, A[-1].copy(), tolerance,
                      spec.max_iterations or MAX_ITERATIONS, bool(p.tau.any()) or p.points is not None, stages + 1,
-                     by_rates(c), _end(n, stages + 1), *(np.zeros((stages, n)) for _ in range(4)),
+                     by_rates(c), _end(n, stages + 1), *(np.zeros((stages, n)) for _ in range(5)),
                      np.zeros((n, width)), np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
                      np.zeros((stages, len(p.pairs))), np.zeros((stages, len(p.pairs))))

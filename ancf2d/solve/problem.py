@@ -58,6 +58,16 @@ def _band(M: csr_matrix, width: int) -> Array:
     return out
 
 
+def _diagonals(mass: Array) -> dict[str, Array]:
+    """Return which diagonals of a band are not zero, and these, each entry at its column."""
+    n, width = mass.shape
+    found = [d for d in range(width) if mass[d:, width - 1 - d].any()]
+    along = np.zeros((len(found), n))
+    for row, d in zip(along, found, strict=True):
+        row[:n - d] = mass[d:, width - 1 - d]
+    return {"diagonals": np.array(found, dtype=np.int64), "along": along}
+
+
 def _loads(model: Model, signals: Signals) -> dict[str, Array]:
     coord, value, row, varies = [], [], [], []
     for load in model.loads.dead:
@@ -136,13 +146,14 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
+    mass = _band((T.T @ M @ T).tocsr(), width)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
         "calls": addresses(bool(tau.any()), conserving),
         "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
-        "mass": _band((T.T @ M @ T).tocsr(), width), "alpha": damping.rayleigh.alpha if damping else 0.0,
+        "mass": mass, **_diagonals(mass), "alpha": damping.rayleigh.alpha if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     return Problem(programs=programs(signals.all), **data), signals.all

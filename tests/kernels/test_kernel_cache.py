@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from ancf2d.kernels.jit import kernel
+from ancf2d.kernels.jit import maker
 
 SOURCE = """
 import numpy as np
-from ancf2d.kernels.jit import kernel
+from ancf2d.kernels.jit import maker
 
-@kernel
+@maker
 def filled(n, x):
     out = np.zeros((n, 2))
     out[:, 1] = x
@@ -40,7 +40,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def anew(module: ModuleType) -> Any:
     """The kernel as another process finds it."""
-    return kernel(module.filled.py_func)
+    return maker(module.filled.py_func)
 
 
 def hits_and_misses(compiled: Any) -> tuple[int, int]:
