@@ -15,6 +15,7 @@ from numba.extending import intrinsic, register_jitable
 from numba.np import arrayobj
 
 from .jit import inlined
+from .pointers import array_over
 
 # lanes of a batch; rows lie further apart, so that they do not fall on the same lines of the cache
 LANES = 64
@@ -120,17 +121,8 @@ def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
     result = types.Array(buffer.dtype, len(shape), "C")
 
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        intp = context.get_value_type(types.intp)
-        whole = arrayobj.make_array(buffer)(context, builder, args[0])
-        out = arrayobj.make_array(result)(context, builder)
-        dims = cgutils.unpack_tuple(builder, args[2], len(shape))
-        size = intp(context.get_abi_sizeof(context.get_data_type(buffer.dtype)))
-        strides = [size]
-        for dim in dims[:0:-1]:
-            strides.insert(0, builder.mul(strides[0], dim))
-        arrayobj.populate_array(out, data=builder.gep(whole.data, [args[1]]), shape=dims, strides=strides,
-                                itemsize=size, meminfo=None, parent=None)
-        return out._getvalue()
+        data = builder.gep(arrayobj.make_array(buffer)(context, builder, args[0]).data, [args[1]])
+        return array_over(context, builder, result, data, cgutils.unpack_tuple(builder, args[2], len(shape)))
 
     return result(buffer, types.intp, types.UniTuple(types.intp, len(shape))), generate
 

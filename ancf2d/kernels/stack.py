@@ -5,40 +5,46 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import carray, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .jit import inlined
+from .pointers import array_over
+
+_SIZE = 8
 
 
 @intrinsic
-def _doubles(_: Any, count: Any) -> Any:
-    """Return the address of so many doubles in the frame of the caller."""
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.alloca(ir.DoubleType(), size=args[0])
+def _zeros(_: Any, shape: Any) -> Any:
+    """Return an array of zeros in the frame of the caller."""
+    result = types.Array(types.float64, len(shape), "C")
 
-    return types.CPointer(types.float64)(types.intp), generate
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        dims = cgutils.unpack_tuple(builder, args[0], len(shape))
+        count = dims[0]
+        for dim in dims[1:]:
+            count = builder.mul(count, dim)
+        data = builder.alloca(ir.DoubleType(), size=count)
+        cgutils.memset(builder, data, builder.mul(count, count.type(_SIZE)), 0)
+        return array_over(context, builder, result, data, dims)
+
+    return result(types.UniTuple(types.intp, len(shape))), generate
 
 
 @inlined
 def vector(n):  # type: ignore[no-untyped-def]
     """Return zeros (n,). Made before loops, never in them, and never returned: gone when the kernel returns."""
-    out = carray(_doubles(n), (n,))
-    out[:] = 0.0
-    return out
+    return _zeros((n,))
 
 
 @inlined
 def matrices(k, n, m):  # type: ignore[no-untyped-def]
     """Return zeros (k, n, m), as ``vector`` does."""
-    out = carray(_doubles(k * n * m), (k, n, m))
-    out[:] = 0.0
-    return out
+    return _zeros((k, n, m))
 
 
 @inlined
 def array(n, m):  # type: ignore[no-untyped-def]
     """Return zeros (n, m), as ``vector`` does."""
-    out = carray(_doubles(n * m), (n, m))
-    out[:] = 0.0
-    return out
+    return _zeros((n, m))
