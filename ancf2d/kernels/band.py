@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import kernel
+from .jit import kernel, kernel_with_memory
 
 
-@kernel
+@kernel_with_memory
 def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad row or -1, negative pivots, smallest relative pivot).
 

@@ -16,6 +16,8 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 
+from .linked import LinkedCacheImpl, LinkedCompiler
+
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEEP_SECONDS = 30 * 24 * 3600
 
@@ -88,13 +90,21 @@ class KernelCache(FunctionCache):
             super().save_overload(sig, data)
 
 
-_PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
+class LinkedCache(KernelCache):
+    """Functions that only kernels call, between processes."""
+
+    _impl_class = LinkedCacheImpl
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+_PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}, "no_cfunc_wrapper": True}
+# code that counts references to arrays is as much as all else: what makes no arrays is compiled without
+_NO_MEMORY: dict[str, Any] = {"_nrt": False}
+
+
+def _compiled(function: Callable[..., Any], cache: type[KernelCache] = KernelCache, **options: Any) -> Any:
     compiled = numba.njit(**_PRESET, **options)(function)
     with suppress(RuntimeError):  # where no folder can be written, each process compiles for itself
-        compiled._cache = KernelCache(function)
+        compiled._cache = cache(function)
     template = compiled.get_call_template
 
     def for_any_value(args: Any, kws: Any) -> Any:
@@ -106,13 +116,31 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects."""
+    """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects.
+
+    It makes no arrays, nor does it call what returns arrays that it made: see ``kernel_with_memory``.
+    """
+    return _compiled(function, **_NO_MEMORY)
+
+
+def kernel_with_memory(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what makes arrays."""
     return _compiled(function)
 
 
+def addressed(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what is called by its address alone: the way in from Python takes long to compile."""
+    return _compiled(function, no_cpython_wrapper=True, **_NO_MEMORY)
+
+
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
-    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    """Compile as ``kernel`` what only kernels call: it becomes a part of them."""
+    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
+
+
+def inner_with_memory(function: Callable[..., Any]) -> Any:
+    """Compile as ``inner`` what makes arrays."""
+    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -14,7 +14,7 @@ from numba.extending import overload
 
 from ..elements.formulations import FORMULATIONS
 from ..elements.formulations.base import PointLaw
-from .jit import inlined, kernel
+from .jit import addressed, inlined
 from .lanes import rows, slots, table
 from .pointers import address_of, caller
 
@@ -109,7 +109,7 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
 def _operations_of(number: int) -> Any:
     NU, NS, NR = LAWS[number].fields, LAWS[number].strains, LAWS[number].references
 
-    @kernel
+    @addressed
     def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
         at = slots(NU, NS, NR)
         ref, u, u0 = rows(work, base + at.ref, NR), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)

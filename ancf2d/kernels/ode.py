@@ -8,12 +8,12 @@ from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
 from .consistent import _by_motion, _rates_of_constraints, constraint_matrix, onto_constraints
 from .dynamics import forces, forces_tangent, lost_to_mass_damping, power_of_loads, residual, to_full, violation
-from .jit import inner, kernel
+from .jit import inner, kernel, kernel_with_memory
 from .points import point_accept
 from .sliding import sliding_accept
 
 
-@kernel
+@kernel_with_memory
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 

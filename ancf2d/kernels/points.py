@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba.extending import register_jitable
 
 from ..elements import point_laws
@@ -309,7 +308,10 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     if len(points.law) == 0:
         return
     u, w, a, f, H, C = _work_arrays()
-    no_amps = array(np.max(points.signal) + 1, 3)
+    signals = 0
+    for signal in points.signal:
+        signals = max(signals, signal + 1)
+    no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.law)):
         w[:] = 0.0

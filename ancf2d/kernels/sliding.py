@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ..elements import sliding
-from .jit import kernel
+from .jit import kernel, kernel_with_memory
 from .matrix import scatter
 
 _point_at, _axis_of, _step = kernel(sliding.point_at), kernel(sliding.axis_of), kernel(sliding.step)
@@ -20,7 +20,7 @@ _END = sliding.END
 _STILL = 1e-7
 
 
-@kernel
+@kernel_with_memory
 def _foot(table, i, d):  # type: ignore[no-untyped-def]
     """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted."""
     count = table.elements[i]
@@ -41,7 +41,7 @@ def _size(table, i):  # type: ignore[no-untyped-def]
     return 2 * (table.points[i] + table.shapes[i])
 
 
-@kernel
+@kernel_with_memory
 def _linearised(table, i, d):  # type: ignore[no-untyped-def]
     """Return (g, tx, ty, c), coordinates (k + 1,), the multiplier last, and the rows N, A, B (3, k)."""
     m, z, (g, nx, ny, tx, ty, c) = _foot(table, i, d)
@@ -59,7 +59,7 @@ def _add(table, i, g, dofs, row, multiplier, Q):  # type: ignore[no-untyped-def]
     Q[table.multiplier[i]] += g - table.gap[i]
 
 
-@kernel
+@kernel_with_memory
 def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add lambda dg/dq and, at the multipliers, g to Q (n_full,); not a number where a point is off the end."""
     for i in range(len(table.multiplier)):
@@ -67,7 +67,7 @@ def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
         _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
 
 
-@kernel
+@kernel_with_memory
 def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):
@@ -83,7 +83,7 @@ def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value
         scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
 
 
-@kernel
+@kernel_with_memory
 def _mean_row(table, i, d0, d1, g0, g1):  # type: ignore[no-untyped-def]
     """Return coordinates and the discrete gradient G of a step: G.(d1 - d0) = g1 - g0.
 
@@ -113,7 +113,7 @@ def _mean_row(table, i, d0, d1, g0, g1):  # type: ignore[no-untyped-def]
     return dofs, rows[0]
 
 
-@kernel
+@kernel_with_memory
 def sliding_mean_forces(table, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
     """Add the forces of a step that keeps energy and momentum: lambda of d1 times the discrete gradient, g at d1."""
     for i in range(len(table.multiplier)):
@@ -123,7 +123,7 @@ def sliding_mean_forces(table, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-u
         _add(table, i, end[0], dofs, row, d1[table.multiplier[i]], Q)
 
 
-@kernel
+@kernel_with_memory
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
@@ -169,7 +169,7 @@ def sliding_check(table, d):  # type: ignore[no-untyped-def]
     return -1
 
 
-@kernel
+@kernel_with_memory
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
     for i in range(len(table.multiplier)):

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from ancf2d.kernels.jit import kernel
+from ancf2d.kernels.jit import kernel_with_memory
 
 SOURCE = """
 import numpy as np
-from ancf2d.kernels.jit import kernel
+from ancf2d.kernels.jit import kernel_with_memory
 
-@kernel
+@kernel_with_memory
 def filled(n, x):
     out = np.zeros((n, 2))
     out[:, 1] = x
@@ -40,7 +40,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def anew(module: ModuleType) -> Any:
     """The kernel as another process finds it."""
-    return kernel(module.filled.py_func)
+    return kernel_with_memory(module.filled.py_func)
 
 
 def hits_and_misses(compiled: Any) -> tuple[int, int]:
