@@ -16,7 +16,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 
-from .linked import LinkedCacheImpl, LinkedCompiler
+from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEEP_SECONDS = 30 * 24 * 3600
@@ -120,7 +120,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     It makes no arrays, nor does it call what returns arrays that it made: see ``kernel_with_memory``.
     """
-    return _compiled(function, **_NO_MEMORY)
+    return _compiled(function, pipeline_class=LeanCompiler, **_NO_MEMORY)
 
 
 def kernel_with_memory(function: Callable[..., Any]) -> Any:
@@ -130,7 +130,7 @@ def kernel_with_memory(function: Callable[..., Any]) -> Any:
 
 def addressed(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what is called by its address alone: the way in from Python takes long to compile."""
-    return _compiled(function, no_cpython_wrapper=True, **_NO_MEMORY)
+    return _compiled(function, pipeline_class=LeanCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
 def inner(function: Callable[..., Any]) -> Any:

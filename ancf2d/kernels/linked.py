@@ -11,7 +11,22 @@ from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
 
 
-class Linked(JITCodeLibrary):
+class Lean(JITCodeLibrary):
+    """Code that counts no references, which numba goes through three times to find those that cancel."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+        manager, builder = self._codegen._function_pass_manager(opt=1, loop_vectorize=False, slp_vectorize=False)
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                manager.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+
+class Linked(Lean):
     """Code that is there to be linked into that of kernels."""
 
     def _optimize_final_module(self) -> None:
@@ -23,13 +38,22 @@ class Linked(JITCodeLibrary):
         self._finalized = True
 
 
+class LeanCompiler(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler for what counts no references."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
+        library = Lean(targetctx.codegen(), "lean")
+        library.enable_object_caching()
+        super().__init__(typingctx, targetctx, library, *rest)
+
+
 class LinkedCompiler(compiler.Compiler):  # type: ignore[misc]
     """numba's compiler, which stops before there is machine code."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any,
-                 locals: Any) -> None:
+                 *rest: Any) -> None:
         flags.no_compile = True
-        super().__init__(typingctx, targetctx, Linked(targetctx.codegen(), "linked"), args, return_type, flags, locals)
+        super().__init__(typingctx, targetctx, Linked(targetctx.codegen(), "linked"), args, return_type, flags, *rest)
 
     def compile_extra(self, func: Any) -> Any:
         """Return what numba compiles a function to, known to those who call it."""
