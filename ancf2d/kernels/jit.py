@@ -84,6 +84,13 @@ class KernelCache(FunctionCache):
                 self.flush()
             return None
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Return what a kernel is found by; functions that it is closed over by their names: pickles of them differ."""
+        function = self._py_func
+        held = [getattr(cell.cell_contents, "py_func", cell.cell_contents) for cell in function.__closure__ or ()]
+        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else repr(x) for x in held]
+        return sig, codegen.magic_tuple(), (hashlib.sha256(function.__code__.co_code).hexdigest(), *names)
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel where there is room; else it is compiled for this process alone."""
         with suppress(OSError):
