@@ -10,9 +10,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
-from ancf2d.kernels.jit import kernel_with_memory
+from ancf2d.kernels.jit import kernel, kernel_with_memory
 
 SOURCE = """
 import numpy as np
@@ -93,3 +95,43 @@ def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> Non
                "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator"}
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
+
+
+PARTS = """
+from ancf2d.kernels.jit import inner, kernel
+
+@inner
+def doubled(x):
+    return 2.0 * x[0]
+
+@kernel
+def one_more(x):
+    return doubled(x) + 1.0
+
+@kernel
+def two_more(x):
+    return doubled(x) + 2.0
+"""
+
+
+def test_what_kernels_have_in_common_is_read_from_the_cache_by_those_compiled_later(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "parts_of_kernels.py").write_text(PARTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+
+    def imported() -> ModuleType:
+        monkeypatch.delitem(sys.modules, "parts_of_kernels", raising=False)
+        return importlib.import_module("parts_of_kernels")
+
+    first, later, x = imported(), imported(), np.array([3.0])
+    assert first.one_more(x) == 7.0
+    assert later.two_more(x) == 8.0
+    assert sum(later.doubled.stats.cache_hits.values()) == 1
+    assert not later.doubled.stats.cache_misses
+    assert imported().one_more(x) == 7.0
+
+
+def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
+    with pytest.raises(TypingError, match="zeros"):
+        kernel(module.filled.py_func)(3, 2.0)
