@@ -106,6 +106,8 @@ class LinkedCache(KernelCache):
 _PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}, "no_cfunc_wrapper": True}
 # code that counts references to arrays is as much as all else: what makes no arrays is compiled without
 _NO_MEMORY: dict[str, Any] = {"_nrt": False}
+# said, as numba compiles what is called as its caller is
+_MEMORY: dict[str, Any] = {"_nrt": True}
 
 
 def _compiled(function: Callable[..., Any], cache: type[KernelCache] = KernelCache, **options: Any) -> Any:
@@ -132,7 +134,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def kernel_with_memory(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what makes arrays."""
-    return _compiled(function)
+    return _compiled(function, **_MEMORY)
 
 
 def addressed(function: Callable[..., Any]) -> Any:
@@ -147,7 +149,7 @@ def inner(function: Callable[..., Any]) -> Any:
 
 def inner_with_memory(function: Callable[..., Any]) -> Any:
     """Compile as ``inner`` what makes arrays."""
-    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True)
+    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True, **_MEMORY)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

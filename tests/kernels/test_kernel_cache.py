@@ -135,3 +135,24 @@ def test_what_kernels_have_in_common_is_read_from_the_cache_by_those_compiled_la
 def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
     with pytest.raises(TypingError, match="zeros"):
         kernel(module.filled.py_func)(3, 2.0)
+
+
+WITH_MEMORY = """
+import numpy as np
+from ancf2d.kernels.jit import inner_with_memory, kernel
+
+@inner_with_memory
+def total(n):
+    return np.ones((n, 2)).sum()
+
+@kernel
+def half(n):
+    return total(n) / 2.0
+"""
+
+
+def test_a_kernel_without_memory_may_call_what_takes_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "kernels_with_memory.py").write_text(WITH_MEMORY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    assert importlib.import_module("kernels_with_memory").half(3) == 3.0
