@@ -54,14 +54,16 @@ def restart(m: Any, s: Any) -> None:
     _RESTART[type(m)](m, s)
 
 
-@overload(step)
+@overload(step, inline="always")
 def _step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
-    return _STEP[m.instance_class].py_func
+    function = _STEP[m.instance_class]
+    return lambda m, p, w, s, t, h: function(m, p, w, s, t, h)
 
 
-@overload(accept)
+@overload(accept, inline="always")
 def _accept(m, s):  # type: ignore[no-untyped-def]
-    return _ACCEPT[m.instance_class].py_func
+    function = _ACCEPT[m.instance_class]
+    return lambda m, s: function(m, s)
 
 
 class Plan(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .blocks import backward, eliminate, forward, room, take, take_diagonal
-from .jit import inlined, kernel, maker
+from .jit import inlined, kernel, kernel_with_memory
 from .stack import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
@@ -21,7 +21,7 @@ def _size(x):  # type: ignore[no-untyped-def]
     return abs(x.real) + abs(x.imag)
 
 
-@maker
+@kernel_with_memory
 def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad row or -1, negative pivots, smallest relative pivot).
 
@@ -45,12 +45,12 @@ def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
         while bad < 0 and k + 4 <= n:
             bad, found, least = _four_pivots(A, flat, k, tiny, scale, C)
             negative += found
-            smallest = min(smallest, least)
+            smallest = least if least < smallest else smallest
             k += 4
     while bad < 0 and k < n:
         d = A[k, bw]
         ratio = _size(d) / scale[k] if scale[k] > 0.0 else 0.0
-        smallest = min(smallest, ratio)
+        smallest = ratio if ratio < smallest else smallest
         if not ratio > tiny:
             bad = k
         else:
@@ -113,7 +113,7 @@ def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
     negative, smallest = 0, np.inf
     for p in range(4):
         ratio = _size(D[p]) / scale[k + p] if scale[k + p] > 0.0 else 0.0
-        smallest = min(smallest, ratio)
+        smallest = ratio if ratio < smallest else smallest
         if not ratio > tiny:
             return k + p, negative, smallest
         negative += D[p].real < 0.0

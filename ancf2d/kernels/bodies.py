@@ -15,7 +15,7 @@ from numba import types
 
 from .batch import Group, Law
 from .elements import force, force_noise, force_tangent, viscous_force
-from .jit import inlined, inner, kernel
+from .jit import addressed, inlined, inner
 from .lanes import Plan, array_at
 from .matrix import SymBand
 from .mean import mean_force, mean_force_tangent
@@ -77,7 +77,7 @@ def _group(b, g):  # type: ignore[no-untyped-def]
                  array_at(i, o[7], (h[7, 0], h[7, 1])), k[4], plan)
 
 
-@kernel
+@addressed
 def _elastic(what, b, g, scale, d, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
     group = _group(b, g)
     if what == FORCE:
@@ -88,12 +88,12 @@ def _elastic(what, b, g, scale, d, Q, A, place, indptr, index, value):  # type: 
     return 0.0
 
 
-@kernel
+@addressed
 def _viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
     return viscous_force(_group(b, g), tau, d, v, Q)
 
 
-@kernel
+@addressed
 def _mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
     group = _group(b, g)
     if what == FORCE:
@@ -101,12 +101,12 @@ def _mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  # ty
     return mean_force_tangent(group, damping, d0, d1, Q, SymBand(A), place, indptr, index, value)[0]
 
 
-@kernel
+@addressed
 def _no_viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
     return np.nan
 
 
-@kernel
+@addressed
 def _no_mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
     return np.nan
 

@@ -7,7 +7,7 @@ import numpy as np
 from .amplitudes import evaluate
 from .band import ldl_factor, ldl_solve
 from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full
-from .jit import inner, inner_maker, maker
+from .jit import inner, inner_with_memory, kernel_with_memory
 from .mass import band_product
 from .points import point_constraint_rates
 from .sliding import sliding_constraint_rates
@@ -35,7 +35,7 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     add_mass(p, 1.0, w.A)
 
 
-@inner_maker
+@inner_with_memory
 def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
     """Fill what prescribed motion alone makes of the constraints (order 1: rates, 2: accelerations) at multipliers."""
     out[:] = 0.0
@@ -58,7 +58,7 @@ def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
             rest[p.full[i]] = 0.0
 
 
-@maker
+@kernel_with_memory
 def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
     """Make rates, accelerations and multipliers of the motion s consistent at t; return whether that went well.
 
@@ -111,7 +111,7 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
     return True
 
 
-@maker
+@kernel_with_memory
 def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
     n = len(z)

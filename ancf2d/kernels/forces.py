@@ -27,7 +27,7 @@ from .batch import (
     product,
     to_lanes,
 )
-from .jit import inlined, kernel
+from .jit import addressed, inlined
 from .lanes import Slots, array_at, vectors_of
 from .laws import MEAN, PULL, PUSH, STRAIN
 from .pointers import address_of, caller
@@ -68,7 +68,7 @@ _STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(7) for step in _PRO
 _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(7)])
 
 
-@kernel
+@addressed
 def element_batch(what, group, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
     """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
 

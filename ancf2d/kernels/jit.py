@@ -16,6 +16,8 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 
+from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler
+
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEEP_SECONDS = 30 * 24 * 3600
 
@@ -82,20 +84,36 @@ class KernelCache(FunctionCache):
                 self.flush()
             return None
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Return what a kernel is found by; functions that it is closed over by their names: pickles of them differ."""
+        function = self._py_func
+        held = [getattr(cell.cell_contents, "py_func", cell.cell_contents) for cell in function.__closure__ or ()]
+        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else repr(x) for x in held]
+        return sig, codegen.magic_tuple(), (hashlib.sha256(function.__code__.co_code).hexdigest(), *names)
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel where there is room; else it is compiled for this process alone."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
-_PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
-_NO_WAY_IN = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+class LinkedCache(KernelCache):
+    """Functions that only kernels call, between processes."""
+
+    _impl_class = LinkedCacheImpl
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+_PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}, "no_cfunc_wrapper": True}
+# code that counts references to arrays is as much as all else: what makes no arrays is compiled without
+_NO_MEMORY: dict[str, Any] = {"_nrt": False}
+# said, as numba compiles what is called as its caller is
+_MEMORY: dict[str, Any] = {"_nrt": True}
+
+
+def _compiled(function: Callable[..., Any], cache: type[KernelCache] = KernelCache, **options: Any) -> Any:
     compiled = numba.njit(**_PRESET, **options)(function)
     with suppress(RuntimeError):  # where no folder can be written, each process compiles for itself
-        compiled._cache = KernelCache(function)
+        compiled._cache = cache(function)
     template = compiled.get_call_template
 
     def for_any_value(args: Any, kws: Any) -> Any:
@@ -109,30 +127,34 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects.
 
-    It makes no arrays: no references are counted, which took as long as all else where elements are few.
+    It makes no arrays, nor does it call what returns arrays that it made: see ``kernel_with_memory``.
     """
-    return _compiled(function, _nrt=False)
-
-
-def maker(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what makes arrays."""
-    # said, as it would be taken over from the caller that it is compiled for
-    return _compiled(function, _nrt=True)
-
-
-def inner_maker(function: Callable[..., Any]) -> Any:
-    """Compile as ``inner`` what makes arrays."""
-    return _compiled(function, _nrt=True, **_NO_WAY_IN)
+    return _compiled(function, pipeline_class=LeanCompiler, **_NO_MEMORY)
 
 
 def shared(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what several threads do at once: Python's lock is let go meanwhile."""
-    return _compiled(function, nogil=True)
+    return _compiled(function, pipeline_class=LeanCompiler, nogil=True, **_NO_MEMORY)
+
+
+def kernel_with_memory(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what makes arrays."""
+    return _compiled(function, **_MEMORY)
+
+
+def addressed(function: Callable[..., Any]) -> Any:
+    """Compile as ``kernel`` what is called by its address alone: the way in from Python takes long to compile."""
+    return _compiled(function, pipeline_class=LeanCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what only kernels call: the way in from Python takes long to compile."""
-    return _compiled(function, _nrt=False, **_NO_WAY_IN)
+    """Compile as ``kernel`` what only kernels call: it becomes a part of them."""
+    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
+
+
+def inner_with_memory(function: Callable[..., Any]) -> Any:
+    """Compile as ``inner`` what makes arrays."""
+    return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True, **_MEMORY)
 
 
 def inlined(function: Callable[..., Any]) -> Any:

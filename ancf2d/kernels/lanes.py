@@ -15,6 +15,7 @@ from numba.extending import intrinsic, register_jitable
 from numba.np import arrayobj
 
 from .jit import inlined
+from .pointers import array_over
 
 # lanes of a batch; rows lie further apart, so that they do not fall on the same lines of the cache
 LANES = 64
@@ -116,43 +117,46 @@ def places(fields, strains, references, points):  # type: ignore[no-untyped-def]
     return Places(at.rows, D, H, turn, turn + 2)
 
 
+def _view(buffer: Any, places: list[Any], dimensions: int, parts: Any) -> Any:
+    """Return signature and code of an array over a buffer: ``parts`` makes (first entry, shape) of ``places``."""
+    result = types.Array(buffer.dtype, dimensions, "C")
+
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        first, dims = parts(builder, *args[1:])
+        data = builder.gep(arrayobj.make_array(buffer)(context, builder, args[0]).data, [first])
+        return array_over(context, builder, result, data, dims)
+
+    return result(buffer, *places), generate
+
+
 @intrinsic
 def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
     """Return an array of a shape over a buffer from entry ``first`` on, of which no references are counted."""
-    result = types.Array(buffer.dtype, len(shape), "C")
-
-    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        intp = context.get_value_type(types.intp)
-        whole = arrayobj.make_array(buffer)(context, builder, args[0])
-        out = arrayobj.make_array(result)(context, builder)
-        dims = cgutils.unpack_tuple(builder, args[2], len(shape))
-        size = intp(context.get_abi_sizeof(context.get_data_type(buffer.dtype)))
-        strides = [size]
-        for dim in dims[:0:-1]:
-            strides.insert(0, builder.mul(strides[0], dim))
-        arrayobj.populate_array(out, data=builder.gep(whole.data, [args[1]]), shape=dims, strides=strides,
-                                itemsize=size, meminfo=None, parent=None)
-        return out._getvalue()
-
-    return result(buffer, types.intp, types.UniTuple(types.intp, len(shape))), generate
+    n = len(shape)
+    return _view(buffer, [types.intp, types.UniTuple(types.intp, n)], n,
+                 lambda builder, first, shape: (first, cgutils.unpack_tuple(builder, shape, n)))
 
 
-@inlined
-def row(work, k):  # type: ignore[no-untyped-def]
+def _stride(builder: Any, k: Any, *shape: Any) -> Any:
+    return builder.mul(k, k.type(STRIDE)), [*shape, k.type(STRIDE)]
+
+
+@intrinsic
+def row(_, work, k):  # type: ignore[no-untyped-def]
     """Return row k of the work buffer."""
-    return array_at(work, k * STRIDE, (STRIDE,))
+    return _view(work, [types.intp], 1, _stride)
 
 
-@inlined
-def rows(work, k, m):  # type: ignore[no-untyped-def]
+@intrinsic
+def rows(_, work, k, m):  # type: ignore[no-untyped-def]
     """Return rows k, k + 1, ... as (m, lanes)."""
-    return array_at(work, k * STRIDE, (m, STRIDE))
+    return _view(work, [types.intp] * 2, 2, _stride)
 
 
-@inlined
-def table(work, k, m, n):  # type: ignore[no-untyped-def]
+@intrinsic
+def table(_, work, k, m, n):  # type: ignore[no-untyped-def]
     """Return rows k, k + 1, ... as (m, n, lanes)."""
-    return array_at(work, k * STRIDE, (m, n, STRIDE))
+    return _view(work, [types.intp] * 3, 3, _stride)
 
 
 @inlined

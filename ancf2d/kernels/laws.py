@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import overload
 
 from ..elements.formulations import FORMULATIONS
 from ..elements.formulations.base import PointLaw
-from .jit import inlined, kernel
+from .jit import addressed, inlined
 from .lanes import rows, slots, table
 from .pointers import address_of, caller
 
@@ -32,36 +31,6 @@ def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
 
 # inlined, so that rows a constant distance apart are seen to be so
 _COMPILED = [tuple(inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean)) for law in LAWS]
-
-
-def _strain(number, ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
-    raise NotImplementedError
-
-
-def _geometric(number, ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
-    raise NotImplementedError
-
-
-def _mean(number, ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    raise NotImplementedError
-
-
-@overload(_strain, inline="always", prefer_literal=True)
-def _strain_of(number, ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
-    function = _COMPILED[number.literal_value][0]
-    return lambda number, ref, u, eps, J, lanes: function(ref, u, eps, J, lanes)
-
-
-@overload(_geometric, inline="always", prefer_literal=True)
-def _geometric_of(number, ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
-    function = _COMPILED[number.literal_value][1]
-    return lambda number, ref, u, sigma, J, H, lanes: function(ref, u, sigma, J, H, lanes)
-
-
-@overload(_mean, inline="always", prefer_literal=True)
-def _mean_of(number, ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    function = _COMPILED[number.literal_value][2]
-    return lambda number, ref, u0, u1, eps0, eps1, J, lanes: function(ref, u0, u1, eps0, eps1, J, lanes)
 
 
 @inlined
@@ -108,8 +77,8 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
 
 def _operations_of(number: int) -> Any:
     NU, NS, NR = LAWS[number].fields, LAWS[number].strains, LAWS[number].references
+    strain, geometric, mean = _COMPILED[number]
 
-    @kernel
     def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
         at = slots(NU, NS, NR)
         ref, u, u0 = rows(work, base + at.ref, NR), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
@@ -118,11 +87,11 @@ def _operations_of(number: int) -> Any:
         J, DJ = table(work, base + at.J, NS, NU), table(work, base + at.DJ, NS, NU)
         D, H = table(work, base + at.D, NS, NS), table(work, base + at.H, NU, NU)
         if what == STRAIN:
-            _strain(number, ref, u, eps, J, lanes)
+            strain(ref, u, eps, J, lanes)
         elif what == GEOMETRIC:
-            _geometric(number, ref, u, sigma, J, H, lanes)
+            geometric(ref, u, sigma, J, H, lanes)
         elif what == MEAN:
-            _mean(number, ref, u0, u, eps0, eps, J, lanes)
+            mean(ref, u0, u, eps0, eps, J, lanes)
         elif what == STRESS:
             _matrix_vector(D, eps, t, NS, NS, lanes)
         elif what == PUSH:
@@ -134,7 +103,9 @@ def _operations_of(number: int) -> Any:
         else:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
 
-    return operate
+    # the cache knows it by this name
+    operate.__qualname__ = f"operate_{number}"
+    return addressed(operate)
 
 
 SIGNATURE = types.void(types.int64, types.float64[::1], types.int64, types.int64)

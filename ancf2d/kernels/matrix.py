@@ -41,7 +41,7 @@ def _add_band(matrix, i, j, v):  # type: ignore[no-untyped-def]
     matrix.values[j, 2 * bw + i - j] += v
 
 
-@kernel
+@inner
 def _entry(indptr, indices, i, j):  # type: ignore[no-untyped-def]
     """Return where entry (i, j) is stored, by bisection."""
     low, high = indptr[i], indptr[i + 1]
@@ -116,7 +116,7 @@ def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[n
         _scatter_combined(matrix, Ke, dofs[m], place, indptr, index, value)
 
 
-@kernel
+@inner
 def _scatter_combined(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
     n = len(dofs)
     for a in range(n):
@@ -149,7 +149,7 @@ def scatter_patches(matrix, Ks, dofs, first, count, place, indptr, index, value)
         scatter(matrix, Ks[m], dofs, first + m, place, indptr, index, value)
 
 
-@kernel
+@inner
 def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add ``scale`` times the symmetric matrices Ks (entries, m) of elements first, first + 1, ... to the matrix.
 

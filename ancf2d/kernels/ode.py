@@ -9,12 +9,12 @@ from .arrays import copy_rows
 from .band import ldl_factor, ldl_solve
 from .consistent import _by_motion, _rates_of_constraints, constraint_matrix, onto_constraints
 from .dynamics import forces, forces_tangent, lost_to_mass_damping, power_of_loads, residual, to_full, violation
-from .jit import inner, kernel, maker
+from .jit import inner, kernel, kernel_with_memory
 from .points import point_accept
 from .sliding import sliding_accept
 
 
-@maker
+@kernel_with_memory
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 

@@ -1,4 +1,4 @@
-"""Compiled functions called by their address, so that their callers are compiled without them."""
+"""Compiled functions called by their address, so that their callers are compiled without them; arrays over memory."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np import arrayobj
 
 
 def address_of(function: Any, signature: Any) -> int:
@@ -37,3 +38,15 @@ def caller(signature: Any) -> Callable[..., Any]:
         return restype(types.int64, types.Tuple(argtypes)), generate
 
     return call  # type: ignore[no-any-return]
+
+
+def array_over(context: Any, builder: Any, kind: Any, data: Any, dims: Any) -> Any:
+    """Return an array, row by row, of a type over memory that it does not own: no references to it are counted."""
+    intp = context.get_value_type(types.intp)
+    size = intp(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    strides = [size]
+    for dim in dims[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], dim))
+    out = arrayobj.make_array(kind)(context, builder)
+    arrayobj.populate_array(out, data=data, shape=dims, strides=strides, itemsize=size, meminfo=None, parent=None)
+    return out._getvalue()

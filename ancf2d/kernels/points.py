@@ -309,8 +309,8 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
         return
     u, w, a, f, H, C = _work_arrays()
     signals = 0
-    for i in range(len(points.signal)):
-        signals = max(signals, points.signal[i] + 1)
+    for signal in points.signal:
+        signals = max(signals, signal + 1)
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.law)):

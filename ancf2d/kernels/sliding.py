@@ -10,17 +10,17 @@ import math
 import numpy as np
 
 from ..elements import sliding
-from .jit import maker
+from .jit import kernel, kernel_with_memory
 from .matrix import scatter
 
-_point_at, _axis_of, _step = maker(sliding.point_at), maker(sliding.axis_of), maker(sliding.step)
-_measure, _rows_at, _second = maker(sliding.measure), maker(sliding.rows_at), maker(sliding.second)
+_point_at, _axis_of, _step = kernel(sliding.point_at), kernel(sliding.axis_of), kernel(sliding.step)
+_measure, _rows_at, _second = kernel(sliding.measure), kernel(sliding.rows_at), kernel(sliding.second)
 _END = sliding.END
 # relative motion below this share of the distance from the origin cannot be told from round-off
 _STILL = 1e-7
 
 
-@maker
+@kernel_with_memory
 def _foot(table, i, d):  # type: ignore[no-untyped-def]
     """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted."""
     count = table.elements[i]
@@ -35,13 +35,13 @@ def _foot(table, i, d):  # type: ignore[no-untyped-def]
     return m, z, _measure(axis, x, y, m, z)
 
 
-@maker
+@kernel
 def _size(table, i):  # type: ignore[no-untyped-def]
     """Return how many coordinates joint i touches at a time."""
     return 2 * (table.points[i] + table.shapes[i])
 
 
-@maker
+@kernel_with_memory
 def _linearised(table, i, d):  # type: ignore[no-untyped-def]
     """Return (g, tx, ty, c), coordinates (k + 1,), the multiplier last, and the rows N, A, B (3, k)."""
     m, z, (g, nx, ny, tx, ty, c) = _foot(table, i, d)
@@ -52,14 +52,14 @@ def _linearised(table, i, d):  # type: ignore[no-untyped-def]
     return g, tx, ty, c, dofs, rows
 
 
-@maker
+@kernel
 def _add(table, i, g, dofs, row, multiplier, Q):  # type: ignore[no-untyped-def]
     for a in range(len(row)):
         Q[dofs[a]] += multiplier * row[a]
     Q[table.multiplier[i]] += g - table.gap[i]
 
 
-@maker
+@kernel_with_memory
 def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add lambda dg/dq and, at the multipliers, g to Q (n_full,); not a number where a point is off the end."""
     for i in range(len(table.multiplier)):
@@ -67,7 +67,7 @@ def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
         _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
 
 
-@maker
+@kernel_with_memory
 def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):
@@ -83,7 +83,7 @@ def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value
         scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
 
 
-@maker
+@kernel_with_memory
 def _mean_row(table, i, d0, d1, g0, g1):  # type: ignore[no-untyped-def]
     """Return coordinates and the discrete gradient G of a step: G.(d1 - d0) = g1 - g0.
 
@@ -113,7 +113,7 @@ def _mean_row(table, i, d0, d1, g0, g1):  # type: ignore[no-untyped-def]
     return dofs, rows[0]
 
 
-@maker
+@kernel_with_memory
 def sliding_mean_forces(table, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
     """Add the forces of a step that keeps energy and momentum: lambda of d1 times the discrete gradient, g at d1."""
     for i in range(len(table.multiplier)):
@@ -123,7 +123,7 @@ def sliding_mean_forces(table, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-u
         _add(table, i, end[0], dofs, row, d1[table.multiplier[i]], Q)
 
 
-@maker
+@kernel_with_memory
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
@@ -138,7 +138,7 @@ def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):
                                                   + g * turned * turned) / (T - g * bend)
 
 
-@maker
+@kernel
 def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest change of distance beside the size of the coordinates it is formed from."""
     worst = 0.0
@@ -150,7 +150,7 @@ def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
     return worst
 
 
-@maker
+@kernel
 def sliding_accept(table, d):  # type: ignore[no-untyped-def]
     """Take the foot points of the accepted state d as where the next searches begin."""
     for i in range(len(table.multiplier)):
@@ -159,7 +159,7 @@ def sliding_accept(table, d):  # type: ignore[no-untyped-def]
             table.memory[i, 0], table.memory[i, 1] = m, z
 
 
-@maker
+@kernel
 def sliding_check(table, d):  # type: ignore[no-untyped-def]
     """Return the number of the first joint whose point is off the end of its body, or -1."""
     for i in range(len(table.multiplier)):
@@ -169,7 +169,7 @@ def sliding_check(table, d):  # type: ignore[no-untyped-def]
     return -1
 
 
-@maker
+@kernel_with_memory
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
     for i in range(len(table.multiplier)):

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
-from functools import reduce
 from typing import Any
 
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np import arrayobj
 
 from .jit import inlined
+from .pointers import array_over
 
-
-def _room(context: Any, builder: Any, result: Any, dims: Any) -> Any:
-    """Return an array of a type in the frame of the caller, of which no references are counted."""
-    kind = context.get_data_type(result.dtype)
-    size = context.get_constant(types.intp, context.get_abi_sizeof(kind))
-    strides = [size]
-    for dim in dims[:0:-1]:
-        strides.insert(0, builder.mul(strides[0], dim))
-    out = arrayobj.make_array(result)(context, builder)
-    data = builder.alloca(kind, size=reduce(builder.mul, dims))
-    arrayobj.populate_array(out, data=data, shape=dims, strides=strides, itemsize=size, meminfo=None, parent=None)
-    return out._getvalue()
+_SIZE = 8
 
 
 @intrinsic
-def _doubles(_: Any, shape: Any) -> Any:
+def _zeros(_: Any, shape: Any) -> Any:
+    """Return an array of zeros in the frame of the caller."""
     result = types.Array(types.float64, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return _room(context, builder, result, cgutils.unpack_tuple(builder, args[0], len(shape)))
+        dims = cgutils.unpack_tuple(builder, args[0], len(shape))
+        count = dims[0]
+        for dim in dims[1:]:
+            count = builder.mul(count, dim)
+        data = builder.alloca(ir.DoubleType(), size=count)
+        cgutils.memset(builder, data, builder.mul(count, count.type(_SIZE)), 0)
+        return array_over(context, builder, result, data, dims)
 
     return result(types.UniTuple(types.intp, len(shape))), generate
 
@@ -42,7 +38,8 @@ def numbers(_: Any, like: Any, count: Any) -> Any:
     result = types.Array(like.dtype, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return _room(context, builder, result, [args[1]])
+        data = builder.alloca(context.get_data_type(like.dtype), size=args[1])
+        return array_over(context, builder, result, data, [args[1]])
 
     return result(like, types.intp), generate
 
@@ -50,22 +47,16 @@ def numbers(_: Any, like: Any, count: Any) -> Any:
 @inlined
 def vector(n):  # type: ignore[no-untyped-def]
     """Return zeros (n,). Made before loops, never in them, and never returned: gone when the kernel returns."""
-    out = _doubles((n,))
-    out[:] = 0.0
-    return out
+    return _zeros((n,))
 
 
 @inlined
 def matrices(k, n, m):  # type: ignore[no-untyped-def]
     """Return zeros (k, n, m), as ``vector`` does."""
-    out = _doubles((k, n, m))
-    out[:] = 0.0
-    return out
+    return _zeros((k, n, m))
 
 
 @inlined
 def array(n, m):  # type: ignore[no-untyped-def]
     """Return zeros (n, m), as ``vector`` does."""
-    out = _doubles((n, m))
-    out[:] = 0.0
-    return out
+    return _zeros((n, m))

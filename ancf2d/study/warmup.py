@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import os
@@ -28,6 +29,8 @@ except ImportError:  # no such locks here: processes that compile at the same ti
 PATIENCE = 1.5
 # share of a motion that is gone through to compile its kernels
 MOMENT = 1e-6
+# after how many new objects, and of how many such rounds, garbage is looked for meanwhile
+SELDOM = (100_000, 50, 1000)
 
 
 def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
@@ -42,13 +45,24 @@ def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
     announce.daemon = True
     announce.start()
     try:
-        with _alone(CACHE, kernels_of(model.case)):
+        with _alone(CACHE, kernels_of(model.case)), _seldom_collected():
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver)
             else:
                 _touch(model)
     finally:
         announce.cancel()
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Look for garbage seldom: of all that the compiler makes little is, and looking takes a tenth of its time."""
+    before = gc.get_threshold()
+    gc.set_threshold(*SELDOM)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def kernels_of(case: Case) -> str:

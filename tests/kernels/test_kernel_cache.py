@@ -10,15 +10,17 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
-from ancf2d.kernels.jit import maker
+from ancf2d.kernels.jit import kernel, kernel_with_memory
 
 SOURCE = """
 import numpy as np
-from ancf2d.kernels.jit import maker
+from ancf2d.kernels.jit import kernel_with_memory
 
-@maker
+@kernel_with_memory
 def filled(n, x):
     out = np.zeros((n, 2))
     out[:, 1] = x
@@ -40,7 +42,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def anew(module: ModuleType) -> Any:
     """The kernel as another process finds it."""
-    return maker(module.filled.py_func)
+    return kernel_with_memory(module.filled.py_func)
 
 
 def hits_and_misses(compiled: Any) -> tuple[int, int]:
@@ -93,3 +95,64 @@ def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> Non
                "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator"}
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
+
+
+PARTS = """
+from ancf2d.kernels.jit import inner, kernel
+
+@inner
+def doubled(x):
+    return 2.0 * x[0]
+
+@kernel
+def one_more(x):
+    return doubled(x) + 1.0
+
+@kernel
+def two_more(x):
+    return doubled(x) + 2.0
+"""
+
+
+def test_what_kernels_have_in_common_is_read_from_the_cache_by_those_compiled_later(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "parts_of_kernels.py").write_text(PARTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+
+    def imported() -> ModuleType:
+        monkeypatch.delitem(sys.modules, "parts_of_kernels", raising=False)
+        return importlib.import_module("parts_of_kernels")
+
+    first, later, x = imported(), imported(), np.array([3.0])
+    assert first.one_more(x) == 7.0
+    assert later.two_more(x) == 8.0
+    assert sum(later.doubled.stats.cache_hits.values()) == 1
+    assert not later.doubled.stats.cache_misses
+    assert imported().one_more(x) == 7.0
+
+
+def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
+    with pytest.raises(TypingError, match="zeros"):
+        kernel(module.filled.py_func)(3, 2.0)
+
+
+WITH_MEMORY = """
+import numpy as np
+from ancf2d.kernels.jit import inner_with_memory, kernel
+
+@inner_with_memory
+def total(n):
+    return np.ones((n, 2)).sum()
+
+@kernel
+def half(n):
+    return total(n) / 2.0
+"""
+
+
+def test_a_kernel_without_memory_may_call_what_takes_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "kernels_with_memory.py").write_text(WITH_MEMORY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    assert importlib.import_module("kernels_with_memory").half(3) == 3.0
