@@ -8,17 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .blocks import backward, eliminate, forward, room, take, take_diagonal
+from .blocks import backward, eliminate, forward, room, size, take, take_diagonal
 from .jit import inlined, kernel, kernel_with_memory
 from .stack import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
 NARROW = 4
-
-
-@inlined
-def _size(x):  # type: ignore[no-untyped-def]
-    return abs(x.real) + abs(x.imag)
 
 
 @kernel_with_memory
@@ -38,7 +33,7 @@ def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
     n, w = A.shape
     bw = w - 1
     for i in range(n):
-        scale[i] = _size(A[i, bw])
+        scale[i] = size(A[i, bw])
     bad, negative, smallest, k = -1, 0, np.inf, 0
     if bw >= NARROW:
         flat, C = A.reshape(n * w), numbers(A, room(bw))
@@ -49,7 +44,7 @@ def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
             k += 4
     while bad < 0 and k < n:
         d = A[k, bw]
-        ratio = _size(d) / scale[k] if scale[k] > 0.0 else 0.0
+        ratio = size(d) / scale[k] if scale[k] > 0.0 else 0.0
         smallest = ratio if ratio < smallest else smallest
         if not ratio > tiny:
             bad = k
@@ -72,7 +67,7 @@ def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
         for j in range(k + 1, i + 1):
             A[i, bw + j - i] -= l * A[j, bw + k - j]
         A[i, bw + k - i] = l
-        scale[i] += _size(l * x)
+        scale[i] += size(l * x)
 
 
 @inlined
@@ -97,8 +92,8 @@ def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
     flat[b], flat[b + 1] = l10, d1
     flat[c], flat[c + 1], flat[c + 2] = l20, l21, d2
     flat[d], flat[d + 1], flat[d + 2], flat[d + 3] = l30, l31, l32, d3
-    sizes = (_size(l10 * x10), _size(l20 * x20) + _size(l21 * x21),
-             _size(l30 * x30) + _size(l31 * x31) + _size(l32 * x32))
+    sizes = (size(l10 * x10), size(l20 * x20) + size(l21 * x21),
+             size(l30 * x30) + size(l31 * x31) + size(l32 * x32))
     return (d0, d1, d2, d3), (o0, o1, o2, 1.0 / d3), (x10, x20, x21, x30, x31, x32), sizes
 
 
@@ -112,7 +107,7 @@ def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
         scale[k + 1 + p] += sizes[p]
     negative, smallest = 0, np.inf
     for p in range(4):
-        ratio = _size(D[p]) / scale[k + p] if scale[k + p] > 0.0 else 0.0
+        ratio = size(D[p]) / scale[k + p] if scale[k + p] > 0.0 else 0.0
         smallest = ratio if ratio < smallest else smallest
         if not ratio > tiny:
             return k + p, negative, smallest

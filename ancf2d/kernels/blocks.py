@@ -26,6 +26,18 @@ def room(bw):  # type: ignore[no-untyped-def]
     return 4 * ((bw + 3) // 4 * 4) + 16
 
 
+@intrinsic
+def size(_, x):  # type: ignore[no-untyped-def]
+    """Return the size of a number, |re| + |im|."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        is_complex = isinstance(signature.args[0], types.Complex)
+        parts = [builder.extract_value(args[0], k) for k in range(2)] if is_complex else args
+        bare = [builder.call(builder.module.declare_intrinsic("llvm.fabs", [v.type]), [v]) for v in parts]
+        return bare[0] if len(bare) == 1 else builder.fadd(*bare)
+
+    return types.float64(x), generate
+
+
 class _Block:
     """Where the rows of a block are, as code is generated that works on it."""
 

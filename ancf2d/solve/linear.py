@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.band import ldl_factor, ldl_solve
+from ..kernels.band import ldl_factor_with, ldl_solve
 from ..kernels.matrix import Band, Csr, SymBand
 from ..model.model import Model, Numbering
 
@@ -51,6 +51,7 @@ class SymmetricBand:
     def __init__(self, n: int, bw: int) -> None:
         self.values = np.zeros((n, bw + 1))
         self.target = SymBand(self.values)
+        self.scale = np.zeros(n)
 
     def clear(self) -> None:
         """Set every entry to zero."""
@@ -58,7 +59,7 @@ class SymmetricBand:
 
     def factor(self) -> Pivots:
         """Factor in place: K = L D L^T."""
-        return Pivots(*ldl_factor(self.values, SINGULAR))
+        return Pivots(*ldl_factor_with(self.values, SINGULAR, self.scale))
 
     def solve(self, b: Array) -> Array:
         """Return K^-1 b."""

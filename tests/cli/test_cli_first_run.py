@@ -55,7 +55,6 @@ def run(folder: Path, **environment: str) -> dict[str, Any]:
 
 def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports_no_more(folder: Path) -> None:
     # code that is optimised less counts as much, and is there sooner
-    # code that is optimised less counts as much, and is there sooner
     cache = {"XDG_CACHE_HOME": str(folder / "cache"), "NUMBA_OPT": "1"}
     first, second = run(folder, **cache), run(folder, **cache)
     own = [name for name in first["compiled"] if name.startswith("ancf2d.")]
