@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .blas import multiply, multiply_transposed
-from .jit import inlined, inner
+from .jit import inner
 from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
 from .laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 
@@ -53,32 +53,32 @@ def no_group() -> Group:
     return Group(law, n, table, index, 2, plan)
 
 
-@inlined
+@inner
 def sizes(group):  # type: ignore[no-untyped-def]
     """Return (n_dof, fields, strains, stations)."""
     return group.law.B.shape[3], group.law.B.shape[1], group.law.D.shape[1], group.law.B.shape[2]
 
 
-@inlined
+@inner
 def points_of(law):  # type: ignore[no-untyped-def]
     """Return how many points a station has."""
     return law.B.shape[1] // law.fields
 
 
-@inlined
+@inner
 def layout(law):  # type: ignore[no-untyped-def]
     """Return (where the points of a station are in the work buffer, where things are in a point)."""
     return (places(law.fields, law.strains, law.references, points_of(law)),
             slots(law.fields, law.strains, law.references))
 
 
-@inlined
+@inner
 def place_of(i, size, at, slot):  # type: ignore[no-untyped-def]
     """Return the row of value i among those of all points, ``size`` each, in a slot."""
     return (i // size) * at.rows + slot + i % size
 
 
-@inlined
+@inner
 def batch_length(group, first, last):  # type: ignore[no-untyped-def]
     """Return how many elements from ``first`` on, below ``last``, make a batch: a run of one class, evenly cut."""
     most = group.plan.most
@@ -160,7 +160,7 @@ def set_constants(law, q, count, work):  # type: ignore[no-untyped-def]
             repeat(work, at.D + block * k * k + (i % k) * k + j % k, law.D, ((q * ns + i) * ns + j) * S, S, count)
 
 
-@inlined
+@inner
 def turned(group):  # type: ignore[no-untyped-def]
     """Return whether elements have frames of their own."""
     return len(group.turn) > 1 or group.turn[0, 0] != 1.0 or group.turn[0, 1] != 0.0
@@ -186,7 +186,7 @@ def begin(group, part, first, count):  # type: ignore[no-untyped-def]
     return q
 
 
-@inlined
+@inner
 def matrices(group, at):  # type: ignore[no-untyped-def]
     """Return where displacements, lanes in a row, forces, tangents and products start in the work buffer."""
     law, plan = group.law, group.plan

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from .batch import add_forces, batch_length, layout, place_of, sizes
 from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
-from .jit import inlined, kernel, shared
+from .jit import inner, kernel, shared
 from .lanes import row
 from .matrix import scatter_packed
 from .stack import vector
@@ -123,7 +123,7 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
                         out[group.dofs[ie, a]] += abs(law.B[q, i, s, a]) * ub[i]
 
 
-@inlined
+@inner
 def _turn_sizes(group, ie, fields):  # type: ignore[no-untyped-def]
     """Turn the sizes of fields into the frame of an element, or out of it: both ways they can sum up alike."""
     t, vectors = ie if len(group.turn) > 1 else 0, group.plan.vectors
@@ -133,7 +133,7 @@ def _turn_sizes(group, ie, fields):  # type: ignore[no-untyped-def]
         fields[vectors[v, 0]], fields[vectors[v, 1]] = c * x + s * y, s * x + c * y
 
 
-@inlined
+@inner
 def _add_sizes(group, size, J, s, fields, strains, transposed):  # type: ignore[no-untyped-def]
     """Add |J| fields of lane s to strains or, transposed, |J|^T strains to fields."""
     NU, NS = group.law.fields, group.law.strains

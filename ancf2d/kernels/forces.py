@@ -27,7 +27,7 @@ from .batch import (
     product,
     to_lanes,
 )
-from .jit import addressed, inlined
+from .jit import addressed, inner
 from .lanes import Slots, array_at, vectors_of
 from .laws import MEAN, PULL, PUSH, STRAIN
 from .pointers import address_of, caller
@@ -127,7 +127,7 @@ def batch_address() -> int:
     return address_of(element_batch, _BATCH)
 
 
-@inlined
+@inner
 def results(group, count):  # type: ignore[no-untyped-def]
     """Return the forces (n_dof, count) and packed tangents (entries, count) of the last batch."""
     at, _ = layout(group.law)

@@ -158,7 +158,7 @@ def inner_with_memory(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a helper into its callers: a call would copy and count every array of a group."""
+    """Compile a helper anew into each of its callers, where they must see it whole (its frame, or what is constant)."""
     return numba.njit(inline="always")(function)
 
 

@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 from numba.np import arrayobj
 
-from .jit import inlined
+from .jit import inner
 from .pointers import array_over
 
 # lanes of a batch; rows lie further apart, so that they do not fall on the same lines of the cache
@@ -159,7 +159,7 @@ def table(_, work, k, m, n):  # type: ignore[no-untyped-def]
     return _view(work, [types.intp] * 3, 3, _stride)
 
 
-@inlined
+@inner
 def vectors_of(lanes):  # type: ignore[no-untyped-def]
     """Return lanes rounded up to full vectors: those beyond repeat the first, and count nowhere."""
     return (lanes + VECTOR - 1) // VECTOR * VECTOR

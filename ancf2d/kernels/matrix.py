@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from .jit import inlined, inner, kernel
+from .jit import inner, kernel
 from .lanes import array_at
 from .stack import array, numbers
 
@@ -82,7 +82,7 @@ def _only_lower(matrix):  # type: ignore[no-untyped-def]
     return lambda matrix: lower
 
 
-@inlined
+@inner
 def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
     """Return whether no coordinate of element m is a combination of unknowns."""
     plain = True
@@ -92,7 +92,7 @@ def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
     return plain
 
 
-@inlined
+@inner
 def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is.
 
@@ -180,7 +180,7 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
         m += 1
 
 
-@inlined
+@inner
 def _at(x, k):  # type: ignore[no-untyped-def]
     """Return x[k], k >= 0: of any other index it is asked whether it counts from the end."""
     return array_at(x, k, (1,))[0]

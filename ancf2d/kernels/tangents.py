@@ -10,7 +10,7 @@ import numpy as np
 
 from .batch import copy_rows, layout, matrices, points_of, turn_rows, turned
 from .blas import multiply
-from .jit import inlined, inner, kernel
+from .jit import inner, kernel
 from .lanes import STRIDE, array_at, vectors_of
 
 # of the 53 bits of a number, those that leave room for the sums of a few
@@ -35,7 +35,7 @@ def fill_products(B, q, plan, out):  # type: ignore[no-untyped-def]
                     at += 1
 
 
-@inlined
+@inner
 def row_of_H(i, j, points, fields):  # type: ignore[no-untyped-def]
     """Return the row of H_ij behind at.H: blocks of points, fields x fields each."""
     return ((i // fields) * points + j // fields) * fields * fields + (i % fields) * fields + j % fields
@@ -122,7 +122,7 @@ def follow(rules, K):  # type: ignore[no-untyped-def]
         k += 1
 
 
-@inlined
+@inner
 def _round_alike(rules, first, diagonal, last, flat, count):  # type: ignore[no-untyped-def]
     """Round entries to multiples of one power of two, by the largest of those on the diagonal."""
     largest = 0.0
