@@ -133,6 +133,12 @@ def _points(model: Model, signals: Signals) -> Any:
     return table._replace(signal=rows)
 
 
+def element_calls(model: Model) -> Any:
+    """Return the addresses of the elements' forces that a motion calls (``kernels.bodies.addresses``)."""
+    conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
+    return addresses(bool(damping_times(model).any()), conserving)
+
+
 def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     """Return the tuple that the kernels of motion take, and its signals."""
     num, signals = model.numbering, Signals()
@@ -143,13 +149,12 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     weights[own] = model.weights[num.free[own]]
     pairs, turns = _pairs(model)
     tau, bodies = damping_times(model), make_bodies(model.groups)
-    conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     mass = _band((T.T @ M @ T).tocsr(), width)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
-        "calls": addresses(bool(tau.any()), conserving),
+        "calls": element_calls(model),
         "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,

@@ -8,7 +8,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ..case import Buckling, Case, Dynamic, Eigen, LinearStatic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
+from .aside import aside
 
 try:
     import fcntl
@@ -41,15 +42,16 @@ def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
     """
     from ..kernels.jit import CACHE, cache_is_cold
 
-    announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, compiling)
+    cold = cache_is_cold()
+    announce = threading.Timer(0.0 if cold else PATIENCE, compiling)
     announce.daemon = True
     announce.start()
     try:
         with _alone(CACHE, kernels_of(model.case)), _seldom_collected():
             if isinstance(model.case.solver, Dynamic):
-                _touch_motion(model, model.case.solver)
+                _touch_motion(model, model.case.solver, cold)
             else:
-                _touch(model)
+                _touch(model, cold)
     finally:
         announce.cancel()
 
@@ -112,15 +114,28 @@ def _unlock(descriptor: int | None) -> None:
         os.close(descriptor)
 
 
-def _touch(model: Model) -> None:
+def _touch(model: Model, cold: bool) -> None:
+    """Go through what a static or a modal solve calls; half of it meanwhile, by another process, where all is new."""
+    from ..solve.linear import make_matrix
+
+    matrix = make_matrix(model)
+
+    def drivers() -> None:
+        _touch_matrix(type(matrix))
+        _touch_drivers(model, matrix)
+
+    with aside(drivers) if cold else nullcontext():
+        _ = model.groups
+    drivers()
+
+
+def _touch_drivers(model: Model, matrix: Any) -> None:
+    from ..kernels.batch import no_group
     from ..kernels.elements import element_matrices, force, force_noise, force_tangent, tangent_action
     from ..kernels.matrix import scatter_patches
-    from ..solve.linear import make_matrix
     from ..solve.post import asks_for_forces
 
-    num = model.numbering
-    matrix = make_matrix(model)
-    _touch_matrix(type(matrix))
+    num, none = model.numbering, no_group()
     tables = (num.place, num.indptr, num.index, num.value)
     if model.patches or model.constraints:
         scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
@@ -131,23 +146,25 @@ def _touch(model: Model) -> None:
         no_index = np.zeros(0, dtype=np.int64)
         scatter_classes(matrix.target, np.zeros((1, 1, 1)), no_index, np.zeros((0, 1), dtype=np.int64), *tables)
         band_product(np.zeros((1, 1)), np.zeros(1), np.zeros(1))
-    for group in model.groups:
-        none = group._replace(dofs=group.dofs[:0], cls=group.cls[:0])
-        force_tangent(none, d, 1.0, d, matrix.target, *tables)
-        if not isinstance(model.case.solver, LinearStatic):
-            force(none, d, d)
-            force_noise(none, d, d)
-        if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
-            tangent_action(none, d, d, d)
-        if asks_for_forces(model.case):
-            n = none.law.B.shape[3]
-            element_matrices(none, d, 0, np.zeros((0, n)), np.zeros((0, n, n)))
+    if all(mesh.plan.rigid for mesh in model.meshes.values()):
+        return
+    force_tangent(none, d, 1.0, d, matrix.target, *tables)
+    if not isinstance(model.case.solver, LinearStatic):
+        force(none, d, d)
+        force_noise(none, d, d)
+    if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
+        tangent_action(none, d, d, d)
+    if asks_for_forces(model.case):
+        element_matrices(none, d, 0, np.zeros((0, 1)), np.zeros((0, 1, 1)))
 
 
-def _touch_motion(model: Model, spec: Dynamic) -> None:
+def _touch_motion(model: Model, spec: Dynamic, cold: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
+    from ..solve.problem import element_calls
     from ..solve.registry import SOLVERS
 
+    with aside(lambda: element_calls(model)) if cold else nullcontext():
+        _ = model.groups
     moment = MOMENT * spec.t_end
     with suppress(Ancf2dError):
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):

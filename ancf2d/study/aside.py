@@ -1,0 +1,66 @@
+"""Work done meanwhile by a copy of this process, for what it leaves in a cache."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from ..cores import threads
+
+# a copy that takes longer than this [s] hangs: nothing that it does is missed, only late
+PATIENCE = 60.0
+_TICK = 0.005
+
+
+@contextmanager
+def aside(work: Callable[[], object]) -> Iterator[None]:
+    """Do ``work`` in a copy of this process while the block is gone through, and wait for it at the end.
+
+    Nothing is done where there is one processor, or no copies can be made that are safe to work in (other systems than
+    Linux). What goes wrong in the copy is not told: whoever needs its work does it again. A block that fails, or is
+    interrupted, ends the copy.
+    """
+    child = _copy() if sys.platform == "linux" and threads() > 1 else None
+    if child == 0:
+        _work(work)
+    if child is None:
+        yield
+        return
+    try:
+        yield
+        end = time.monotonic() + PATIENCE
+        while child is not None and time.monotonic() < end:
+            if os.waitpid(child, os.WNOHANG)[0]:
+                child = None
+            else:
+                time.sleep(_TICK)
+    finally:
+        if child is not None:
+            with suppress(OSError):
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+
+def _copy() -> int | None:
+    with suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        return os.fork()
+    return None
+
+
+def _work(work: Callable[[], object]) -> None:
+    """Work without a word, and end without what a process does at its end: that is the other's."""
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        with open(os.devnull, "r+", encoding="utf-8") as nothing:
+            for descriptor in range(3):
+                os.dup2(nothing.fileno(), descriptor)
+        sys.stdout = sys.stderr = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it ends with the copy
+        work()
+    finally:
+        os._exit(0)

@@ -1,0 +1,67 @@
+"""A copy of the process that works meanwhile: its work is there at the end, and it never outlives the block."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ancf2d.study import aside as module
+from ancf2d.study.aside import aside
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
+
+
+@pytest.fixture(autouse=True)
+def two_processors(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+
+
+def children() -> str:
+    return subprocess.run(["ps", "-o", "stat=", "--ppid", str(os.getpid())], capture_output=True, text=True,
+                          check=False).stdout.replace("R\n", "").strip()
+
+
+def test_the_work_of_the_copy_is_done_at_the_end_and_by_the_copy_alone(tmp_path):
+    def work():
+        time.sleep(0.2)
+        (tmp_path / "done").write_text(str(os.getpid()))
+
+    with aside(work):
+        assert not (tmp_path / "done").exists()
+    assert int((tmp_path / "done").read_text()) != os.getpid()
+    assert not children()
+
+
+def test_what_goes_wrong_in_the_copy_is_not_told(capfd):
+    def work():
+        print("never seen")
+        raise ValueError("never seen")
+
+    with aside(work):
+        pass
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_block_that_fails_ends_the_copy(error):
+    began = time.monotonic()
+    with pytest.raises(error), aside(lambda: time.sleep(60)):
+        raise error
+    assert time.monotonic() - began < 30
+    assert not children()
+
+
+def test_a_copy_that_hangs_is_ended(monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 0.1)
+    with aside(lambda: time.sleep(60)):
+        pass
+    assert not children()
+
+
+def test_one_processor_is_not_shared(monkeypatch, tmp_path):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    with aside(lambda: (tmp_path / "done").touch()):
+        time.sleep(0.2)
+    assert not (tmp_path / "done").exists()
