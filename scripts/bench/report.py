@@ -56,7 +56,8 @@ the ratios more than the seconds.
   compiler. The first run of a formulation compiles its kernels; they are kept in the user's cache folder under a name
   that changes with the sources, so that they are never stale.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
-  band.
+  band. Statics of 8000 elements and more shares them out to threads, one for each processor or as `OMP_NUM_THREADS`
+  says, with the same bits.
 * Motion is integrated by high order (`radau5`, `radau9`): smooth motion takes few steps, and wanted digits cost little
   more. Fixed steps with `estimate: false` do without the coarser runs beside, which tell how far the result is right. A
   state that is stored costs about 0.1 ms on top, whatever the step.
@@ -89,8 +90,8 @@ imports.
 ## Cost against size
 
 The same beam and load, ten load steps, from 8 to a million elements; memory is that above the imports. From 1000
-elements on time grows with the number of elements to the power of {page.exponents(found)}. The
-wall's time is that of a machine with other work to do.
+elements on time grows with the number of elements to the power of {page.exponents(found)}. With
+all cores, from 8192 elements on threads share them.
 
 {page.scaling_table(found)}
 

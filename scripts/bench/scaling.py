@@ -1,8 +1,8 @@
 """Cost against size: Table 2's cantilever in 10 load steps from 8 to a million elements, time and memory.
 
 Every run is a process of its own, on one core (the processor's time) and with all cores (the wall's) in turn. Up to
-100 000 elements medians of some repeats; a million once, with all cores, for both times. The exponent is that of a
-power law fitted to the processor's times from 1000 elements on.
+100 000 elements medians of some repeats; a million once each. The exponent is that of a power law fitted to the
+processor's times on one core from 1000 elements on.
 
     python scripts/bench/scaling.py --types reissner2,vallejo --largest 1000000
 """
@@ -29,8 +29,7 @@ def run(element: str, count: int, cores: str, repeat: int) -> list[dict]:
 
 def exponent(rows: list[dict]) -> float | None:
     """Return the power of the number of elements that the processor's time grows with from 1000 on."""
-    good = {r["elements"]: r["solve_s"] for r in rows
-            if "solve_s" in r and (r["cores"] == "1" or r["elements"] >= ONCE)}
+    good = {r["elements"]: r["solve_s"] for r in rows if "solve_s" in r and r["cores"] == "1"}
     points = [(n, t) for n, t in good.items() if n >= FROM]
     if len(points) < 2:
         return None
@@ -45,8 +44,6 @@ def collect(types: list[str], largest: int, repeat: int = 3) -> dict:
     for element in types:
         for count in (n for n in SIZES if n <= largest):
             for cores, threads in ways.items():
-                if count >= ONCE and cores == "1" and len(ways) > 1:
-                    continue
                 found = run(element, count, threads, repeat)
                 good = [r for r in found if "error" not in r]
                 row = {"element": element, "elements": count, "cores": cores}
