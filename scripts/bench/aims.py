@@ -135,8 +135,9 @@ def limits(found: Found) -> str:
     parts = ", ".join(f"`{r['element']}` {r['force, tangent, assembly']:.2f} us for forces, tangent and assembly, "
                       f"{r['factor']:.2f} us for the factors, {r['solve']:.2f} us for the solution"
                       for r in found["arithmetic"]["iterations"])
-    count = ", ".join(f"{r['iterations']:.0f} iterations of `{r['element']}`" for r in found["scaling"]["rows"]
-                      if r["elements"] == MILLION and "iterations" in r)
+    count = ", ".join(dict.fromkeys(f"{r['iterations']:.0f} iterations of `{r['element']}`"
+                                    for r in found["scaling"]["rows"]
+                                    if r["elements"] == MILLION and "iterations" in r))
     lines = [textwrap.fill(f"* {NOTES[name].format(iteration=parts, count=count)}", 120, subsequent_indent="  ",
                            break_on_hyphens=False) for name in missed]
     return "\n".join(["What is not reached, and why:", "", *lines]) if lines else "All of them are reached."

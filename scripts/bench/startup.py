@@ -38,7 +38,7 @@ def seconds(command: list[str], folder: str, cache: str | None = None) -> tuple[
 
 
 def measure(repeat: int) -> dict[str, float]:
-    """Return the median time of each way to start [s]; of the first run ever, which processors share, the wall's too."""
+    """Return the median time of each way to start [s]; the wall's too of the first run, which processors share."""
     commands = {"the imports alone": IMPORTS, "--help": [*ANCF2D, "--help"],
                 "validate": [*ANCF2D, "validate", str(CASE)], "run": [*ANCF2D, "run", str(CASE), "-q"]}
     first = [FIRST, f"{FIRST}, by the wall"]
