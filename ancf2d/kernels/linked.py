@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 from llvmlite import binding
@@ -9,6 +10,8 @@ from numba import _dynfunc
 from numba.core import compiler
 from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
+
+_REFUSE = ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, ctypes.c_void_p).value
 
 
 class Lean(JITCodeLibrary):
@@ -64,8 +67,8 @@ class LinkedCompiler(compiler.Compiler):  # type: ignore[misc]
 
 
 def _entry(fndesc: Any, environment: Any, library: Any) -> Any:
-    # by this numba tells functions apart; nobody calls it
-    return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, "", 0, environment, (library,))
+    # by this numba tells functions apart; called from Python it raises TypeError
+    return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, "", _REFUSE, environment, (library,))
 
 
 class LinkedCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from ancf2d.kernels.arrays import copy_rows
 from ancf2d.kernels.jit import kernel, kernel_with_memory
 
 SOURCE = """
@@ -156,3 +157,8 @@ def test_a_kernel_without_memory_may_call_what_takes_some(tmp_path: Path, monkey
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
     assert importlib.import_module("kernels_with_memory").half(3) == 3.0
+
+
+def test_what_is_there_for_kernels_alone_is_refused_to_python() -> None:
+    with pytest.raises(TypeError):
+        copy_rows(np.ones((2, 2)), np.zeros((2, 2)))

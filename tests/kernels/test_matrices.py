@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.kernels.band import ldl_factor, ldl_solve
-from ancf2d.kernels.matrix import Band, Csr, SymBand, scatter, scatter_patches
+from ancf2d.kernels.matrix import Band, Csr, SymBand, scatter_patches
 from ancf2d.solve.linear import SymmetricBand
 
 
@@ -128,6 +128,6 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
         expected += T[dofs].T @ Ke @ T[dofs]
         Ks.append(Ke)
         sets.append(dofs)
-    scatter(matrix, Ks[0], np.array(sets), 0, *tables)
+    scatter_patches(matrix, np.array(Ks[:1]), np.array(sets), 0, 1, *tables)
     scatter_patches(matrix, np.array(Ks[1:]), np.array(sets), 1, 2, *tables)
     np.testing.assert_allclose(dense(matrix, n), expected, atol=1e-12)
