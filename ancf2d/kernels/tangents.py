@@ -14,7 +14,7 @@ from .jit import inner, kernel
 from .lanes import STRIDE, array_at, vectors_of
 
 # of the 53 bits of a number, those that leave room for the sums of a few
-ROUNDED_BITS = 48
+ROUNDED_BITS = 51
 
 
 @kernel
