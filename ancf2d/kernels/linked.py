@@ -25,11 +25,6 @@ class Lean(JITCodeLibrary):
                 manager.run(function, builder)
 
     def _optimize_final_module(self) -> None:
-        # own copies of what is linked in: else one of another kernel may be called that is there by chance, whose
-        # sums are in another order, and a process that has compiled has other bits than one that has not
-        for function in self._final_module.functions:
-            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
-                function.linkage = binding.Linkage.internal
         manager, builder = self._codegen._module_pass_manager()
         manager.run(self._final_module, builder)
 
