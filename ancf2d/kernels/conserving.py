@@ -97,7 +97,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
         mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
     _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
-    to_unknowns(p, w.Q, w.R)
+    to_unknowns(p, w.Q, w.R, False)
     for i in range(n):
         m.mid[i] = p.coordinate[i] * 2.0 * (m.rate[i] - s.v[i]) / h
         w.x[i] = m.mid[i] + p.alpha * m.rate[i] * p.coordinate[i]

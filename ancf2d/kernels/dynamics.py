@@ -103,25 +103,14 @@ def to_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
-    """Fill T^T of full forces: (n,)."""
+def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
+    """Fill T^T of full forces: (n,); with ``sizes`` |T|^T of their sizes, what those of opposite signs cannot cancel."""
     for i in range(len(out)):
         out[i] = full[p.full[i]]
     for k in range(len(p.dependents)):
         f = full[p.dependents[k]]
         for m in range(p.indptr[k], p.indptr[k + 1]):
-            out[p.index[m]] += p.value[m] * f
-
-
-@inner
-def sizes_to_unknowns(p, full, out):  # type: ignore[no-untyped-def]
-    """Fill |T|^T of sizes of full forces: (n,), what those of opposite signs cannot cancel."""
-    for i in range(len(out)):
-        out[i] = full[p.full[i]]
-    for k in range(len(p.dependents)):
-        f = full[p.dependents[k]]
-        for m in range(p.indptr[k], p.indptr[k + 1]):
-            out[p.index[m]] += abs(p.value[m]) * f
+            out[p.index[m]] += (abs(p.value[m]) if sizes else p.value[m]) * f
 
 
 @inner
@@ -280,7 +269,7 @@ def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
 @inner
 def residual(p, w, v, a):  # type: ignore[no-untyped-def]
     """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q."""
-    to_unknowns(p, w.Q, w.R)
+    to_unknowns(p, w.Q, w.R, False)
     add_inertia(p, w, v, a, w.R)
 
 
@@ -318,7 +307,7 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     _patch_noise(p.points, p.sliding, w.d, w.other)
     for m in range(len(p.load_coord)):
         w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])
-    sizes_to_unknowns(p, w.other, w.y)
+    to_unknowns(p, w.other, w.y, True)
     n, bw = len(w.y), p.mass.shape[1] - 1
     for i in range(n):
         bound = w.y[i]

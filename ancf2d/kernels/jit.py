@@ -16,7 +16,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 
-from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler
+from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler, OwnCompiler
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEEP_SECONDS = 30 * 24 * 3600
@@ -139,7 +139,7 @@ def shared(function: Callable[..., Any]) -> Any:
 
 def kernel_with_memory(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what makes arrays."""
-    return _compiled(function, **_MEMORY)
+    return _compiled(function, pipeline_class=OwnCompiler, **_MEMORY)
 
 
 def addressed(function: Callable[..., Any]) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 from typing import Any
 
 from llvmlite import binding
@@ -14,7 +15,32 @@ from numba.core.codegen import JITCodeLibrary
 _REFUSE = ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, ctypes.c_void_p).value
 
 
-class Lean(JITCodeLibrary):
+class Own(JITCodeLibrary):
+    """Code of a kernel with its own copies of all that is linked into it.
+
+    Those have the same name in each kernel that they are linked into, but are optimised with its other parts: sums are
+    in another order. By that name a kernel would call the copy that happens to be there first, so that a process that
+    has just compiled other kernels had other last digits than one that found its kernels in the cache.
+    """
+
+    def _finalize_final_module(self) -> None:
+        self._shared_module = self._for_linking()
+        mark = hashlib.sha256(self.name.encode()).hexdigest()[:12]
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
+                function.name = f"{function.name}.{mark}"
+        super()._finalize_final_module()
+
+    def _for_linking(self) -> Any:
+        """Return the code under the names that callers know, as numba's ``_get_module_for_linking`` does."""
+        module = self._final_module.clone()
+        for function in module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.external:
+                function.linkage = binding.Linkage.linkonce_odr
+        return module
+
+
+class Lean(Own):
     """Code that counts no references, which numba goes through three times to find those that cancel."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
@@ -41,13 +67,23 @@ class Linked(Lean):
         self._finalized = True
 
 
-class LeanCompiler(compiler.Compiler):  # type: ignore[misc]
-    """numba's compiler for what counts no references."""
+class OwnCompiler(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler of kernels that make arrays."""
 
-    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
-        library = Lean(targetctx.codegen(), "lean")
-        library.enable_object_caching()
-        super().__init__(typingctx, targetctx, library, *rest)
+    code: type[Own] = Own
+
+    def compile_extra(self, func: Any) -> Any:
+        """Return what numba compiles a function to."""
+        state = self.state
+        state.library = self.code(state.targetctx.codegen(), f"{func.__module__}.{func.__qualname__}{state.args}")
+        state.library.enable_object_caching()
+        return super().compile_extra(func)
+
+
+class LeanCompiler(OwnCompiler):
+    """numba's compiler of other kernels."""
+
+    code = Lean
 
 
 class LinkedCompiler(compiler.Compiler):  # type: ignore[misc]

@@ -6,14 +6,14 @@ import helpers as h
 import numba
 import numpy as np
 
-from ancf2d.kernels.dynamics import sizes_to_unknowns, to_unknowns
+from ancf2d.kernels.dynamics import to_unknowns
 from ancf2d.solve.problem import make_problem
 
 
 @numba.njit
 def reduced(p, full, sizes, out, bound):  # type: ignore[no-untyped-def]
-    to_unknowns(p, full, out)
-    sizes_to_unknowns(p, sizes, bound)
+    to_unknowns(p, full, out, False)
+    to_unknowns(p, sizes, bound, True)
 
 
 def test_sizes_do_not_cancel_where_a_coordinate_depends_on_others_with_both_signs() -> None:
