@@ -104,7 +104,7 @@ def to_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
 
 @inner
 def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
-    """Fill T^T of full forces: (n,); with ``sizes`` |T|^T of their sizes, what those of opposite signs cannot cancel."""
+    """Fill T^T of full forces: (n,); with ``sizes`` |T|^T of their sizes, which opposite signs cannot cancel."""
     for i in range(len(out)):
         out[i] = full[p.full[i]]
     for k in range(len(p.dependents)):

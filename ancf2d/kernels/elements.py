@@ -98,29 +98,38 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     law, plan = group.law, group.plan
     at, slot = layout(law)
     n, nu, ns, S = sizes(group)
-    ub, sb, tb = vector(nu), vector(ns), vector(ns)
-    for ie in range(len(group.dofs)):
+    ub, sb, tb, db, fb = vector(nu), vector(ns), vector(ns), vector(n), vector(n)
+    first, last = 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
         for part in range(plan.parts):
-            call_batch(plan.forces, (STRAINS, group, d, d, ie, 1, part, 0.0))
-            q = group.cls[ie] * plan.parts + part
-            for s in range(S):
-                for i in range(nu):
-                    ub[i] = 0.0
-                    for a in range(n):
-                        ub[i] += abs(law.B[q, i, s, a] * d[group.dofs[ie, a]])
-                _turn_sizes(group, ie, ub)
-                sb[:] = 0.0
-                _add_sizes(group, at.rows, slot.J, s, ub, sb, False)
-                for p in range(ns):
-                    tb[p] = 0.0
-                    for r in range(ns):
-                        tb[p] += abs(law.D[q, p, r, s]) * sb[r]
-                ub[:] = 0.0
-                _add_sizes(group, at.rows, slot.J, s, ub, tb, True)
-                _turn_sizes(group, ie, ub)
-                for i in range(nu):
-                    for a in range(n):
-                        out[group.dofs[ie, a]] += abs(law.B[q, i, s, a]) * ub[i]
+            call_batch(plan.forces, (STRAINS, group, d, d, first, count, part, 0.0))
+            q = group.cls[first] * plan.parts + part
+            for m in range(count):
+                for a in range(n):
+                    db[a], fb[a] = abs(d[group.dofs[first + m, a]]), 0.0
+                for s in range(S):
+                    for i in range(nu):
+                        u = 0.0
+                        for a in range(n):
+                            u += abs(law.B[q, i, s, a]) * db[a]
+                        ub[i] = u
+                    _turn_sizes(group, first + m, ub)
+                    sb[:] = 0.0
+                    _add_sizes(group, at.rows, slot.J, s * count + m, ub, sb, False)
+                    for p in range(ns):
+                        tb[p] = 0.0
+                        for r in range(ns):
+                            tb[p] += abs(law.D[q, p, r, s]) * sb[r]
+                    ub[:] = 0.0
+                    _add_sizes(group, at.rows, slot.J, s * count + m, ub, tb, True)
+                    _turn_sizes(group, first + m, ub)
+                    for i in range(nu):
+                        for a in range(n):
+                            fb[a] += abs(law.B[q, i, s, a]) * ub[i]
+                for a in range(n):
+                    out[group.dofs[first + m, a]] += fb[a]
+        first += count
 
 
 @inner

@@ -45,17 +45,24 @@ class Numbering:
         """Number of unknowns, multipliers included."""
         return len(self.free)
 
-    def reduce(self, full: Array) -> Array:
-        """Return T^T applied to full forces: (n_unknowns,)."""
-        out = full[self.free]
+    @cached_property
+    def where(self) -> slice | Index:
+        """Return ``free``, as a slice where unknowns stand one behind the other: it reads without a copy."""
+        first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
+        return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
+
+    def reduce(self, full: Array, less: Array | None = None) -> Array:
+        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,)."""
+        out = np.array(full[self.where]) if less is None else full[self.where] - less[self.where]
         if len(self.dependent):
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
-            np.add.at(out, self.index, self.value * full[self.dependent[owner]])
+            dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
+            np.add.at(out, self.index, self.value * dependent[owner])
         return out
 
     def reduce_sizes(self, full: Array) -> Array:
         """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them."""
-        out = full[self.free]
+        out = np.array(full[self.where])
         if len(self.dependent):
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
             np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[owner]])
@@ -63,7 +70,7 @@ class Numbering:
 
     def expand(self, z: Array, out: Array) -> None:
         """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
-        out[self.free] = z
+        out[self.where] = z
         if len(self.dependent):
             sums = np.zeros(len(self.dependent))
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))

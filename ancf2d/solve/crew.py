@@ -67,7 +67,9 @@ def _apart(parts: list[Array], num: Numbering) -> bool:
     """Return whether no two parts touch a coordinate or an unknown in common."""
     seen = np.zeros(len(num.place) + num.n_unknowns, dtype=bool)
     for dofs in parts:
-        coordinates = np.unique(dofs)
+        here = np.zeros(len(num.place), dtype=bool)
+        here[dofs] = True
+        coordinates = np.flatnonzero(here)
         place = num.place[coordinates]
         combined = [num.index[num.indptr[k]:num.indptr[k + 1]] for k in -2 - place[place < -1]]
         touched = np.concatenate([coordinates, len(num.place) + np.concatenate([place[place >= 0], *combined])])

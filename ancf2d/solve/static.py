@@ -13,6 +13,7 @@ from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
+from .pieces import largest, pieces
 from .refine import refined
 from .state import State
 from .system import Balance, System
@@ -90,7 +91,7 @@ def solve_linear(model: Model) -> Iterator[State]:
     d = model.displacements(z, 1.0)
     elastic = system.action(zero, d, 1.0)
     energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
-    history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.free]),
+    history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
     warnings = [] if known <= POOR else [
         f"round-off limits the displacements: they are known to about {known:.1g} of the largest; fewer or longer "
@@ -115,11 +116,12 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             balance = _with_motion(system, d, t_old, t)
         else:
             balance = system.assemble(d, t)
-        residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
+        residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
         pivots = system.factor(at)
-        z = -system.matrix.solve(balance.R)
+        z = system.matrix.solve(balance.R)
+        np.negative(z, out=z)
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
@@ -127,7 +129,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             negative = pivots.negative - num.n_multipliers
             return NewtonResult(d, balance, iteration, increments, negative, min(increments[-2:]))
         d = _advance(system, d, z, t)
-        if has_converged(increments, system.norm(d[num.free]), tolerance):
+        if has_converged(increments, system.norm(d[num.where]), tolerance):
             balance = system.forces(d, t)
             if system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t)):
                 negative = pivots.negative - num.n_multipliers
@@ -137,7 +139,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
 
 def at_floor(R: Array, noise: Array) -> bool:
     """Whether no residual exceeds what round-off can leave."""
-    return bool(np.all(np.abs(R) <= FLOOR * noise))
+    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
 
 
 def _with_motion(system: System, d: Array, t_old: float, t: float) -> Balance:
@@ -147,14 +149,14 @@ def _with_motion(system: System, d: Array, t_old: float, t: float) -> Balance:
     """
     model = system.model
     system.assemble(d, t_old)
-    moved = model.displacements(d[model.numbering.free], t)
+    moved = model.displacements(d[model.numbering.where], t)
     loads = system.forces(d, t)
     R = model.numbering.reduce(loads.Q - loads.F + system.action(d, moved - d, t))
     return Balance(loads.Q, loads.F, R, loads.energy)
 
 
 def _advance(system: System, d: Array, z: Array, t: float) -> Array:
-    return system.model.displacements(d[system.model.numbering.free] + z, t)
+    return system.model.displacements(d[system.model.numbering.where] + z, t)
 
 
 def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
@@ -227,7 +229,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             check_ends(model.constraints, result.d)
             check_facing(model.constraints, result.d, target)
             check_inverted(model, result.d, path.d[-1], target)
-            rate = system.norm((result.d - path.d[-1])[model.numbering.free]) / (target - t)
+            rate = system.norm((result.d - path.d[-1])[model.numbering.where]) / (target - t)
             if rate > JUMP * (moved if number else result.increments[0] / target):
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
         except ComputationError as error:
@@ -280,7 +282,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
     if result.negative_pivots != negative and system.knows_inertia:
         warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
                         f"instead of {negative}; equilibrium beyond it may be unstable")
-    size = system.norm(result.d[system.model.numbering.free])
+    size = system.norm(result.d[system.model.numbering.where])
     if result.uncertainty > POOR * size:
         warnings.append(f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                         f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more")

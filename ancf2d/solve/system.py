@@ -15,6 +15,7 @@ from ..model.mechanism import rigid_motion
 from ..model.model import Model
 from .crew import Crew
 from .linear import GeneralSparse, Pivots, SymmetricBand, make_matrix
+from .pieces import largest
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -43,12 +44,22 @@ class System:
         self.weights[coordinates] = model.weights[n.free[coordinates]]
         self.factorisations = 0
         self.evaluations = 0
+        self._dead: tuple[float, Array] | None = None
+
+    def _dead_loads(self, t: float) -> Array:
+        """Return the dead loads (n_full,) at t, made anew where t has changed; not to be written to."""
+        if self._dead is None or self._dead[0] != t:
+            self._dead = t, self.model.external(t)
+            self._dead[1].flags.writeable = False
+        return self._dead[1]
 
     def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Array]]:
         """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
         model, n_q = self.model, self.model.n_q
+        out: list[tuple[float, Array, Array, Array]] = []
+        if not (model.springs or model.loads.patches or model.constraints):
+            return out
         e = model.e0 + d[:n_q]
-        out = []
         for patch in model.springs:
             out.append((*patch.evaluate(e, d, t), patch.dofs))
         for patch in [] if elastic else model.loads.patches:
@@ -80,13 +91,13 @@ class System:
                             *self.tables)
         if not load_stiffness:
             self._add_loads(Q, d, t)
-        F = model.external(t)
-        return Balance(Q, F, model.numbering.reduce(Q - F), float(energy))
+        F = self._dead_loads(t)
+        return Balance(Q, F, model.numbering.reduce(Q, F), float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
         """Return what round-off alone can leave of the residual at d (n_unknowns,)."""
-        model, n = self.model, self.model.numbering
-        out = np.abs(model.external(t))
+        n = self.model.numbering
+        out = np.abs(self._dead_loads(t))
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
@@ -126,8 +137,8 @@ class System:
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
-        F = model.external(t)
-        return Balance(Q, F, model.numbering.reduce(Q - F), float(energy))
+        F = self._dead_loads(t)
+        return Balance(Q, F, model.numbering.reduce(Q, F), float(energy))
 
     def action(self, d: Array, v: Array, t: float) -> Array:
         """Return K(d) v of elements, springs and constraints in full coordinates."""
@@ -159,7 +170,7 @@ class System:
 
     def norm(self, z: Array) -> float:
         """Return the largest displacement that a change of the unknowns stands for [m]."""
-        return float(np.max(self.weights * np.abs(z), initial=0.0))
+        return largest(z, self.weights)
 
     def imbalance(self, balance: Balance) -> float:
         """Return the largest residual beside the largest force, both as forces [N] through the coordinates' weights."""
@@ -167,8 +178,8 @@ class System:
         w = self.model.weights
         scale = max(float(np.max(np.abs(balance.Q[:n_q]) / w)), float(np.max(np.abs(balance.F[:n_q]) / w)))
         used = self.weights > 0
-        largest = float(np.max(np.abs(balance.R[used]) / self.weights[used], initial=0.0))
-        return largest / scale if scale > 0.0 else 0.0
+        worst = float(np.max(np.abs(balance.R[used]) / self.weights[used], initial=0.0))
+        return worst / scale if scale > 0.0 else 0.0
 
     def describe(self, unknown: int) -> str:
         """Return the name of an unknown: coordinate, body and place."""
