@@ -138,6 +138,41 @@ def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
         kernel(module.filled.py_func)(3, 2.0)
 
 
+LONG = """
+import numpy as np
+from ancf2d.kernels.jit import inner, kernel, kernel_with_memory
+
+@inner
+def turned(x):
+    {steps}
+
+@kernel
+def one_more(x):
+    turned(x)
+    turned(x)
+    return x[0] + 1.0
+
+@kernel_with_memory
+def two_more(x):
+    turned(x)
+    turned(x)
+    return x[0] + one_more(x)
+""".format(steps="\n    ".join(f"x[{i}] = x[{i}] / (x[{i + 1}] + {i}.5)" for i in range(200)))
+
+
+def test_kernels_have_their_own_copies_of_what_they_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copies are optimised with the rest of each kernel: by a common name one could run that sums in another order."""
+    (tmp_path / "long_kernels.py").write_text(LONG)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    module = importlib.import_module("long_kernels")
+    assert np.isfinite(module.two_more(np.ones(201)))
+    names = [{f.name for f in kernel.overloads[kernel.signatures[0]].library.get_defined_functions()}
+             for kernel in (module.one_more, module.two_more)]
+    assert all(any("turned" in name for name in found) for found in names)
+    assert not names[0] & names[1]
+
+
 WITH_MEMORY = """
 import numpy as np
 from ancf2d.kernels.jit import inner_with_memory, kernel
