@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import dynamics
-from page import EXACT, REISSNER, Found, brief, table, times_at
+from page import EXACT, QUARTIC, REISSNER, Found, brief, fastest, table, times_at
 
 Aim = tuple[str, str, str, bool]
 MILLION = 1_000_000
@@ -69,7 +69,7 @@ def _at_most(name: str, text: str, limit: float, found: float | None, unit: str,
 def motion_aims(found: Found) -> Iterator[Aim]:
     """Yield what is wanted of motion."""
     for number in (1, 2):
-        ours, theirs = times_at(found, number, REISSNER), times_at(found, number, EXACT)
+        ours, theirs = fastest(found, number, [REISSNER, QUARTIC]), times_at(found, number, EXACT)
         for wanted, factor in ((1e-4, 10), (1e-6, 100)):
             k = dynamics.WANTED.index(wanted)
             text = (f"pendulum ({number}) with a tip error of {wanted:.0e} m: {factor} times faster than Exudyn's "

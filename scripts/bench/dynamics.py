@@ -2,7 +2,8 @@
 
 Pendulum (1) to 1.5 s and pendulum (2) to 1.1 s, ladders of meshes and steps. The error is the largest distance of the
 tip, at multiples of 0.01 s, from a fine solution of the same theory: of the same element of the same tool, but that
-Exudyn's geometrically exact beam is judged by the finest ``reissner3``, whose limit it shares. Times are of runs of the
+Exudyn's geometrically exact beam and ``quartic`` (quartic.yaml, an element in a file) are judged by the finest
+``reissner3``, whose limit they share. Times are of runs of the
 same settings that store the end alone: the processor's time of the solve call, after imports, mesh and compiling. Every
 tool runs in a process of its own, in turn. The peers: ``pip install .[peers]``; what is not installed is left out, and
 said.
@@ -22,10 +23,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from scenes import PENDULUMS, T_END
 from static_cantilever import THREADS
 
+HERE = Path(__file__).resolve().parent
 INTERVAL = 0.01
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6)
 CASE = """
@@ -50,7 +53,8 @@ def own(*rungs: tuple[int, str]) -> Rungs:
     return [(n, f"{how}, {ALONE}") for n, how in rungs]
 
 
-GEOMETRICALLY_EXACT, REISSNER = ("exudyn", "geometrically exact"), ("ancf2d", "reissner3")
+GEOMETRICALLY_EXACT, REISSNER, QUARTIC = (
+    ("exudyn", "geometrically exact"), ("ancf2d", "reissner3"), ("ancf2d", "quartic"))
 FORCES, ROD = ("opensees", "force-based"), ("pyelastica", "Cosserat rod")
 # (elements, what the solver is told); the last of a ladder is the fine solution that errors are taken against
 LADDERS: dict[int, dict[tuple[str, str], Rungs]] = {
@@ -65,13 +69,15 @@ LADDERS: dict[int, dict[tuple[str, str], Rungs]] = {
         FORCES: [(16, "2.5e-3"), (32, "1.25e-3"), (64, "1e-3"), (128, "5e-4")],
         ("opensees", "elastic"): [(16, "2.5e-3"), (32, "1.25e-3"), (64, "1e-3"), (128, "5e-4"), (256, "2.5e-4")]},
     2: {REISSNER: own((8, "dt: 0.02"), (16, "dt: 0.02"), (16, "tolerance: 1e-5"), (64, "dt: 0.005, method: radau9"),
-                      (256, "dt: 0.00333333333333333333, method: radau9"), (512, "tolerance: 1e-8")),
+                      (256, "dt: 0.00333333333333333333, method: radau9"), (1024, "dt: 0.001, method: radau9")),
+        QUARTIC: own((8, "dt: 0.02"), (16, "dt: 0.01"), (32, "dt: 0.005, method: radau9"),
+                     (64, "dt: 0.00333333333333333333, method: radau9")),
         ("ancf2d", "vallejo"): own((16, "dt: 0.01"), (32, "dt: 0.01"), (64, "dt: 0.005"), (128, "tolerance: 1e-7")),
         GEOMETRICALLY_EXACT: [(32, "2.5e-3"), (64, "1.25e-3"), (96, "1.25e-3"), (128, "1.25e-3"), (256, "6.25e-4")],
         FORCES: [(16, "2.5e-3"), (32, "1.25e-3"), (64, "1.25e-3"), (128, "6.25e-4"), (256, "6.25e-4")],
         ROD: [(16, "2e-3"), (32, "2e-3"), (64, "1e-3"), (128, "5e-4"), (256, "2.5e-4"), (512, "1e-4")]}}
 # what is judged by the fine solution of another
-SHARES = {GEOMETRICALLY_EXACT: REISSNER}
+SHARES = {GEOMETRICALLY_EXACT: REISSNER, QUARTIC: REISSNER}
 STEP, STEPS = 1e-4, 2000
 STEP_TYPES = {"ancf2d": ("reissner2", "reissner3", "cable", "vallejo", "2d2n", "omar"),
               "exudyn": ("geometrically exact", "cable")}
@@ -87,11 +93,13 @@ def run_ancf2d(number: int, element: str, count: int, solver: str, t_end: float,
     from ancf2d.study.run import vocabulary
     from ancf2d.study.warmup import warm_up
 
-    bar = PENDULUMS[number]
-    more = f", shear_factor: {bar.shear}" if element.startswith("reissner") else ""
+    bar, own_file = PENDULUMS[number], (HERE / f"{element}.yaml").exists()
+    more = f", shear_factor: {bar.shear}" if own_file or element.startswith("reissner") else ""
     text = CASE.format(length=bar.length, height=bar.height, width=bar.width, E=bar.E, nu=bar.nu, rho=bar.rho,
                        element=element, count=count, more=more, solver=solver, t_end=t_end, interval=interval)
-    model = build_model(load_case_text(text, vocabulary=vocabulary()))
+    if own_file:
+        text = text.replace(f"type: {element}", f"definition: {element}.yaml")
+    model = build_model(load_case_text(text, vocabulary=vocabulary(), directory=str(HERE)))
     warm_up(model)
     states, seconds, t, tip, steps = solve(model), 0.0, [], [], 0
     observer = Observer(model)

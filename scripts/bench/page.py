@@ -8,7 +8,8 @@ import dynamics
 from scenes import T_END
 
 Found = dict[str, Any]
-EXACT, REISSNER, FORCES = dynamics.GEOMETRICALLY_EXACT, dynamics.REISSNER, dynamics.FORCES
+EXACT, REISSNER, QUARTIC, FORCES = (
+    dynamics.GEOMETRICALLY_EXACT, dynamics.REISSNER, dynamics.QUARTIC, dynamics.FORCES)
 
 
 def table(head: list[str], rows: list[list[Any]]) -> str:
@@ -127,6 +128,13 @@ def times_at(found: Found, number: int, key: tuple[str, str]) -> list[tuple[floa
     """Return the time that each wanted error takes, and whether it is extrapolated."""
     rows = found["motion"]["ladders"][str(number)]
     return [dynamics.at_error(rows, *key, wanted) for wanted in dynamics.WANTED]
+
+
+def fastest(found: Found, number: int, keys: list[tuple[str, str]]) -> list[tuple[float, bool] | None]:
+    """Return the same of the fastest of some types; what is extrapolated counts where nothing else reaches an error."""
+    ladders = [times_at(found, number, key) for key in keys]
+    return [min((a for a in at if a is not None), key=lambda a: (a[1], a[0]), default=None)
+            for at in zip(*ladders, strict=True)]
 
 
 def errors_table(found: Found) -> str:
