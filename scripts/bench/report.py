@@ -134,8 +134,9 @@ is that of the solve without states stored between.
 Exudyn steps by generalized alpha with modified Newton, at a tolerance of 1e-5 (its default lies below round-off on
 pendulum (1)). OpenSees steps by HHT with alpha 0.95 and starts from the accelerations of the fall; its beams hang when
 they are built and are turned up, because its corotational frames turn by no more than half a turn. PyElastica steps
-explicitly by position Verlet. The fine solution is the last of each tool's ladder; the geometrically exact beam has
-that of `reissner3`.
+explicitly by position Verlet. `quartic` is a geometrically exact beam of five nodes, [an element in a
+file](adding-an-element.md#an-element-in-a-file), `scripts/bench/quartic.yaml`. The fine solution is the last of each
+tool's ladder; Exudyn's geometrically exact beam and `quartic` have that of `reissner3`.
 
 {page.errors_table(found)}
 
