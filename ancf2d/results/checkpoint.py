@@ -103,7 +103,7 @@ def _values(group: h5py.Group) -> dict[str, np.ndarray]:
     values = {}
     for key in found or ():
         dataset = safe.child(found, key, h5py.Dataset)
-        values[unescape(key)] = np.asarray(safe.numbers(found, key, dataset.ndim))
+        values[unescape(key)] = np.asarray(safe.values(dataset, dataset.ndim))
     return values
 
 

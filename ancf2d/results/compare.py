@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -167,7 +167,7 @@ def _mesh(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield shape
     if shape is None:
         kinds = _kinds(a)
-        yield tol.judge("/mesh/e0", a.e0, b.e0, _by_kind(kinds, [a.e0, b.e0])[kinds])
+        yield tol.judge("/mesh/e0", a.e0, b.e0, _by_kind(kinds, _largest_in_columns(a.e0[None], b.e0[None]))[kinds])
     for name in a.bodies.keys() & b.bodies.keys():
         one, two = a.bodies[name], b.bodies[name]
         for key in ("element_type", "formulation", "section_kind"):
@@ -183,9 +183,17 @@ def _mesh(a: Results, b: Results, tol: _Tolerance) -> Found:
                 yield shape or tol.judge(place, x, y, _largest(x, y))
 
 
-def _by_kind(kinds: np.ndarray, rows: Sequence[np.ndarray]) -> np.ndarray:
-    return np.array([_largest(*(row[kinds == kind] for row in rows))
-                     for kind in range(int(kinds.max(initial=0)) + 1)])
+def _largest_in_columns(*blocks: np.ndarray) -> np.ndarray:
+    """Return the largest finite absolute value in each column (nq,) of blocks of rows (n, nq)."""
+    return np.max([np.where(np.isfinite(rows), np.abs(rows), 0).max(axis=0, initial=0) for rows in blocks],
+                  axis=0).astype(float)
+
+
+def _by_kind(kinds: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """Return the largest value of the coordinates (nq,) of each kind."""
+    scale = np.zeros(int(kinds.max(initial=0)) + 1)
+    np.maximum.at(scale, kinds, largest)
+    return scale
 
 
 def _states(a: Results, b: Results, tol: _Tolerance) -> Found:
@@ -201,23 +209,27 @@ def _states(a: Results, b: Results, tol: _Tolerance) -> Found:
             yield Difference(f"/states/{name}", f"only in the {'first' if held[0] else 'second'}")
         if not all(held):
             continue
-        rows = [(lambda i, r=r, n=name: getattr(r, n)(i)) for r in (a, b)]
-        scale = np.zeros(int(kinds.max(initial=0)) + 1)
-        for i in range(a.nt):
-            scale = np.maximum(scale, _by_kind(kinds, [row(i) for row in rows]))
-        yield _worst_state(f"/states/{name}", rows, a, scale[kinds], tol)
+        largest = np.zeros(a.nq)
+        for x, y in zip(a.blocks(name), b.blocks(name), strict=True):
+            largest = np.maximum(largest, _largest_in_columns(x, y))
+        blocks = zip(a.blocks(name), b.blocks(name), strict=True)
+        yield _worst_state(f"/states/{name}", blocks, a, _by_kind(kinds, largest)[kinds], tol)
 
 
-def _worst_state(place: str, rows: Sequence[Callable[[int], np.ndarray]], a: Results,
+def _worst_state(place: str, blocks: Iterable[tuple[np.ndarray, np.ndarray]], a: Results,
                  scale: np.ndarray, tol: _Tolerance) -> Difference | None:
-    worst, count = None, 0
-    for i in range(a.nt):
-        found = tol.judge(place, rows[0](i), rows[1](i), scale)
+    """Return the worst entry of all states, given some of both files at a time."""
+    worst, count, first, total = None, 0, 0, 0
+    for x, y in blocks:
+        found = tol.judge(place, x, y, scale)
         if found is not None:
             count += found.count
             if worst is None or found.relative > worst.relative:
-                worst = replace(found, index=(i, *found.index), t=float(a.t[i]))
-    return replace(worst, count=count, total=a.nt * rows[0](0).size) if worst else None
+                state, *entry = found.index
+                worst = replace(found, index=(first + state, *entry), t=float(a.t[first + state]))
+        first += len(x)
+        total += x.size
+    return replace(worst, count=count, total=total) if worst else None
 
 
 def _fields(a: Results, b: Results, tol: _Tolerance) -> Found:
@@ -226,13 +238,16 @@ def _fields(a: Results, b: Results, tol: _Tolerance) -> Found:
         place = f"/fields/{body}"
         yield from _names(place, a.fields[body], b.fields[body])
         for name in [n for n in a.fields[body] if n in b.fields[body]] if a.nt == b.nt else ():
-            rows = [(lambda i, r=r, body=body, name=name: r.field(body, name, i)) for r in (a, b)]
-            shape = _shapes(f"{place}/{name}", *(row(-1).shape for row in rows)) if a.nt else None
+            shape = _shapes(f"{place}/{name}", *(r.field(body, name).shape for r in (a, b))) if a.nt else None
             if shape is not None:
                 yield shape
                 continue
-            scale = np.asarray(max((_largest(*(row(i) for row in rows)) for i in range(a.nt)), default=0.0))
-            yield _worst_state(f"{place}/{name}", rows, a, scale, tol)
+            largest = max((_largest(x, y) for x, y in _field_blocks(a, b, body, name)), default=0.0)
+            yield _worst_state(f"{place}/{name}", _field_blocks(a, b, body, name), a, np.asarray(largest), tol)
+
+
+def _field_blocks(a: Results, b: Results, body: str, name: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    return zip(a.field_blocks(body, name), b.field_blocks(body, name), strict=True)
 
 
 def _probes(a: Results, b: Results, tol: _Tolerance) -> Found:

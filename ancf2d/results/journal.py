@@ -31,6 +31,9 @@ PAGE = 4096
 _TRAILER = struct.Struct("<QQI8s")  # pages, size of the file without them, checksum, mark
 _MARK = b"ancf2d-j"
 MAX_PAGES = 1 << 18
+# what HDF5 keeps of each dataset that is open for reading: some chunks of states, of which row after row is read.
+# Its own default, 8 MiB, adds up where there are fields of many bodies.
+_CACHE = {"rdcc_nbytes": 1 << 17, "rdcc_nslots": 521}
 # where commits and copies exclude each other, far behind the end of any file; neither waits longer than this [s]
 _TURN, _PATIENCE = 1 << 62, 2.0
 
@@ -247,5 +250,5 @@ def open_hdf5(path: Path) -> h5py.File:
         found = _waiting_pages(descriptor)
         if found is not None:
             stack.pop_all()
-            return h5py.File(_Recovered(descriptor, *found), "r")
-    return h5py.File(path, "r", locking=False)
+            return h5py.File(_Recovered(descriptor, *found), "r", **_CACHE)
+    return h5py.File(path, "r", locking=False, **_CACHE)

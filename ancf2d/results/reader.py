@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,26 +14,14 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
+from ancf2d.results.columns import Table, enough, read_columns
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
-from ancf2d.results.records import BodyRecord, FieldRecord, Units, escape, unescape
-
-
-class Table(dict[str, Any]):
-    """Columns by name: arrays of numbers or lists of strings, with ``attrs`` and ``units``."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.attrs: dict[str, Any] = {}
-        self.units: dict[str, str] = {}
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return len(next(iter(self.values()), ()))
+from ancf2d.results.records import BodyRecord, FieldRecord, Units
+from ancf2d.results.rows import StateRows
 
 
 class Results:
-    """One open result file; states are read row by row when asked for.
+    """One open result file; states are read when asked for, one by one, in blocks or all at once.
 
     Of a file that a run is still writing it shows what was there when it was opened.
     Nodal coordinates of state i are ``e(i) = e0 + d(i)``; i counts from 0, negative from the end.
@@ -41,6 +30,7 @@ class Results:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
+        self._rows: dict[str, StateRows | None] = {}
         self._file = safe.open_file(self.path)
         try:
             with safe.damage(self.path):
@@ -59,10 +49,10 @@ class Results:
         self._mesh = safe.child(self._file, "mesh", h5py.Group)
         if self._mesh is None:
             raise ValueError("the mesh is missing")
-        e0 = safe.child(self._mesh, "e0", h5py.Dataset)
-        if e0 is None or e0.ndim != 1:
+        self._reference = safe.child(self._mesh, "e0", h5py.Dataset)
+        if self._reference is None or self._reference.ndim != 1:
             raise ValueError("the nodal coordinates are missing")
-        self.nq: int = e0.shape[0]
+        self.nq: int = self._reference.shape[0]
         self._states = safe.child(self._file, "states", h5py.Group)
         if self.nt and self._states is None:
             raise ValueError("the states are missing")
@@ -125,7 +115,7 @@ class Results:
     def e0(self) -> np.ndarray:
         """Reference nodal coordinates (nq,)."""
         with safe.damage(self.path):
-            return safe.numbers(self._mesh, "e0", 1)
+            return safe.values(self._reference, 1)
 
     @cached_property
     def t(self) -> np.ndarray:
@@ -133,41 +123,60 @@ class Results:
         with safe.damage(self.path):
             if not self.nt:
                 return np.empty(0)
-            return self._enough(safe.numbers(self._states, "t", 1), self.nt)
+            return enough(safe.numbers(self._states, "t", 1), self.nt)
 
-    @staticmethod
-    def _enough(rows: np.ndarray, count: int) -> np.ndarray:
-        if len(rows) < count:
-            raise ValueError(f"{len(rows)} rows where {count} were stored")
-        return rows[:count]
+    def _state_rows(self, name: str) -> StateRows | None:
+        if name not in self._rows:
+            dataset = None if self._states is None else safe.child(self._states, name, h5py.Dataset)
+            self._rows[name] = None if dataset is None else StateRows(dataset, (self.nq,))
+        return self._rows[name]
 
     def holds(self, name: str) -> bool:
         """Whether every stored state has ``name``: d, v or a."""
         with safe.damage(self.path):
-            group = self._states
-            dataset = None if group is None else safe.child(group, name, h5py.Dataset)
-            return dataset is not None and len(dataset) >= self.nt
+            rows = self._state_rows(name)
+            return rows is not None and len(rows) >= self.nt
 
-    def _row(self, name: str, i: int) -> np.ndarray:
+    def _number(self, i: int) -> int:
+        """Return the number from 0 of state i. Raises ResultsError where there is no such state."""
         if not -self.nt <= i < self.nt:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
+        return int(i) % self.nt
+
+    def _row(self, name: str, i: int) -> np.ndarray:
+        number = self._number(i)
         with safe.damage(self.path):
-            dataset = safe.child(self._states, name, h5py.Dataset)
-            if dataset is None or len(dataset) <= i % self.nt:
+            rows = self._state_rows(name)
+            if rows is None or len(rows) <= number:
                 raise ResultsError(f"'{self.path}' does not hold {name} of state {i}")
-            if dataset.shape[1:] != (self.nq,):
-                raise ValueError(f"/states/{name} has shape {dataset.shape}")
-            return safe.numbers(self._states, name, 2, int(i) % self.nt)
+            return rows.row(number)
+
+    def _all_rows(self, name: str) -> StateRows:
+        if not (self.nt and self.holds(name)):
+            raise ResultsError(f"'{self.path}' does not hold {name} of its states")
+        rows = self._state_rows(name)
+        assert rows is not None
+        return rows
 
     def rows(self, name: str) -> np.ndarray:
         """Return ``name`` (d, v or a) of all states at once (nt, nq); ResultsError where it was not stored."""
-        if not (self.nt and self.holds(name)):
-            raise ResultsError(f"'{self.path}' does not hold {name} of its states")
+        rows = self._all_rows(name)
         with safe.damage(self.path):
-            rows = self._enough(safe.numbers(self._states, name, 2), self.nt)
-            if rows.shape[1] != self.nq:
-                raise ValueError(f"/states/{name} has shape {rows.shape}")
-            return rows
+            return rows.block(0, self.nt)
+
+    def blocks(self, name: str) -> Iterator[np.ndarray]:
+        """Yield ``name`` (d, v or a) of all states, some consecutive ones at a time (n, nq).
+
+        Files with the same numbers of states and coordinates have the same blocks. Raises ResultsError where it was
+        not stored.
+        """
+        return self._blocks(self._all_rows(name))
+
+    def _blocks(self, rows: StateRows) -> Iterator[np.ndarray]:
+        for first, stop in rows.bounds(self.nt):
+            with safe.damage(self.path):
+                block = rows.block(first, stop)
+            yield block
 
     def d(self, i: int) -> np.ndarray:
         """Displacements (nq,) of the nodal coordinates in state i."""
@@ -253,57 +262,58 @@ class Results:
     # ------------------------------------------------------------------ fields
 
     @cached_property
-    def fields(self) -> dict[str, dict[str, FieldRecord]]:
-        """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
+    def _stored_fields(self) -> dict[str, dict[str, tuple[FieldRecord, StateRows]]]:
         with safe.damage(self.path):
             found = safe.groups(safe.child(self._file, "fields", h5py.Group))
-            return {body: {name: self._field(body, name, g) for name, g in safe.groups(found[body]).items()
-                           if safe.child(g, "values", h5py.Dataset) is not None}
-                    for body in self.bodies if body in found}
+            return {body: {name: self._field(record, name, g, values)
+                           for name, g in safe.groups(found[body]).items()
+                           if (values := safe.child(g, "values", h5py.Dataset)) is not None}
+                    for body, record in self.bodies.items() if body in found}
 
-    def _field(self, body: str, name: str, group: h5py.Group) -> FieldRecord:
-        return FieldRecord(body, name, tuple(safe.strings(group, "components")),
-                           str(safe.attribute(group, "units", "1")), str(safe.attribute(group, "description", "")),
-                           safe.numbers(group, "xi", 1), safe.numbers(group, "eta", 1))
+    @staticmethod
+    def _field(body: BodyRecord, name: str, group: h5py.Group, values: h5py.Dataset) -> tuple[FieldRecord, StateRows]:
+        record = FieldRecord(body.name, name, tuple(safe.strings(group, "components")),
+                             str(safe.attribute(group, "units", "1")), str(safe.attribute(group, "description", "")),
+                             safe.numbers(group, "xi", 1), safe.numbers(group, "eta", 1))
+        shape = len(body.dofs), len(record.xi), len(record.eta), len(record.components)
+        return record, StateRows(values, shape)
+
+    @cached_property
+    def fields(self) -> dict[str, dict[str, FieldRecord]]:
+        """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
+        return {body: {name: record for name, (record, _) in found.items()}
+                for body, found in self._stored_fields.items()}
+
+    def _field_rows(self, body: str, name: str) -> StateRows:
+        found = self._stored_fields.get(body, {}).get(name)
+        if found is None:
+            raise ResultsError(f"'{self.path}' has no field '{name}' of body '{body}'")
+        return found[1]
 
     def field(self, body: str, name: str, i: int = -1) -> np.ndarray:
         """Return the values (ne, nx, ny, components) of a field over a body in state i; see ``fields``."""
-        record = self.fields.get(body, {}).get(name)
-        if record is None:
-            raise ResultsError(f"'{self.path}' has no field '{name}' of body '{body}'")
-        if not -self.nt <= i < self.nt:
-            raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
+        rows, number = self._field_rows(body, name), self._number(i)
         with safe.damage(self.path):
-            row = safe.numbers(self._file["fields"][escape(body)][name], "values", 2, int(i) % self.nt)
-            return row.reshape(len(self.body(body).dofs), len(record.xi), len(record.eta), len(record.components))
+            return rows.row(number)
+
+    def field_blocks(self, body: str, name: str) -> Iterator[np.ndarray]:
+        """Yield a field of all states, some consecutive ones at a time (n, ne, nx, ny, components); see ``blocks``."""
+        return self._blocks(self._field_rows(body, name))
 
     # ------------------------------------------------------------------ series and tables
-
-    def _columns(self, group: h5py.Group | None, rows: int | None) -> Table:
-        table = Table()
-        for key in group or ():
-            dataset = safe.child(group, key, h5py.Dataset)
-            name = unescape(key)
-            if dataset.dtype.kind == "S" and rows is None:  # texts stand in tables alone
-                table[name] = safe.strings(group, key)
-            else:
-                values = safe.numbers(group, key, 1)
-                table[name] = values if rows is None else self._enough(values, rows)
-            table.units[name] = str(safe.attribute(dataset, "units", ""))
-        return table
 
     @cached_property
     def history(self) -> Table:
         """Solver statistics by name, one value per step."""
         with safe.damage(self.path):
             group = safe.child(self._file, "history", h5py.Group)
-            return self._columns(group, self._history_rows)
+            return read_columns(group, self._history_rows)
 
     @cached_property
     def energies(self) -> Table:
         """Energies by name, one value per stored state (dynamic runs)."""
         with safe.damage(self.path):
-            return self._columns(safe.child(self._file, "energies", h5py.Group), self.nt)
+            return read_columns(safe.child(self._file, "energies", h5py.Group), self.nt)
 
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
@@ -315,7 +325,7 @@ class Results:
     def _all_probes(self) -> dict[str, Table]:
         with safe.damage(self.path):
             found = safe.groups(safe.child(self._file, "probes", h5py.Group))
-            return {name: self._columns(g, self._probe_rows) for name, g in found.items()}
+            return {name: read_columns(g, self._probe_rows) for name, g in found.items()}
 
     @cached_property
     def probes(self) -> dict[str, Table]:
@@ -339,7 +349,7 @@ class Results:
             tables = {}
             found = safe.groups(safe.child(self._file, "tables", h5py.Group))
             for name, group in found.items():
-                tables[name] = self._columns(group, None)
+                tables[name] = read_columns(group, None)
                 tables[name].attrs = safe.attributes(group)
                 if len({len(v) for v in tables[name].values()}) > 1:
                     raise ValueError(f"table '{name}' has columns of different lengths")
@@ -348,19 +358,8 @@ class Results:
     @cached_property
     def arrays(self) -> dict[str, h5py.Dataset]:
         """Further numeric datasets below /arrays by their path; read them with ``array``."""
-        found: dict[str, h5py.Dataset] = {}
-
-        def collect(group: h5py.Group | None, prefix: str, depth: int) -> None:
-            for key in group or ():
-                link = group.get(key, getclass=True)  # type: ignore[union-attr]
-                if link is h5py.Group and depth < 8:
-                    collect(safe.child(group, key, h5py.Group), f"{prefix}{key}/", depth + 1)
-                elif link is h5py.Dataset:
-                    found[prefix + key] = safe.child(group, key, h5py.Dataset)
-
         with safe.damage(self.path):
-            collect(safe.child(self._file, "arrays", h5py.Group), "", 0)
-        return found
+            return safe.datasets(safe.child(self._file, "arrays", h5py.Group))
 
     def array(self, path: str) -> np.ndarray:
         """Return one of ``arrays`` in full."""
@@ -369,7 +368,7 @@ class Results:
                                f"(arrays: {', '.join(self.arrays) or 'none'})")
         with safe.damage(self.path):
             dataset = self.arrays[path]
-            return safe.numbers(dataset.parent, dataset.name.rsplit("/", 1)[1], dataset.ndim)
+            return safe.values(dataset, dataset.ndim)
 
     def close(self) -> None:
         """Close the file; whatever was not read by then cannot be read any more."""

@@ -125,6 +125,19 @@ def groups(group: h5py.Group | None) -> dict[str, h5py.Group]:
     return {} if group is None else {unescape(k): child(group, k, h5py.Group) for k in group}
 
 
+def datasets(group: h5py.Group | None, depth: int = 8) -> dict[str, h5py.Dataset]:
+    """Return the datasets in a group and in the groups below it, ``depth`` levels of them, by their path."""
+    found: dict[str, h5py.Dataset] = {}
+    for key in group or ():
+        kind = group.get(key, getclass=True)  # type: ignore[union-attr]
+        if kind is h5py.Group and depth:
+            below = datasets(child(group, key, h5py.Group), depth - 1)
+            found.update({f"{key}/{path}": dataset for path, dataset in below.items()})
+        elif kind is h5py.Dataset:
+            found[key] = child(group, key, h5py.Dataset)
+    return found
+
+
 def _check_storage(dataset: h5py.Dataset) -> None:
     """Raise ValueError for data kept elsewhere and shapes that the stored bytes cannot fill."""
     name = dataset.name
@@ -144,17 +157,26 @@ def _check_storage(dataset: h5py.Dataset) -> None:
             raise ValueError(f"{name} has chunks of {chunk} entries")
 
 
-def numbers(group: h5py.Group, name: str, ndim: int, row: int | None = None) -> np.ndarray:
-    """Return a numeric dataset of ``ndim`` dimensions, or one row of it."""
+def check_numbers(dataset: h5py.Dataset, ndim: int) -> None:
+    """Raise ValueError for a dataset that does not hold numbers in ``ndim`` dimensions."""
+    if dataset.ndim != ndim or dataset.dtype.kind not in "iuf":
+        raise ValueError(f"{dataset.name} has shape {dataset.shape} and type {dataset.dtype}")
+
+
+def values(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
+    """Return a dataset that ``child`` has found, in full, where it is of numbers in ``ndim`` dimensions."""
+    check_numbers(dataset, ndim)
+    if dataset.size * dataset.dtype.itemsize > MAX_BYTES:
+        raise ValueError(f"{dataset.name} is too large")
+    return dataset[()]
+
+
+def numbers(group: h5py.Group, name: str, ndim: int) -> np.ndarray:
+    """Return a numeric dataset of ``ndim`` dimensions; ValueError where there is none."""
     dataset = child(group, name, h5py.Dataset)
     if dataset is None:
         raise ValueError(f"{group.name}/{name} is missing")
-    if dataset.ndim != ndim or dataset.dtype.kind not in "iuf":
-        raise ValueError(f"{dataset.name} has shape {dataset.shape} and type {dataset.dtype}")
-    size = dataset.size if row is None else dataset.size // max(1, len(dataset))
-    if size * dataset.dtype.itemsize > MAX_BYTES:
-        raise ValueError(f"{dataset.name} is too large")
-    return dataset[()] if row is None else dataset[row]
+    return values(dataset, ndim)
 
 
 def text(group: h5py.Group | None, name: str) -> str:
@@ -170,8 +192,11 @@ def text(group: h5py.Group | None, name: str) -> str:
 def strings(group: h5py.Group | None, name: str) -> list[str]:
     """Return a list of texts, or an empty list where there is none."""
     dataset = None if group is None else child(group, name, h5py.Dataset)
-    if dataset is None:
-        return []
+    return [] if dataset is None else texts(dataset)
+
+
+def texts(dataset: h5py.Dataset) -> list[str]:
+    """Return a dataset that ``child`` has found as a list of texts, where it is one."""
     if dataset.ndim != 1 or dataset.dtype.kind != "S" or dataset.nbytes > MAX_TEXT:
         raise ValueError(f"{dataset.name} is no list of texts")
     return [v.decode("utf-8", "replace") for v in dataset[()]]

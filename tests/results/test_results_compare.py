@@ -12,6 +12,7 @@ from synthetic import HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, compare_results, comparison_text, differences_json
+from ancf2d.results import rows as rows_module
 
 
 def pair(tmp_path: Path) -> tuple[Path, Path]:
@@ -70,6 +71,33 @@ def test_the_difference_says_the_time(tmp_path: Path) -> None:
     assert found.t == pytest.approx(0.6)
     assert "at t = 0.6" in str(found)
     assert "1 of 120 entries differ" in str(found)
+
+
+def put(path: Path, values: dict[tuple[int, int], float]) -> None:
+    with h5py.File(path, "r+") as f:
+        for index, value in values.items():
+            f["states/d"][index] = value
+
+
+@pytest.mark.parametrize("numbers", [1, 50, 1 << 17])  # blocks of one state, of two, of all
+def test_the_worst_entry_is_sought_in_all_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
+    monkeypatch.setattr(rows_module, "BLOCK", numbers)
+    a, b = pair(tmp_path)
+    # the first of two that are equally bad; one that is small beside the largest slope, which the last state has
+    put(a, {(2, 17): 0.0, (4, 17): 0.0, (1, 18): 0.0, (5, 18): 64.0})
+    put(b, {(2, 17): 0.5, (4, 17): 0.5, (1, 18): 1.0, (5, 18): 64.0})
+    (found,) = compare_results(a, b)
+    assert (found.index, found.a, found.b, found.t) == ((2, 17), 0.0, 0.5, 0.4)
+    assert (found.absolute, found.count, found.total) == (0.5, 3, 120)
+    assert found.relative == 0.5 / found.scale > 1 / 64
+    put(a, {(2, 17): 0.5, (4, 17): 0.5})
+    (found,) = compare_results(a, b)
+    assert (found.index, found.scale, found.relative, found.count) == ((1, 18), 64.0, 1 / 64, 1)
+    put(a, {(3, 4): np.nan, (5, 0): -np.inf, (0, 1): np.nan, (4, 2): np.inf})
+    put(b, {(5, 0): np.inf, (0, 1): np.nan, (4, 2): np.inf})
+    (found,) = compare_results(a, b)
+    assert (found.index, found.relative, found.count) == ((3, 4), np.inf, 3)
+    assert np.isnan(found.a)
 
 
 def test_nan_equals_nan_and_nothing_else(tmp_path: Path) -> None:

@@ -154,6 +154,18 @@ def test_elements_have_fewer_samples_where_there_are_many(tmp_path: Path, monkey
         assert grid(tmp_path / "a.vtkhdf")["NumberOfCells"][0] == 6 * 2 * along + 1
 
 
+@pytest.mark.parametrize(("states", "shares"), [(0, [0.2, 0.4, 0.6, 0.8, 1.0]), (2, [0.4, 0.8, 1.0]), (5, [1.0])])
+def test_states_are_in_their_places_however_many_are_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                                     states: int, shares: list[float]) -> None:
+    source, told = turning(tmp_path / "a.h5", "tangent"), []
+    with open_results(source) as r:
+        faces = [np.stack([r.faces("rod", i)[f] for f in ("bottom", "axis", "top")], 1) for i in range(5)]
+    monkeypatch.setattr(vtkhdf, "AT_ONCE", states * faces[0].size // 2)
+    export(source, tmp_path / "a.vtkhdf", done=told.append)
+    assert told == shares
+    np.testing.assert_array_equal(grid(tmp_path / "a.vtkhdf")["Points"][:, :2], np.reshape(faces, (-1, 2)))
+
+
 def test_a_body_without_height_is_its_axis(tmp_path: Path) -> None:
     export(bent_beam(tmp_path / "a.h5", height=float("nan")), tmp_path / "a.vtkhdf")
     g = grid(tmp_path / "a.vtkhdf")
@@ -185,6 +197,21 @@ def test_fields_are_the_polynomials_through_their_stations(tmp_path: Path) -> No
     np.testing.assert_allclose(g["PointData/stress_xy"][one], -f(x, y), atol=1e-12)
     np.testing.assert_allclose(g["PointData/M"][one], f(x, 0 * y), atol=1e-12)
     assert np.isnan(g["PointData/stress_xx"][()][~one]).all()
+
+
+@pytest.mark.parametrize("stations", [np.array([0.0, 0.5, 0.5]), np.empty(0)], ids=["two in one place", "none"])
+def test_stations_that_make_no_polynomial_are_damage(tmp_path: Path, stations: np.ndarray) -> None:
+    e0 = coordinates("tangent", np.arange(3.0), 0.0)
+    record = FieldRecord("rod", "M", ("M",), "{F}*{L}", "", np.linspace(0, 1, 3), np.zeros(1))
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("rod", 2, 2.0, 0.1)], e0, fields=[record]) as w:
+        w.append(1.0, 0 * e0, fields={("rod", "M"): np.zeros((2, 3, 1, 1))})
+        w.finish()
+    with h5py.File(tmp_path / "a.h5", "r+") as f:
+        del f["fields/rod/M/xi"]
+        f["fields/rod/M/xi"] = stations
+    with pytest.raises(ResultsError, match="is damaged"):
+        export(tmp_path / "a.h5", tmp_path / "a.vtkhdf")
+    assert not (tmp_path / "a.vtkhdf").exists()
 
 
 def test_modes_are_displacements_from_the_state(tmp_path: Path) -> None:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from synthetic import bent_beam, coordinates, table_file
+from synthetic import HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import describe, describe_text, open_results
+from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, open_results, part_path
+from ancf2d.results import rows as rows_module
+from ancf2d.results import safe as safe_module
+from ancf2d.results import writer as writer_module
 
 
 def everything(path: Path) -> None:
@@ -179,6 +183,90 @@ def test_states_beyond_the_file_are_refused(tmp_path: Path) -> None:
             r.v(0)
         with pytest.raises(ResultsError, match=r"no body 'bem'.*beam"):
             r.faces("bem")
+
+
+# ---------------------------------------------------------------------- rows and blocks of them
+
+
+def motion(path: Path, states: int = 7) -> Path:
+    """Write a motion with rates, a field, probes, energies, a table and an array."""
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    field = FieldRecord("beam", "N", ("N",), "{F}", "axial force", np.linspace(0, 1, 3), np.zeros(1))
+    with ResultWriter(path, HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0, fields=[field]) as w:
+        for k in range(states):
+            w.append(float(k), e0 * k, {"step": k}, {"tip": {"ux": float(k)}}, v=e0 - k,
+                     energies={"kinetic": float(k)}, fields={("beam", "N"): np.full((2, 3, 1, 1), 1.0 + k)})
+        w.table("convergence", {"element": ["cable"], "error": [0.1]})
+        w.array("modes/shapes", np.eye(3), "1", "mode shapes")
+        return w.finish({})
+
+
+def test_every_dataset_is_checked_once_while_its_file_is_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checked: Counter[str] = Counter()
+    check = safe_module._check_storage
+    monkeypatch.setattr(safe_module, "_check_storage", lambda dataset: checked.update([dataset.name]) or check(dataset))
+    with open_results(motion(tmp_path / "a.h5")) as r:
+        _ = r.t, r.history, r.energies, r.tables, r.probes, r.probe_t, r.bodies, r.fields, r.summary
+        for i in range(r.nt):
+            _ = r.d(i), r.v(i), r.e(i), r.faces("beam", i), r.field("beam", "N", i), r.array("modes/shapes")
+        for name in "dv":
+            assert r.holds(name)
+            _ = r.rows(name), list(r.blocks(name))
+        assert len(list(r.field_blocks("beam", "N"))) == 1
+    assert {"/mesh/e0", "/states/d", "/states/v", "/fields/beam/N/values", "/probes/tip/ux", "/history/step",
+            "/tables/convergence/element", "/arrays/modes/shapes"} <= checked.keys()
+    assert set(checked.values()) == {1}, checked.most_common(3)
+
+
+@pytest.mark.parametrize(("numbers", "lengths"), [(1, [1] * 7), (30, [2, 2, 2, 1]), (1 << 17, [7])])
+def test_blocks_are_the_rows_in_bounded_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int,
+                                               lengths: list[int]) -> None:
+    monkeypatch.setattr(rows_module, "BLOCK", numbers)
+    with open_results(motion(tmp_path / "a.h5")) as r:
+        blocks = list(r.blocks("v"))
+        assert [len(block) for block in blocks] == lengths
+        np.testing.assert_array_equal(np.concatenate(blocks), [r.v(i) for i in range(7)])
+        np.testing.assert_array_equal(np.concatenate(blocks), r.rows("v"))
+        fields = list(r.field_blocks("beam", "N"))
+        assert max(block.size for block in fields) <= max(numbers, 6)
+        np.testing.assert_array_equal(np.concatenate(fields), [r.field("beam", "N", i) for i in range(7)])
+        with pytest.raises(ResultsError, match="does not hold a of its states"):
+            r.blocks("a")
+        with pytest.raises(ResultsError, match="no field 'M' of body 'beam'"):
+            r.field_blocks("beam", "M")
+
+
+def test_an_open_file_stays_what_it_was_while_its_run_goes_on(tmp_path: Path,
+                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
+    e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
+    w = ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0)
+    for k in range(3):
+        w.append(float(k), e0 + k)
+    with open_results(part_path(tmp_path / "a.h5")) as r:
+        first = r.d(0)
+        for k in range(3, 300):
+            w.append(float(k), e0 + k)
+        w.finish({})
+        assert r.nt == 3
+        np.testing.assert_array_equal(r.rows("d"), [first, r.d(1), e0 + 2])
+        np.testing.assert_array_equal(np.concatenate(list(r.blocks("d"))), r.rows("d"))
+        with pytest.raises(ResultsError, match="no state 3: it holds 3"):
+            r.d(3)
+    with open_results(tmp_path / "a.h5") as r:
+        assert r.nt == 300
+
+
+def test_a_field_with_fewer_rows_than_states_is_damage(tmp_path: Path) -> None:
+    path = motion(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as f:
+        replaced("fields/beam/N/values", data=np.zeros((3, 6)))(f)
+    with open_results(path) as r:
+        assert not r.field("beam", "N", 2).any()
+        for read in (lambda: r.field("beam", "N", 3), lambda: r.field("beam", "N"),
+                     lambda: list(r.field_blocks("beam", "N"))):
+            with pytest.raises(ResultsError, match=r"a\.h5' is damaged"):
+                read()
 
 
 @pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])

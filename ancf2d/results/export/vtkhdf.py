@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from ancf2d.errors import ResultsError
+from ancf2d.results import safe
 from ancf2d.results.export import Done
 from ancf2d.results.geometry import body_faces, body_rates
 from ancf2d.results.journal import JournaledFile
@@ -30,8 +32,11 @@ QUAD, POLYLINE = 9, 4  # VTK's numbers of these cells
 FACES = ("bottom", "axis", "top")
 MOST_CELLS = 2_000  # along all elements together, as long as every element has one
 CHUNK = 1 << 14  # points
+AT_ONCE = 1 << 13  # points that are written in one call: states of small grids wait for each other
+CACHE = 1 << 20  # bytes of each dataset: a chunk or two, which are filled one after the other
 COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 MODES = "modes/shapes"
+_SUMS = "ai,bj,eijc->ebac"
 
 
 @dataclass
@@ -72,11 +77,31 @@ class Part:
         # elements meet: the end of one is the beginning of the next
         yield POLYLINE, np.append(axis[0, 0], axis[:, 1:])[None]
 
-    def interpolated(self, record: FieldRecord, values: np.ndarray) -> np.ndarray:
-        """Return a field (ne, nx, ny, components) at the part's points: the polynomial through its stations."""
-        along = _weights(2 * record.xi - 1, 2 * self.body.sample_xi[self.columns] - 1)
-        across = _weights(record.eta, np.array(self.levels) - 1.0)
-        return np.einsum("ai,bj,eijc->ebac", along, across, values, optimize=True).reshape(self.points, -1)
+
+class Interpolation:
+    """A field at the points of a part: the polynomial through its stations."""
+
+    def __init__(self, part: Part, record: FieldRecord) -> None:
+        self._part, self._record = part, record
+
+    @cached_property
+    def _factors(self) -> tuple[np.ndarray, np.ndarray, Any]:
+        """Weights along and across, and the order of summing over them."""
+        part, record = self._part, self._record
+        along = _weights(2 * record.xi - 1, 2 * part.body.sample_xi[part.columns] - 1)
+        across = _weights(record.eta, np.array(part.levels) - 1.0)
+        shape = len(part.body.dofs), len(record.xi), len(record.eta), len(record.components)
+        order, _ = np.einsum_path(_SUMS, along, across, np.broadcast_to(0.0, shape), optimize=True)
+        return along, across, order
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """Return the field (points, components) whose values at the stations are (ne, nx, ny, components).
+
+        Raises ValueError where stations coincide.
+        """
+        # not before there are values: where they fit the stations, these are no more than the file has room for
+        along, across, order = self._factors
+        return np.einsum(_SUMS, along, across, values, optimize=order).reshape(self._part.points, -1)
 
 
 def _weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -116,7 +141,7 @@ def write(results: Results, path: Path, done: Done) -> None:
 
 def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done) -> None:
     """Write the grid to an empty file. Raises OSError where the disk takes no more."""
-    with h5py.File(stream, "w") as file:
+    with h5py.File(stream, "w", rdcc_nbytes=CACHE) as file:
         # outside of the grid: readers of the format differ in the texts that they can read, and some crash
         file.attrs["bodies"] = [part.body.name for part in parts]
         root = file.create_group("VTKHDF")
@@ -125,10 +150,12 @@ def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done
         grid = _Grid(results, root, parts)
         grid.write_cells()
         grid.write_modes()
-        for i in range(grid.steps):
-            grid.write_state(i)
+        at_once = max(1, AT_ONCE // grid.n)
+        for first in range(0, grid.steps, at_once):
+            stop = min(first + at_once, grid.steps)
+            grid.write_states(first, stop)
             stream.check()
-            done((i + 1) / grid.steps)
+            done(stop / grid.steps)
         grid.write_steps()
 
 
@@ -143,23 +170,23 @@ class _Grid:
         self.reference = self._points(results.e0)
         self.point_data, self.cell_data = root.create_group("PointData"), root.create_group("CellData")
         self.constant = ["body"]
-        self.fields = self._fields() if results.nt else {}
-        self._growing(root, "Points", (3,))
-        for name in ("displacement", *(["velocity"] if self.moves else [])):
-            self._growing(self.point_data, name, (3,))
-        for name in self.fields:
-            self._growing(self.point_data, name, ())
-        self.growing = list(self.point_data)
+        self.fields = list(self._fields()) if results.nt else []
+        self.points = self._growing(root, "Points", (3,))
+        names = dict.fromkeys(name for *_, columns in self.fields for name in columns)
+        self.growing = {name: self._growing(self.point_data, name, (3,))
+                        for name in ("displacement", *(["velocity"] if self.moves else []))}
+        self.growing.update({name: self._growing(self.point_data, name, ()) for name in names})
 
-    def _fields(self) -> dict[str, tuple[str, str]]:
-        """Return field and component of each stored number: ``stress_xx``, or ``M`` where there is one component."""
-        return {field if len(record.components) == 1 else f"{field}_{component}": (field, component)
-                for fields in self.results.fields.values() for field, record in fields.items()
-                for component in record.components}
+    def _fields(self) -> Iterator[tuple[Part, str, Interpolation, list[str]]]:
+        """Yield part, field and what its components are called: ``stress_xx``, or ``M`` where there is one."""
+        for part in self.parts:
+            for field, record in self.results.fields.get(part.body.name, {}).items():
+                names = [field if len(record.components) == 1 else f"{field}_{c}" for c in record.components]
+                yield part, field, Interpolation(part, record), names
 
-    def _growing(self, group: h5py.Group, name: str, width: tuple[int, ...]) -> None:
+    def _growing(self, group: h5py.Group, name: str, width: tuple[int, ...]) -> h5py.Dataset:
         shape = (self.steps * self.n, *width)
-        group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
+        return group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
 
     def _points(self, e: np.ndarray) -> np.ndarray:
         return np.vstack([p.take(body_faces(p.body, e)) for p in self.parts])
@@ -199,28 +226,30 @@ class _Grid:
                 self.point_data[f"mode_{k}"] = self._rates(e, shape)
                 self.constant.append(f"mode_{k}")
 
-    def write_state(self, i: int) -> None:
-        """Write points and point fields of one state."""
-        results, rows = self.results, slice(i * self.n, (i + 1) * self.n)
+    def write_states(self, first: int, stop: int) -> None:
+        """Write points and point fields of the states from ``first`` up to ``stop``."""
+        found = [self._state(i) for i in range(first, stop)]
+        rows = slice(first * self.n, stop * self.n)
+        self.points[rows] = np.concatenate([points for points, _ in found])
+        for name, dataset in self.growing.items():
+            dataset[rows] = np.concatenate([values[name] for _, values in found])
+
+    def _state(self, i: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return the points of a state and their fields by name; not a number on bodies without one."""
+        results = self.results
         e = results.e(i) if results.nt else results.e0
         points = self._points(e)
-        self.root["Points"][rows] = points
-        self.point_data["displacement"][rows] = points - self.reference
+        values = {name: np.full(self.n, np.nan) for name in self.growing}
+        values["displacement"] = points - self.reference
         if self.moves:
-            self.point_data["velocity"][rows] = self._rates(e, results.v(i))
-        self._write_fields(i, rows)
-
-    def _write_fields(self, i: int, rows: slice) -> None:
-        """Write the fields of a state; on bodies without one they are not a number."""
-        values = {name: np.full(self.n, np.nan) for name in self.fields}
-        for p in self.parts:
-            for field, record in self.results.fields.get(p.body.name, {}).items():
-                found = p.interpolated(record, self.results.field(p.body.name, field, i))
-                for name, (own, component) in self.fields.items():
-                    if own == field and component in record.components:
-                        values[name][p.first:p.first + p.points] = found[:, record.components.index(component)]
-        for name, column in values.items():
-            self.point_data[name][rows] = column
+            values["velocity"] = self._rates(e, results.v(i))
+        for part, field, interpolation, names in self.fields:
+            stored = results.field(part.body.name, field, i)
+            with safe.damage(results.path):
+                found = interpolation.of(stored)
+            for column, name in zip(found.T, names, strict=True):
+                values[name][part.first:part.first + part.points] = column
+        return points, values
 
     def write_steps(self) -> None:
         """Write where each step begins in the datasets: those of cells and of constant fields have one for all."""
