@@ -16,7 +16,19 @@ import numpy as np
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
 from .band import ldl_solve, ldl_solve_each
-from .dynamics import at_floor, factor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
+from .dynamics import (
+    at_floor,
+    directions,
+    factor,
+    forces,
+    forces_tangent,
+    norm,
+    remember,
+    residual,
+    to_full,
+    turned,
+    violation,
+)
 from .jit import inlined, inner
 from .lanes import array_at
 from .mass import mass_product
@@ -138,12 +150,11 @@ def _turns(m, p, w, s):  # type: ignore[no-untyped-def]
     for i in range(stages):
         _place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
-        turned(p, w.d, m.sine[i])
+        directions(p, w.d, m.cosine[i], m.sine[i])
     for k in range(m.sine.shape[1]):
-        start = m.sine[middle, k]
+        x, y = m.cosine[middle, k], m.sine[middle, k]
         for i in range(stages):
-            angle = m.sine[i, k] - start
-            m.cosine[i, k], m.sine[i, k] = np.cos(angle), np.sin(angle)
+            m.cosine[i, k], m.sine[i, k] = turned(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
 
 
 @inner
@@ -158,31 +169,30 @@ def _turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
 @inlined
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the middle stage; return whether they could be."""
-    n, width = w.A.shape
-    middle = len(m.c) // 2
+    middle, size = len(m.c) // 2, w.A.size
+    A, B, M = array_at(w.A, 0, (size,)), array_at(m.B, 0, (size,)), array_at(p.mass, 0, (size,))
     _place(m, p, w, s, middle)
     if m.damped:
         forces_tangent(p, w, m.y, m.V[middle], 1.0)
-        copy_rows(w.A, m.B)
+        copy(A, B)
     forces_tangent(p, w, m.y, m.V[middle], 0.0)
-    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
     for k in range(len(m.mus)):
         f = m.mus[k] / h
         g = f * (f + p.alpha)
-        for i in range(n):
-            for j in range(width):
-                v = w.A[i, j] + g * p.mass[i, j]
-                if m.damped:
-                    v += f * (m.B[i, j] - w.A[i, j])
-                m.C[k, i, j] = v
+        C, real, imag = array_at(m.C, k * size, (size,)), g.real, g.imag
+        for i in range(size):
+            C[i] = complex(A[i] + real * M[i], imag * M[i])
+        if m.damped:
+            for i in range(size):
+                C[i] += f * (B[i] - A[i])
         if not factor(w, m.C[k]):
             return False
-    for i in range(n):
-        for j in range(width):
-            v = w.A[i, j] + mass * p.mass[i, j]
-            if m.damped:
-                v += real * (m.B[i, j] - w.A[i, j])
-            m.B[i, j] = v
+    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
+    if m.damped:
+        for i in range(size):
+            A[i] += real * (B[i] - A[i])
+    for i in range(size):
+        B[i] = A[i] + mass * M[i]
     return factor(w, m.B)
 
 
@@ -199,7 +209,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     for i in range(stages):
         _turn(m, p, i, 1.0, m.R[i])
         largest = norm(p, m.R[i])
-        if not largest <= size:
+        if size == size and not largest <= size:
             size = largest
     return size
 

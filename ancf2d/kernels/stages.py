@@ -1,4 +1,4 @@
-"""Stages side by side, (s, n) with s odd: sums of them, so many unknowns at a time that all stages stay in the cache."""
+"""Sums of stages, (s, n) with s odd: so many unknowns at a time that all their stages stay in the cache."""
 
 from __future__ import annotations
 
