@@ -2,7 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
 from .jit import inner
+
+
+@intrinsic
+def rank(_: Any, x: Any) -> Any:
+    """Return a whole number that sizes x >= 0 compare by as by x, and what is no number lies above all."""
+    return types.int64(types.float64), lambda context, builder, _, args: builder.bitcast(args[0], ir.IntType(64))
+
+
+@intrinsic
+def ranked(_: Any, k: Any) -> Any:
+    """Return the number of a rank."""
+    return types.float64(types.int64), lambda context, builder, _, args: builder.bitcast(args[0], ir.DoubleType())
 
 
 @inner

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .blocks import backward, eliminate, forward, room, size, take, take_diagonal
-from .jit import inlined, kernel, kernel_with_memory
+from .blocks import backward, backward_own, eliminate, forward, forward_own, inverse, room, size, take, take_diagonal
+from .jit import inlined, inner, kernel, kernel_with_memory
 from .stack import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
@@ -60,7 +60,7 @@ def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
     """Take pivot k out of the rows below it, from the last on: those above still hold what it multiplies them by."""
     n, w = A.shape
     bw = w - 1
-    over = 1.0 / A[k, bw]
+    over = inverse(A[k, bw])
     for i in range(min(k + bw, n - 1), k, -1):
         x = A[i, bw + k - i]
         l = x * over
@@ -78,14 +78,14 @@ def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
     """
     b, c, d = at + bw, at + 2 * bw, at + 3 * bw
     d0, x10, x20, x30 = flat[at], flat[b], flat[c], flat[d]
-    o0 = 1.0 / d0
+    o0 = inverse(d0)
     l10, l20, l30 = x10 * o0, x20 * o0, x30 * o0
     d1 = flat[b + 1] - l10 * x10
-    o1 = 1.0 / d1
+    o1 = inverse(d1)
     x21, x31 = flat[c + 1] - l20 * x10, flat[d + 1] - l30 * x10
     l21, l31 = x21 * o1, x31 * o1
     d2 = flat[c + 2] - l20 * x20 - l21 * x21
-    o2 = 1.0 / d2
+    o2 = inverse(d2)
     x32 = flat[d + 2] - l30 * x20 - l31 * x21
     l32 = x32 * o2
     d3 = flat[d + 3] - l30 * x30 - l31 * x31 - l32 * x32
@@ -94,7 +94,7 @@ def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
     flat[d], flat[d + 1], flat[d + 2], flat[d + 3] = l30, l31, l32, d3
     sizes = (size(l10 * x10), size(l20 * x20) + size(l21 * x21),
              size(l30 * x30) + size(l31 * x31) + size(l32 * x32))
-    return (d0, d1, d2, d3), (o0, o1, o2, 1.0 / d3), (x10, x20, x21, x30, x31, x32), sizes
+    return (d0, d1, d2, d3), (o0, o1, o2, inverse(d3)), (x10, x20, x21, x30, x31, x32), sizes
 
 
 @inlined
@@ -126,24 +126,82 @@ def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
 def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
     n, w = A.shape
+    flat, (whole, fours) = A.reshape(n * w), _blocks(n, w)
+    for p in range(whole):
+        _forward(flat, w, x, 4 * p)
+    _rest(A, flat, x, whole, fours)
+    for p in range(whole - 1, -1, -1):
+        _backward(flat, w, x, 4 * p)
+
+
+@kernel
+def ldl_solve_each(A, x, C, u):  # type: ignore[no-untyped-def]
+    """Do as ``ldl_solve`` does with a real band and k complex ones, (k, n, bw + 1) and (k, n), of the same width.
+
+    All are solved at once: a number waits for the one before it, and the processor works on other bands meanwhile.
+    """
+    n, w = A.shape
+    flat, flats, (whole, fours) = A.reshape(n * w), C.reshape(len(C), n * w), _blocks(n, w)
+    for p in range(whole):
+        _forward(flat, w, x, 4 * p)
+        for q in range(len(C)):
+            _forward(flats[q], w, u[q], 4 * p)
+    _rest(A, flat, x, whole, fours)
+    for q in range(len(C)):
+        _rest(C[q], flats[q], u[q], whole, fours)
+    for p in range(whole - 1, -1, -1):
+        _backward(flat, w, x, 4 * p)
+        for q in range(len(C)):
+            _backward(flats[q], w, u[q], 4 * p)
+
+
+@inlined
+def _blocks(n, w):  # type: ignore[no-untyped-def]
+    """Return how many times four pivots have nothing but whole blocks below them, and how many there are."""
+    if w <= NARROW:
+        return 0, 0
+    return max(0, (n - (w + 2) // 4 * 4) // 4), n // 4
+
+
+@inlined
+def _forward(flat, w, x, k):  # type: ignore[no-untyped-def]
+    """Solve for x[k:k + 4], and take what they make from those below, in whole blocks."""
     bw = w - 1
-    flat, fours = A.reshape(n * w), n // 4 if bw >= NARROW else 0
-    for p in range(fours):
-        _forward(A, flat, x, 4 * p)
+    forward_own(flat, k * w + bw, bw, x, k)
+    for i in range(k + 4, k + bw + 4, 4):
+        forward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
+
+
+@inlined
+def _backward(flat, w, x, k):  # type: ignore[no-untyped-def]
+    """Take from x[k:k + 4] what those below make, the nearest last, and solve for them."""
+    bw = w - 1
+    for i in range(k + (bw + 3) // 4 * 4, k, -4):
+        backward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
+    backward_own(flat, k * w + bw, bw, x, k)
+
+
+@inner
+def _rest(A, flat, x, whole, fours):  # type: ignore[no-untyped-def]
+    """Solve for those beyond the first 4 whole numbers, by blocks and one by one, and divide all by D in between."""
+    n, w = A.shape
+    bw = w - 1
+    for p in range(whole, fours):
+        _forward_rest(A, flat, x, 4 * p)
     for k in range(4 * fours, n):
         for i in range(k + 1, min(k + bw, n - 1) + 1):
             x[i] -= A[i, bw + k - i] * x[k]
     for i in range(n):
-        x[i] /= A[i, bw]
+        x[i] *= inverse(A[i, bw])
     for i in range(n - 1, 4 * fours - 1, -1):
         for j in range(max(4 * fours, i - bw), i):
             x[j] -= A[i, bw + j - i] * x[i]
-    for p in range(fours - 1, -1, -1):
-        _backward(A, flat, x, 4 * p)
+    for p in range(fours - 1, whole - 1, -1):
+        _backward_rest(A, flat, x, 4 * p)
 
 
 @inlined
-def _forward(A, flat, x, k):  # type: ignore[no-untyped-def]
+def _forward_rest(A, flat, x, k):  # type: ignore[no-untyped-def]
     """Solve for x[k:k + 4], and take what they make from those below."""
     n, w = A.shape
     bw = w - 1
@@ -160,7 +218,7 @@ def _forward(A, flat, x, k):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _backward(A, flat, x, k):  # type: ignore[no-untyped-def]
+def _backward_rest(A, flat, x, k):  # type: ignore[no-untyped-def]
     """Take from x[k:k + 4] what those below make, the nearest last, and solve for them."""
     n, w = A.shape
     bw = w - 1

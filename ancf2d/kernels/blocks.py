@@ -38,6 +38,21 @@ def size(_, x):  # type: ignore[no-untyped-def]
     return types.float64(x), generate
 
 
+@intrinsic
+def inverse(_, x):  # type: ignore[no-untyped-def]
+    """Return 1/x; of a complex number without the scaling of sizes near those that overflow."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        one = ir.Constant(ir.DoubleType(), 1.0)
+        if not isinstance(signature.args[0], types.Complex):
+            return builder.fdiv(one, args[0])
+        real, imag = (builder.extract_value(args[0], k) for k in range(2))
+        over = builder.fdiv(one, builder.fadd(builder.fmul(real, real), builder.fmul(imag, imag)))
+        out = builder.insert_value(args[0], builder.fmul(real, over), 0)
+        return builder.insert_value(out, builder.fmul(builder.fneg(imag), over), 1)
+
+    return x(x), generate
+
+
 class _Block:
     """Where the rows of a block are, as code is generated that works on it."""
 
@@ -192,6 +207,44 @@ def backward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(A, _i, _i, _i, x, _i, _i), generate
+
+
+@intrinsic
+def forward_own(_, A, at, bw, x, k):  # type: ignore[no-untyped-def]
+    """Solve for x[k:k + 4] by their own triangle, the first pivot of which is at entry ``at``."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        rows, target = _triangle(context, builder, signature, args)
+        v = rows[0].load(builder, target, len(rows[0].parts) == 2)
+        for j, column in enumerate(transposed(rows)[:-1]):
+            v = v.less(column, v.lane(j))
+        v.store(target)
+        return context.get_dummy_value()
+
+    return types.void(A, _i, _i, x, _i), generate
+
+
+@intrinsic
+def backward_own(_, A, at, bw, x, k):  # type: ignore[no-untyped-def]
+    """Solve for x[k:k + 4] by their own triangle, transposed."""
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        rows, target = _triangle(context, builder, signature, args)
+        v = rows[0].load(builder, target, len(rows[0].parts) == 2)
+        for r in range(LANES - 1, 0, -1):
+            v = v.less(rows[r], v.lane(r))
+        v.store(target)
+        return context.get_dummy_value()
+
+    return types.void(A, _i, _i, x, _i), generate
+
+
+def _triangle(context: Any, builder: Any, signature: Any, args: Any) -> tuple[list[Four], Any]:
+    """Return the rows of a triangle, zero from the diagonal on, and where its numbers are."""
+    A, at, bw, x, k = args
+    block = _Block(context, builder, signature.args[0], A, at, bw)
+    masks = [ir.Constant(ir.VectorType(ir.IntType(1), LANES), [j < r for j in range(LANES)]) for r in range(LANES)]
+    rows = [block.zeros()] + [block.load(block.row(ir.Constant(INDEX, r))).where(masks[r], block.zeros())
+                              for r in range(1, LANES)]
+    return rows, _data(context, builder, signature.args[3], x, k)
 
 
 def _numbers(block: _Block, pointer: Any) -> list[Four]:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arrays import rank, ranked
 from .band import ldl_factor_with
 from .bodies import elastic, elastic_noise, elastic_tangent, viscous
 from .jit import inner, kernel
@@ -189,17 +190,31 @@ def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turned(p, d, out):  # type: ignore[no-untyped-def]
-    """Fill the angle by which each pair's vector stands at d (n_full,): (m,), within one turn unless it is a theta."""
+def directions(p, d, x, y):  # type: ignore[no-untyped-def]
+    """Fill x and y (m,) of the vectors that pairs turn with at d (n_full,); of a theta itself, and 0."""
     for k in range(len(p.turns)):
         i, j, a, b = p.turns[k, 0], p.turns[k, 1], p.turns[k, 2], p.turns[k, 3]
         if j < 0:
-            out[k] = d[i]
+            x[k], y[k] = d[i], 0.0
             continue
-        x, y = p.e0[i] + d[i], p.e0[j] + d[j]
+        x[k], y[k] = p.e0[i] + d[i], p.e0[j] + d[j]
         if a >= 0:
-            x, y = p.e0[a] + d[a] - x, p.e0[b] + d[b] - y
-        out[k] = np.arctan2(y, x)
+            x[k], y[k] = p.e0[a] + d[a] - x[k], p.e0[b] + d[b] - y[k]
+
+
+@inner
+def turned(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
+    """Return cosine and sine of the angle to a direction from another one, both as of ``directions``."""
+    if theta:
+        angle = x - x0
+        if abs(angle) > 0.5:
+            return np.cos(angle), np.sin(angle)
+        # their series, to 1e-11
+        q = angle * angle
+        return (1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0)))),
+                angle * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0)))))
+    size = np.sqrt((x * x + y * y) * (x0 * x0 + y0 * y0))
+    return ((x * x0 + y * y0) / size, (y * x0 - x * y0) / size) if size > 0.0 else (1.0, 0.0)
 
 
 @inner
@@ -291,12 +306,11 @@ def factor(w, A):  # type: ignore[no-untyped-def]
 @inner
 def norm(p, x):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
-    largest = 0.0
+    # as whole numbers, which are compared several at once
+    largest = rank(0.0)
     for i in range(len(x)):
-        s = p.weights[i] * abs(x[i])
-        if not s <= largest:
-            largest = s
-    return largest
+        largest = max(largest, rank(abs(p.weights[i] * x[i])))
+    return ranked(largest)
 
 
 @inner

@@ -15,39 +15,52 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .band import ldl_solve
-from .dynamics import at_floor, factor, forces, forces_tangent, norm, remember, residual, to_full, turned, violation
+from .band import ldl_solve, ldl_solve_each
+from .dynamics import (
+    at_floor,
+    directions,
+    factor,
+    forces,
+    forces_tangent,
+    norm,
+    remember,
+    residual,
+    to_full,
+    turned,
+    violation,
+)
 from .jit import inlined, inner
+from .lanes import array_at
 from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
+from .stages import TILE, combine, combine_all, separate, unite
 
 
 class Radau(NamedTuple):
     """Coefficients and arrays of Radau IIA with s stages (s odd).
 
-    c (s,) nodes; W (s, s); real mu, left (s,), right (s,); complex mus (k,), lefts (k, s), rights (k, s);
-    embedded (s,) and gamma of the error estimate; weights (s,); tolerance of Newton's increments; order of the error
-    in h; basis of the interpolation; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages;
-    B (n, bw + 1), C (k, n, bw + 1) factors; y (n,), u (k, n); amps (s, signals, 3);
-    cosine, sine (s, pairs): how vectors have turned at a stage since the one that the tangent is of.
+    c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
+    real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
+    of the error estimate; tolerance of Newton's increments; order of the error in h; basis of the interpolation;
+    multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B (n,
+    bw + 1), C (k, n, bw + 1) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors
+    have turned at a stage since the one that the tangent is of; F (s, s), rows (s, TILE) to work in.
     """
 
     c: Any
     W: Any
     mu: float
-    left: Any
-    right: Any
     mus: Any
-    lefts: Any
-    rights: Any
+    apart: Any
+    together: Any
     embedded: Any
     gamma: float
-    weights: Any
     tolerance: float
     max_iterations: int
     damped: bool
     order: int
     basis: Any
+    multipliers: Any
     end: Any
     X: Any
     V: Any
@@ -61,6 +74,8 @@ class Radau(NamedTuple):
     amps: Any
     cosine: Any
     sine: Any
+    F: Any
+    rows: Any
 
 
 @inlined
@@ -76,36 +91,48 @@ def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
         return
     for i in range(stages):
         x = 1.0 + m.c[i] * h / old
-        for k in range(n):
-            m.X[i, k] = -s.extra[stages - 1, k] * p.coordinate[k]
         for j in range(stages):
             # Lagrange polynomials: positions on 0 and all nodes, multipliers on the nodes
-            f = 1.0
+            f = x / m.c[j]
             for q in range(stages):
                 if q != j:
                     f *= (x - m.c[q]) / (m.c[j] - m.c[q])
-            g = f * x / m.c[j]
-            for k in range(n):
-                m.X[i, k] += (g if p.coordinate[k] != 0.0 else f) * s.extra[j, k]
+            m.F[i, j] = f
+    combine_all(m.F, s.extra, m.X)
+    for i in range(stages):
+        x = 1.0 + m.c[i] * h / old
+        for k in range(n):
+            m.X[i, k] -= s.extra[stages - 1, k]
+        for k in m.multipliers:
+            m.X[i, k] = 0.0
+            for j in range(stages):
+                m.X[i, k] += m.F[i, j] * m.c[j] / x * s.extra[j, k]
 
 
 @inner
-def _rates(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Fill the rates and second rates of the stages."""
+def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
+    """Fill the rates and second rates of the stages, once R is added to them where ``further``; R is then V - v."""
     stages, n = m.X.shape
     for i in range(stages):
-        m.V[i] = 0.0
-        m.A[i] = 0.0
-    for i in range(stages):
         for j in range(stages):
-            f = m.W[i, j] / h
-            for k in range(n):
-                m.V[i, k] += f * m.X[j, k] * p.coordinate[k]
-    for i in range(stages):
-        for j in range(stages):
-            f = m.W[i, j] / h
-            for k in range(n):
-                m.A[i, k] += f * (m.V[j, k] - s.v[k]) * p.coordinate[k]
+            m.F[i, j] = m.W[i, j] / h
+    for first in range(0, n, TILE):
+        count = min(TILE, n - first)
+        v = array_at(s.v, first, (count,))
+        for i in range(stages if further else 0):
+            x, r = array_at(m.X, i * n + first, (count,)), array_at(m.R, i * n + first, (count,))
+            for k in range(count):
+                x[k] += r[k]
+        for i in range(stages):
+            combine(m.F, i, m.X, first, m.V, i * n + first, count)
+            x, r = array_at(m.V, i * n + first, (count,)), array_at(m.R, i * n + first, (count,))
+            for k in range(count):
+                r[k] = x[k] - v[k]
+        for i in range(stages):
+            combine(m.F, i, m.R, first, m.A, i * n + first, count)
+    for k in m.multipliers:
+        for i in range(stages):
+            m.V[i, k] = m.A[i, k] = 0.0
 
 
 @inner
@@ -123,12 +150,11 @@ def _turns(m, p, w, s):  # type: ignore[no-untyped-def]
     for i in range(stages):
         _place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
-        turned(p, w.d, m.sine[i])
+        directions(p, w.d, m.cosine[i], m.sine[i])
     for k in range(m.sine.shape[1]):
-        start = m.sine[middle, k]
+        x, y = m.cosine[middle, k], m.sine[middle, k]
         for i in range(stages):
-            angle = m.sine[i, k] - start
-            m.cosine[i, k], m.sine[i, k] = np.cos(angle), np.sin(angle)
+            m.cosine[i, k], m.sine[i, k] = turned(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
 
 
 @inner
@@ -143,60 +169,47 @@ def _turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
 @inlined
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the middle stage; return whether they could be."""
-    n, width = w.A.shape
-    middle = len(m.c) // 2
+    middle, size = len(m.c) // 2, w.A.size
+    A, B, M = array_at(w.A, 0, (size,)), array_at(m.B, 0, (size,)), array_at(p.mass, 0, (size,))
     _place(m, p, w, s, middle)
     if m.damped:
         forces_tangent(p, w, m.y, m.V[middle], 1.0)
-        copy_rows(w.A, m.B)
+        copy(A, B)
     forces_tangent(p, w, m.y, m.V[middle], 0.0)
-    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
     for k in range(len(m.mus)):
         f = m.mus[k] / h
         g = f * (f + p.alpha)
-        for i in range(n):
-            for j in range(width):
-                v = w.A[i, j] + g * p.mass[i, j]
-                if m.damped:
-                    v += f * (m.B[i, j] - w.A[i, j])
-                m.C[k, i, j] = v
+        C, real, imag = array_at(m.C, k * size, (size,)), g.real, g.imag
+        for i in range(size):
+            C[i] = complex(A[i] + real * M[i], imag * M[i])
+        if m.damped:
+            for i in range(size):
+                C[i] += f * (B[i] - A[i])
         if not factor(w, m.C[k]):
             return False
-    for i in range(n):
-        for j in range(width):
-            v = w.A[i, j] + mass * p.mass[i, j]
-            if m.damped:
-                v += real * (m.B[i, j] - w.A[i, j])
-            m.B[i, j] = v
+    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
+    if m.damped:
+        for i in range(size):
+            A[i] += real * (B[i] - A[i])
+    for i in range(size):
+        B[i] = A[i] + mass * M[i]
     return factor(w, m.B)
 
 
 @inlined
 def _solve(m, p):  # type: ignore[no-untyped-def]
     """Turn the residuals into increments of the stages, in m.R; return the size of the largest [m]."""
-    stages, n = m.R.shape
-    m.y[:] = 0.0
+    stages = len(m.c)
     for i in range(stages):
         _turn(m, p, i, -1.0, m.R[i])
-        for k in range(n):
-            m.y[k] -= m.left[i] * m.R[i, k]
-    ldl_solve(m.B, m.y)
-    for q in range(len(m.mus)):
-        m.u[q] = 0.0
-        for i in range(stages):
-            for k in range(n):
-                m.u[q, k] -= m.lefts[q, i] * m.R[i, k]
-        ldl_solve(m.C[q], m.u[q])
+    separate(m.apart, m.R, m.y, m.u, m.rows)
+    ldl_solve_each(m.B, m.y, m.C, m.u)
+    unite(m.together, m.y, m.u, m.R, m.rows)
     size = 0.0
     for i in range(stages):
-        for k in range(n):
-            x = m.right[i] * m.y[k]
-            for q in range(len(m.mus)):
-                x += 2.0 * (m.rights[q, i] * m.u[q, k]).real
-            m.R[i, k] = x
         _turn(m, p, i, 1.0, m.R[i])
         largest = norm(p, m.R[i])
-        if not largest <= size:
+        if size == size and not largest <= size:
             size = largest
     return size
 
@@ -204,18 +217,14 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
 @inlined
 def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return the local error [m] against the embedded formula of order s, stiff parts filtered."""
-    stages, n = m.X.shape
-    g = m.gamma * h
+    n = len(m.y)
+    g, f = m.gamma * h, (m.mu / h) ** 2
+    for first in range(0, n, TILE):
+        combine(m.embedded, 0, m.X, first, w.x, first, min(TILE, n - first))
+        combine(m.embedded, 0, m.R, first, w.y, first, min(TILE, n - first))
     for k in range(n):
-        q, v = g * s.v[k], g * s.a[k]
-        for i in range(stages):
-            q += m.embedded[i] * m.X[i, k]
-            v += m.embedded[i] * (m.V[i, k] - s.v[k])
-        w.x[k] = (q + g * v) * p.coordinate[k]
+        w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     mass_product(p, w.x, w.y)
-    f = (m.mu / h) ** 2
-    for k in range(n):
-        w.y[k] *= f
     ldl_solve(m.B, w.y)
     return norm(p, w.y)
 
@@ -240,22 +249,22 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
         end.z[k] = s.z[k] * p.coordinate[k] + m.X[last, k]
         end.v[k], end.a[k] = m.V[last, k], m.A[last, k]
         end.dense[0, k] = h * s.v[k]
-        for i in range(stages):
+    for i in range(stages):
+        for k in range(n):
             end.dense[1 + i, k] = h * m.V[i, k]
     # multipliers by the polynomial through the start and all stages, as its rates there
-    for j in range(stages):
-        f = 1.0 / m.c[j]
-        for q in range(stages):
-            if q != j:
-                f *= m.c[q] / (m.c[q] - m.c[j])
-        for k in range(n):
-            if p.coordinate[k] == 0.0:
-                if j == 0:
-                    end.dense[:, k] = 0.0
-                x = m.X[j, k] - s.z[k]
-                end.dense[0, k] += f * x
-                for i in range(stages):
-                    end.dense[1 + i, k] += m.W[i, j] * x
+    for k in m.multipliers:
+        for i in range(stages + 1):
+            end.dense[i, k] = 0.0
+        for j in range(stages):
+            f = 1.0 / m.c[j]
+            for q in range(stages):
+                if q != j:
+                    f *= m.c[q] / (m.c[q] - m.c[j])
+            x = m.X[j, k] - s.z[k]
+            end.dense[0, k] += f * x
+            for i in range(stages):
+                end.dense[1 + i, k] += m.W[i, j] * x
 
 
 @inner
@@ -273,11 +282,11 @@ def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
 @inner
 def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
-    stages, n = m.X.shape
+    stages = len(m.c)
     for i in range(stages):
         evaluate(p.programs, t + m.c[i] * h, m.amps[i])
     _predict(m, p, s, h)
-    _rates(m, p, s, h)
+    _rates(m, s, h, False)
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
     _turns(m, p, w, s)
     if not _factor(m, p, w, s, h):
@@ -298,10 +307,7 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
             rate = step / last
             if rate > 0.5 and iteration > 2 and _at_floor(m, p, w, s):
                 break
-        for i in range(stages):
-            for k in range(n):
-                m.X[i, k] += m.R[i, k]
-        _rates(m, p, s, h)
+        _rates(m, s, h, True)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if (step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))) and _met(m, p, w, s):

@@ -56,6 +56,10 @@ class Four:
             v = b.shuffle_vector(*self.parts, _order(*(j for i in range(LANES) for j in (i, i + LANES))))
         b.store(v, b.bitcast(pointer, v.type.as_pointer()), align=8)
 
+    def lane(self, k: int) -> Four:
+        """Return the number of one lane, four times."""
+        return Four(self.builder, *(self.builder.shuffle_vector(x, x, _order(*[k] * LANES)) for x in self.parts))
+
     def put(self, pointer: Any, lane: int) -> None:
         """Put the number of one lane."""
         b = self.builder

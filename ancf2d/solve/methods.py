@@ -15,6 +15,7 @@ from ..kernels.dynamics import Problem
 from ..kernels.motion import Step
 from ..kernels.newmark import Newmark
 from ..kernels.radau import Radau
+from ..kernels.stages import TILE
 from .schemes import spectral_radius
 
 MAX_ITERATIONS = 12
@@ -105,15 +106,19 @@ def radau(stages: int) -> Maker:
         powers = np.arange(stages)
         embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
         n, width = p.mass.shape
-        scale = right[0, k].real
-        return Radau(c, W, float(values[k].real), np.ascontiguousarray(left[k].real * scale),
-                     np.ascontiguousarray(right[:, k].real / scale), values[upper], np.ascontiguousarray(left[upper]),
-                     np.ascontiguousarray(right[:, upper].T), W.T @ (embedded - A[-1]), gamma, A[-1].copy(), tolerance,
-                     spec.max_iterations or MAX_ITERATIONS, bool(p.tau.any()) or p.points is not None, stages + 1,
-                     by_rates(c), _end(n, stages + 1), *(np.zeros((stages, n)) for _ in range(5)),
-                     np.zeros((n, width)), np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
+        rows, columns = [left[k].real], [right[:, k].real]
+        for q in upper:
+            rows += [left[q].real, left[q].imag]
+            columns += [2.0 * right[:, q].real, -2.0 * right[:, q].imag]
+        return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
+                     (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
+                     bool(p.tau.any()) or p.points is not None, stages + 1, by_rates(c),
+                     np.flatnonzero(p.coordinate == 0.0), _end(n, stages + 1),
+                     *(np.zeros((stages, n)) for _ in range(5)), np.zeros((n, width)),
+                     np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
-                     np.zeros((stages, len(p.pairs))), np.zeros((stages, len(p.pairs))))
+                     np.zeros((stages, len(p.pairs))), np.zeros((stages, len(p.pairs))), np.zeros((stages, stages)),
+                     np.zeros((stages, TILE)))
     return make
 
 
