@@ -306,6 +306,7 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         if iteration > 0:
             rate = step / last
             if rate > 0.5 and iteration > 2 and _at_floor(m, p, w, s):
+                _rates(m, s, h, False)
                 break
         _rates(m, s, h, True)
         last, iteration = step, iteration + 1
