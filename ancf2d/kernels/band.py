@@ -8,7 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from .blocks import backward, backward_own, eliminate, forward, forward_own, inverse, room, size, take, take_diagonal
+from .blocks import (
+    backward,
+    backward_whole,
+    eliminate,
+    forward,
+    forward_whole,
+    inverse,
+    room,
+    size,
+    take,
+    take_diagonal,
+)
 from .jit import inlined, inner, kernel, kernel_with_memory
 from .stack import numbers
 
@@ -126,59 +137,15 @@ def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
 def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
     n, w = A.shape
-    flat, (whole, fours) = A.reshape(n * w), _blocks(n, w)
+    bw, flat = w - 1, A.reshape(n * w)
+    below, fours = (bw + 3) // 4, n // 4 if bw >= NARROW else 0
+    # four pivots at a time, as long as all blocks below them are whole
+    whole = max(0, fours - below)
     for p in range(whole):
-        _forward(flat, w, x, 4 * p)
+        forward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
     _rest(A, flat, x, whole, fours)
     for p in range(whole - 1, -1, -1):
-        _backward(flat, w, x, 4 * p)
-
-
-@kernel
-def ldl_solve_each(A, x, C, u):  # type: ignore[no-untyped-def]
-    """Do as ``ldl_solve`` does with a real band and k complex ones, (k, n, bw + 1) and (k, n), of the same width.
-
-    All are solved at once: a number waits for the one before it, and the processor works on other bands meanwhile.
-    """
-    n, w = A.shape
-    flat, flats, (whole, fours) = A.reshape(n * w), C.reshape(len(C), n * w), _blocks(n, w)
-    for p in range(whole):
-        _forward(flat, w, x, 4 * p)
-        for q in range(len(C)):
-            _forward(flats[q], w, u[q], 4 * p)
-    _rest(A, flat, x, whole, fours)
-    for q in range(len(C)):
-        _rest(C[q], flats[q], u[q], whole, fours)
-    for p in range(whole - 1, -1, -1):
-        _backward(flat, w, x, 4 * p)
-        for q in range(len(C)):
-            _backward(flats[q], w, u[q], 4 * p)
-
-
-@inlined
-def _blocks(n, w):  # type: ignore[no-untyped-def]
-    """Return how many times four pivots have nothing but whole blocks below them, and how many there are."""
-    if w <= NARROW:
-        return 0, 0
-    return max(0, (n - (w + 2) // 4 * 4) // 4), n // 4
-
-
-@inlined
-def _forward(flat, w, x, k):  # type: ignore[no-untyped-def]
-    """Solve for x[k:k + 4], and take what they make from those below, in whole blocks."""
-    bw = w - 1
-    forward_own(flat, k * w + bw, bw, x, k)
-    for i in range(k + 4, k + bw + 4, 4):
-        forward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
-
-
-@inlined
-def _backward(flat, w, x, k):  # type: ignore[no-untyped-def]
-    """Take from x[k:k + 4] what those below make, the nearest last, and solve for them."""
-    bw = w - 1
-    for i in range(k + (bw + 3) // 4 * 4, k, -4):
-        backward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
-    backward_own(flat, k * w + bw, bw, x, k)
+        backward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
 
 
 @inner

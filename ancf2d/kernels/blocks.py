@@ -210,41 +210,74 @@ def backward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def forward_own(_, A, at, bw, x, k):  # type: ignore[no-untyped-def]
-    """Solve for x[k:k + 4] by their own triangle, the first pivot of which is at entry ``at``."""
+def forward_whole(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
+    """Solve for x[k:k + 4], whose first pivot is at entry ``at``; take what they make from so many blocks below."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        rows, target = _triangle(context, builder, signature, args)
-        v = rows[0].load(builder, target, len(rows[0].parts) == 2)
-        for j, column in enumerate(transposed(rows)[:-1]):
-            v = v.less(column, v.lane(j))
+        A, at, bw, x, k, blocks = args
+        own = _Block(context, builder, signature.args[0], A, at, bw)
+        target = _data(context, builder, signature.args[3], x, k)
+        v, solved = own.load(target), []
+        for j, column in enumerate(transposed(_triangle(own))):
+            solved.append(v.lane(j))
+            # the last column holds nothing but zeros
+            v = v.less(column, solved[j]) if j < LANES - 1 else v
         v.store(target)
+        with cgutils.for_range(builder, blocks) as loop:
+            rows, place = _below(context, builder, signature, args, loop.index)
+            v = own.load(place)
+            for column, number in zip(transposed(rows), solved, strict=True):
+                v = v.less(column, number)
+            v.store(place)
         return context.get_dummy_value()
 
-    return types.void(A, _i, _i, x, _i), generate
+    return types.void(A, _i, _i, x, _i, _i), generate
 
 
 @intrinsic
-def backward_own(_, A, at, bw, x, k):  # type: ignore[no-untyped-def]
-    """Solve for x[k:k + 4] by their own triangle, transposed."""
+def backward_whole(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
+    """Take from x[k:k + 4] what so many blocks below make, transposed, the nearest last, and solve for them."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        rows, target = _triangle(context, builder, signature, args)
-        v = rows[0].load(builder, target, len(rows[0].parts) == 2)
+        A, at, bw, x, k, blocks = args
+        own = _Block(context, builder, signature.args[0], A, at, bw)
+        target = _data(context, builder, signature.args[3], x, k)
+        start = own.load(target)
+        parts = [cgutils.alloca_once_value(builder, part) for part in start.parts]
+        with cgutils.for_range(builder, blocks) as loop:
+            back = builder.sub(builder.sub(blocks, ir.Constant(INDEX, 1)), loop.index)
+            rows, place = _below(context, builder, signature, args, back)
+            v = Four(builder, *(builder.load(part) for part in parts))
+            numbers = _numbers(own, place)
+            # the last of them has been solved for first
+            for r in reversed(range(LANES)):
+                v = v.less(rows[r], numbers[r])
+            for part, value in zip(parts, v.parts, strict=True):
+                builder.store(value, part)
+        v = Four(builder, *(builder.load(part) for part in parts))
+        rows = _triangle(own)
         for r in range(LANES - 1, 0, -1):
             v = v.less(rows[r], v.lane(r))
         v.store(target)
         return context.get_dummy_value()
 
-    return types.void(A, _i, _i, x, _i), generate
+    return types.void(A, _i, _i, x, _i, _i), generate
 
 
-def _triangle(context: Any, builder: Any, signature: Any, args: Any) -> tuple[list[Four], Any]:
-    """Return the rows of a triangle, zero from the diagonal on, and where its numbers are."""
-    A, at, bw, x, k = args
-    block = _Block(context, builder, signature.args[0], A, at, bw)
+def _triangle(block: _Block) -> list[Four]:
+    """Return the rows of a triangle, zero from the diagonal on."""
     masks = [ir.Constant(ir.VectorType(ir.IntType(1), LANES), [j < r for j in range(LANES)]) for r in range(LANES)]
-    rows = [block.zeros()] + [block.load(block.row(ir.Constant(INDEX, r))).where(masks[r], block.zeros())
+    return [block.zeros()] + [block.load(block.row(ir.Constant(INDEX, r))).where(masks[r], block.zeros())
                               for r in range(1, LANES)]
-    return rows, _data(context, builder, signature.args[3], x, k)
+
+
+def _below(context: Any, builder: Any, signature: Any, args: Any, number: Any) -> tuple[list[Four], Any]:
+    """Return the rows of a block below four pivots, and where its numbers are."""
+    A, at, bw, x, k, _ = args
+    below = builder.mul(builder.add(number, ir.Constant(INDEX, 1)), ir.Constant(INDEX, LANES))
+    block = _Block(context, builder, signature.args[0], A, builder.add(at, builder.mul(below, bw)), bw)
+    outside = builder.sub(below, bw)
+    rows = [block.load(block.row(ir.Constant(INDEX, r))).where(block.inside(outside, r), block.zeros())
+            for r in range(LANES)]
+    return rows, _data(context, builder, signature.args[3], x, builder.add(k, below))
 
 
 def _numbers(block: _Block, pointer: Any) -> list[Four]:

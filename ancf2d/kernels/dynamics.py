@@ -211,8 +211,9 @@ def turned(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
             return np.cos(angle), np.sin(angle)
         # their series, to 1e-11
         q = angle * angle
-        return (1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0)))),
-                angle * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0)))))
+        cosine = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40320.0 - q * (1.0 / 3628800.0)))))
+        sine = 1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362880.0))))
+        return cosine, angle * sine
     size = np.sqrt((x * x + y * y) * (x0 * x0 + y0 * y0))
     return ((x * x0 + y * y0) / size, (y * x0 - x * y0) / size) if size > 0.0 else (1.0, 0.0)
 

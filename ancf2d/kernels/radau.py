@@ -15,7 +15,7 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .band import ldl_solve, ldl_solve_each
+from .band import ldl_solve
 from .dynamics import (
     at_floor,
     directions,
@@ -203,7 +203,9 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     for i in range(stages):
         _turn(m, p, i, -1.0, m.R[i])
     separate(m.apart, m.R, m.y, m.u, m.rows)
-    ldl_solve_each(m.B, m.y, m.C, m.u)
+    ldl_solve(m.B, m.y)
+    for q in range(len(m.mus)):
+        ldl_solve(m.C[q], m.u[q])
     unite(m.together, m.y, m.u, m.R, m.rows)
     size = 0.0
     for i in range(stages):

@@ -117,8 +117,7 @@ def radau(stages: int) -> Maker:
                      *(np.zeros((stages, n)) for _ in range(5)), np.zeros((n, width)),
                      np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
-                     np.zeros((stages, len(p.pairs))), np.zeros((stages, len(p.pairs))), np.zeros((stages, stages)),
-                     np.zeros((stages, TILE)))
+                     *(np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE)))
     return make
 
 
