@@ -20,7 +20,7 @@ from .blocks import (
     take,
     take_diagonal,
 )
-from .jit import inlined, inner, kernel, kernel_with_memory
+from .jit import inlined, kernel, kernel_with_memory
 from .stack import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
@@ -148,7 +148,7 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
         backward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
 
 
-@inner
+@inlined
 def _rest(A, flat, x, whole, fours):  # type: ignore[no-untyped-def]
     """Solve for those beyond the first 4 whole numbers, by blocks and one by one, and divide all by D in between."""
     n, w = A.shape

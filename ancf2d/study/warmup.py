@@ -74,7 +74,7 @@ def kernels_of(case: Case) -> str:
 
 def _words(data: Any) -> Any:
     if isinstance(data, dict):
-        return {name: _words(value) for name, value in data.items() if name != "title"}
+        return {name: _words(value) for name, value in data.items() if name not in ("title", "units")}
     if isinstance(data, list):
         return [_words(value) for value in data]
     return data if isinstance(data, str | bool) else 0

@@ -35,9 +35,15 @@ def test_a_section_turned_in_one_step_stands_where_it_is_told(label: str, turn: 
 
 @pytest.mark.parametrize("label", [s.label for s in SUBJECTS if s.type.degree_y <= 1])
 def test_no_bar_is_pressed_through_itself(label: str) -> None:
-    """Equations have such equilibria; a run ends where the length vanishes, 1/1.1 of the way."""
-    with pytest.raises(ancf2d.ComputationError, match=r"beyond load factor 0\.909"):
+    """Equations have such equilibria; a run ends before the length vanishes, 1/1.1 of the way.
+
+    How near it gets, to 1e-3 or less of the way, is up to round-off: pressed so short, the straight bar is unstable in
+    all its modes, and Newton leaves it for none or returns.
+    """
+    with pytest.raises(ancf2d.ComputationError, match="beyond load factor ") as caught:
         statics.pressed(label, -0.1)
+    reached = float(str(caught.value).split("beyond load factor ")[1].split(":")[0])
+    assert 0.908 < reached < 1 / 1.1
 
 
 @pytest.mark.parametrize("label", ["vallejo", "cable", "reissner3", "omar"])
