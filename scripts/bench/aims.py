@@ -36,8 +36,9 @@ NOTES = {
     "cantilever": (
         "The cantilever: as one Newton iteration, below."),
     "exponent": (
-        "The exponent: an iteration of a million elements takes more time per element than one of 1000, probably as "
-        "vectors outgrow the caches."),
+        "The exponent: with a million elements the forces of a state that is found do not balance to 1e-8, so that "
+        "each load step asks what round-off alone can leave of them, a tenth of the time; and vectors outgrow the "
+        "caches, and are fetched from the system anew by each iteration."),
     "explicit": (
         "RK45: see pendulum (1)."),
     "start": (
