@@ -17,11 +17,12 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 
 @click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
 @click.argument("name", type=click.Path(), metavar="NAME")
-@click.option("--kind", type=click.Choice(KINDS), default=KINDS[0], show_default=True, help="What to start from.")
+@click.option("--kind", type=click.Choice(KINDS), show_default=f"NAME where it is one of them, else {KINDS[0]}",
+              help="What to start from.")
 @force_option
 @debug_option
 @click.pass_obj
-def command(session: Session, name: str, kind: str, force: bool) -> int:
+def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     """Start a commented case NAME.yaml.
 
     The schema of case files is put beside it if there is none, so that editors complete and check what
@@ -32,7 +33,7 @@ def command(session: Session, name: str, kind: str, force: bool) -> int:
         raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
     from ..case import SCHEMA_FILE, template
 
-    text = template(path.stem, kind)
+    text = template(path.stem, kind or (path.stem if path.stem in KINDS else KINDS[0]))
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:

@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 from commandline import BEAM
 
-from ancf2d.case import TEMPLATES
+from ancf2d.case import TEMPLATES, template
 from ancf2d.cli.new import KINDS
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
@@ -240,6 +240,12 @@ def test_schema_knows_the_element_types_and_replaces_no_other_file(call: Call, f
 
 def test_kinds_of_new_are_those_of_the_case_format() -> None:
     assert KINDS == TEMPLATES
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_name_that_is_a_kind_gives_that_kind(call: Call, folder: Path, kind: str) -> None:
+    assert call("new", kind).exit_code == 0
+    assert (folder / f"{kind}.yaml").read_text() == template(kind, kind)
 
 
 @pytest.mark.parametrize("kind", KINDS)
