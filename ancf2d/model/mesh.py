@@ -13,6 +13,7 @@ from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross, rule_points
 from ..elements.rigid import RIGID_TYPE
+from ..elements.section import Section
 from ..elements.shape import Array, ShapeFunctions
 from .curve import Piece
 from .plan import BodyPlan
@@ -24,9 +25,13 @@ STATIONS = np.array([0.0, 0.5, 1.0])
 
 @dataclass(frozen=True)
 class ElementClass:
-    """Elements that share their shape functions and reference up to a rotation: same length and curvature."""
+    """Elements that share their shape functions and reference up to a rotation: same length and curvature.
+
+    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature.
+    """
 
     sampler: Sampler
+    key: tuple[Section, float, float]
 
     @property
     def shape(self) -> ShapeFunctions:
@@ -70,7 +75,7 @@ class BodyMesh:
             key = (float(f"{piece.l:.13e}"), piece.kappa)
             if key not in keys:
                 keys[key] = len(self.classes)
-                self.classes.append(self._class(piece))
+                self.classes.append(self._class(piece, (plan.section, *key)))
             n = piece.count
             self.piece_first.append(count)
             count += n
@@ -91,11 +96,11 @@ class BodyMesh:
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
 
-    def _class(self, piece: Piece) -> ElementClass:
+    def _class(self, piece: Piece, key: tuple[Section, float, float]) -> ElementClass:
         plan = self.plan
         shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
         named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
-        return ElementClass(Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section))
+        return ElementClass(Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section), key)
 
     def _reference_values(self, piece: Piece) -> Array:
         """Return e0 of one piece, node by node."""

@@ -118,9 +118,16 @@ class Model:
     @cached_property
     def groups(self) -> list[Any]:
         """The element groups as the kernels take them (imports numba)."""
-        from .groups import make_groups
+        from .groups import make_group
 
-        return make_groups(self.meshes)
+        return [make_group(pool) for pool in self.pools]
+
+    @cached_property
+    def pools(self) -> list[list[BodyMesh]]:
+        """The bodies of each group."""
+        from .groups import make_pools
+
+        return make_pools(self)
 
     @cached_property
     def weights(self) -> Array:

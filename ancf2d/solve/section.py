@@ -9,7 +9,7 @@ import numpy as np
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices, viscous_force
-from ..model.groups import damping_times
+from ..model.groups import damping_time, element_group
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
@@ -43,8 +43,7 @@ class SectionForces:
         self.model, self.mesh, self.xi = model, mesh, np.asarray(xi, dtype=float)
         element = mesh.plan.element
         self.nc = element.components
-        self.number = [name for name, m in model.meshes.items() if not m.plan.rigid].index(mesh.plan.name)
-        self.tau = float(damping_times(model)[self.number])
+        self.tau = damping_time(model, mesh.plan.name)
         self.is_r = np.array([name == "r" for _, name in element.functionals])
         self.first_node = np.array([node == 0 for node, _ in element.functionals])
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
@@ -182,11 +181,13 @@ class _Part:
 
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
-        body, state, group = self.body, self.state, self.body.model.groups[self.body.number]
+        body, state = self.body, self.state
+        group, first = element_group(body.model, body.mesh)
         m, n = self.dofs.shape
         # each element with coordinates of its own, so that nothing is summed
-        turn = group.turn[self.chosen] if len(group.turn) > 1 else group.turn
-        alone = group._replace(cls=group.cls[self.chosen], turn=turn, dofs=np.arange(m * n).reshape(m, n))
+        chosen = first + np.asarray(self.chosen)
+        turn = group.turn[chosen] if len(group.turn) > 1 else group.turn
+        alone = group._replace(cls=group.cls[chosen], turn=turn, dofs=np.arange(m * n).reshape(m, n))
         n_q = body.model.n_q
         d = state.d[:n_q][self.dofs].ravel()
         at = np.zeros_like(d) if state.linear else d

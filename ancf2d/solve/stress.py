@@ -11,7 +11,7 @@ from ..elements.formulations.base import Sampler, cross
 from ..elements.formulations.green import elasticity
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
-from ..model.groups import damping_times
+from ..model.groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 from .section import SectionForces
@@ -100,8 +100,7 @@ class StressByLaw:
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
         self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
-        number = [name for name, m in model.meshes.items() if not m.plan.rigid].index(mesh.plan.name)
-        self.tau = float(damping_times(model)[number])
+        self.tau = damping_time(model, mesh.plan.name)
 
     def __call__(self, state: State) -> OverBody:
         """Return the fields of a state."""
