@@ -196,6 +196,14 @@ def dense(target: Any, n: int) -> np.ndarray:
         for i in range(n):
             for j in range(max(0, i - bw), i + 1):
                 out[i, j] = out[j, i] = A[i, bw + j - i]
+    elif kind == "Nested":
+        f = target.fronts
+        for q in range(len(f.parent)):
+            own = np.arange(f.first[q], f.first[q + 1])
+            front = np.append(own, f.rows[f.start[q]:f.start[q + 1]])
+            for i, row in enumerate(front):
+                for j, column in enumerate(own[:i + 1]):
+                    out[row, column] = out[column, row] = A[f.at[q] + (i + 1) * (len(front) - 1) + j]
     elif kind == "Band":
         bw = (A.shape[1] - 1) // 3
         for j in range(n):

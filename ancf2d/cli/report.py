@@ -154,7 +154,9 @@ def built_report(model: Any) -> str:
     eliminated = model.n_q - (num.n_unknowns - num.n_multipliers)
     lines.append(f"unknowns: {num.n_unknowns} of {many(model.n_q, 'nodal coordinate')}; {eliminated} eliminated by "
                  f"supports and joints; {many(num.n_multipliers, 'multiplier')}")
-    lines.append(f"matrix: {matrix_text(model)}, half-bandwidth {num.half_bandwidth}")
+    size = f"half-bandwidth {num.half_bandwidth}" if num.fronts is None else (
+        f"{many(len(num.fronts.parent), 'front')}, the largest of {num.fronts.largest} unknowns")
+    lines.append(f"matrix: {matrix_text(model)}, {size}")
     formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values() if not m.plan.rigid))
     lines.append(f"kernels: force, tangent and energy of {formulations or 'no body'}")
     left_out = ["mass matrix (static)"] if isinstance(model.case.solver, LinearStatic | Static) else []
@@ -165,6 +167,7 @@ def built_report(model: Any) -> str:
 
 
 _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
+             "SymmetricFronts": "symmetric, LDL^T front by front",
              "GeneralBand": "band, LU with pivoting (LAPACK): follower loads or rigid bodies",
              "GeneralSparse": "sparse, LU (SuperLU): the mesh is no chain"}
 

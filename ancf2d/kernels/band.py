@@ -45,15 +45,23 @@ def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
     bw = w - 1
     for i in range(n):
         scale[i] = size(A[i, bw])
+    return take_out(A, A.reshape(n * w), n, tiny, scale, numbers(A, room(bw)))
+
+
+@inlined
+def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
+    """Take the first so many pivots out of all rows; return what ``ldl_factor`` does.
+
+    ``flat`` is A in one row, C room for blocks.
+    """
     bad, negative, smallest, k = -1, 0, np.inf, 0
-    if bw >= NARROW:
-        flat, C = A.reshape(n * w), numbers(A, room(bw))
-        while bad < 0 and k + 4 <= n:
-            bad, found, least = _four_pivots(A, flat, k, tiny, scale, C)
-            negative += found
-            smallest = least if least < smallest else smallest
-            k += 4
-    while bad < 0 and k < n:
+    bw = A.shape[1] - 1
+    while bad < 0 and bw >= NARROW and k + 4 <= pivots:
+        bad, found, least = _four_pivots(A, flat, k, tiny, scale, C)
+        negative += found
+        smallest = least if least < smallest else smallest
+        k += 4
+    while bad < 0 and k < pivots:
         d = A[k, bw]
         ratio = size(d) / scale[k] if scale[k] > 0.0 else 0.0
         smallest = ratio if ratio < smallest else smallest
@@ -143,28 +151,38 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     whole = max(0, fours - below)
     for p in range(whole):
         forward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
-    _rest(A, flat, x, whole, fours)
+    lower_rest(A, flat, x, 4 * whole, n)
+    for i in range(n):
+        x[i] *= inverse(A[i, bw])
+    upper_rest(A, flat, x, 4 * whole, n)
     for p in range(whole - 1, -1, -1):
         backward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
 
 
 @inlined
-def _rest(A, flat, x, whole, fours):  # type: ignore[no-untyped-def]
-    """Solve for those beyond the first 4 whole numbers, by blocks and one by one, and divide all by D in between."""
+def lower_rest(A, flat, x, first, pivots):  # type: ignore[no-untyped-def]
+    """Solve L y = x for the pivots from ``first`` (by four) on, whatever is below them, and take them from all rows."""
+    n, w = A.shape
+    bw, k = w - 1, first
+    while bw >= NARROW and k + 4 <= pivots:
+        _forward_rest(A, flat, x, k)
+        k += 4
+    for j in range(k, pivots):
+        for i in range(j + 1, min(j + bw, n - 1) + 1):
+            x[i] -= A[i, bw + j - i] * x[j]
+
+
+@inlined
+def upper_rest(A, flat, x, first, pivots):  # type: ignore[no-untyped-def]
+    """Solve L^T y = x for the pivots from ``first`` (by four) on, the last first."""
     n, w = A.shape
     bw = w - 1
-    for p in range(whole, fours):
-        _forward_rest(A, flat, x, 4 * p)
-    for k in range(4 * fours, n):
-        for i in range(k + 1, min(k + bw, n - 1) + 1):
-            x[i] -= A[i, bw + k - i] * x[k]
-    for i in range(n):
-        x[i] *= inverse(A[i, bw])
-    for i in range(n - 1, 4 * fours - 1, -1):
-        for j in range(max(4 * fours, i - bw), i):
+    fours = first + (pivots - first) // 4 * 4 if bw >= NARROW else first
+    for j in range(pivots - 1, fours - 1, -1):
+        for i in range(min(j + bw, n - 1), j, -1):
             x[j] -= A[i, bw + j - i] * x[i]
-    for p in range(fours - 1, whole - 1, -1):
-        _backward_rest(A, flat, x, 4 * p)
+    for k in range(fours - 4, first - 1, -4):
+        _backward_rest(A, flat, x, k)
 
 
 @inlined

@@ -79,6 +79,9 @@ class _Block:
     def load(self, pointer: Any) -> Four:
         return Four.load(self.builder, pointer, self.is_complex)
 
+    def load_first(self, pointer: Any, count: int) -> Four:
+        return Four.load_first(self.builder, pointer, count, self.is_complex)
+
     def zeros(self) -> Four:
         return Four.zeros(self.builder, self.is_complex)
 
@@ -155,7 +158,7 @@ def _taker(diagonal: bool) -> Callable[..., Any]:
 
 def _take_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal: bool) -> None:
     builder, place = block.builder, block.row(ir.Constant(INDEX, r))
-    v = block.load(place)
+    v = block.load_first(place, r + 1) if diagonal else block.load(place)
     for q in range(LANES):
         l = builder.gep(factors, [ir.Constant(INDEX, LANES * r + q)])
         if block.is_complex:

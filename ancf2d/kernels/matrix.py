@@ -1,4 +1,4 @@
-"""Where element matrices go: symmetric band, general band or compressed rows, chosen by type."""
+"""Where element matrices go: symmetric band, fronts, general band or compressed rows, chosen by type."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
+from .fronts import entry
 from .jit import inner, kernel
 from .lanes import array_at
 from .stack import array, numbers
@@ -15,6 +16,13 @@ class SymBand(NamedTuple):
     """Lower half, row by row: values[i, bw + j - i], j <= i (kernels.band)."""
 
     values: Any
+
+
+class Nested(NamedTuple):
+    """Lower half, front by front (kernels.fronts)."""
+
+    values: Any
+    fronts: Any
 
 
 class Band(NamedTuple):
@@ -34,6 +42,11 @@ class Csr(NamedTuple):
 def _add_symband(matrix, i, j, v):  # type: ignore[no-untyped-def]
     if j <= i:
         matrix.values[i, matrix.values.shape[1] - 1 + j - i] += v
+
+
+def _add_nested(matrix, i, j, v):  # type: ignore[no-untyped-def]
+    if j <= i:
+        matrix.values[entry(matrix.fronts, i, j)] += v
 
 
 def _add_band(matrix, i, j, v):  # type: ignore[no-untyped-def]
@@ -58,7 +71,7 @@ def _add_csr(matrix, i, j, v):  # type: ignore[no-untyped-def]
     matrix.values[_entry(matrix.indptr, matrix.indices, i, j)] += v
 
 
-_ADD = {SymBand: _add_symband, Band: _add_band, Csr: _add_csr}
+_ADD = {SymBand: _add_symband, Nested: _add_nested, Band: _add_band, Csr: _add_csr}
 
 
 def add(matrix: Any, i: int, j: int, v: float) -> None:
@@ -73,13 +86,24 @@ def _add(matrix, i, j, v):  # type: ignore[no-untyped-def]
 
 def only_lower(matrix: Any) -> bool:
     """Return whether a matrix stores its lower half alone."""
-    return isinstance(matrix, SymBand)
+    return isinstance(matrix, SymBand | Nested)
 
 
 @overload(only_lower, inline="always")
 def _only_lower(matrix):  # type: ignore[no-untyped-def]
-    lower = matrix.instance_class is SymBand
+    lower = matrix.instance_class in (SymBand, Nested)
     return lambda matrix: lower
+
+
+def runs_along(matrix: Any) -> bool:
+    """Return whether entries that lie alike in a matrix are stored equally far apart."""
+    return isinstance(matrix, SymBand)
+
+
+@overload(runs_along, inline="always")
+def _runs_along(matrix):  # type: ignore[no-untyped-def]
+    runs = matrix.instance_class is SymBand
+    return lambda matrix: runs
 
 
 @inner
@@ -155,23 +179,23 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
 
     ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
     """
-    lower, n = only_lower(matrix), dofs.shape[1]
+    lower, along, n = only_lower(matrix), runs_along(matrix), dofs.shape[1]
     K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
     m = 0
     while m < Ks.shape[1]:
-        run = _chain(dofs, first + m, Ks.shape[1] - m, place) if lower else 0
+        run = _chain(dofs, first + m, Ks.shape[1] - m, place) if along else 0
         if run > 0:
             _add_chain(matrix, Ks, m, run, scale, entries, dofs, first, place, starts, sources)
             m += run
             continue
-        if not lower and _is_plain(place, dofs, first + m):
+        if not along and _is_plain(place, dofs, first + m):
             for x in range(len(entries)):
                 i, j = place[dofs[first + m, entries[x, 0]]], place[dofs[first + m, entries[x, 1]]]
                 if i >= 0 and j >= 0:
                     v = scale * Ks[x, m]
-                    add(matrix, i, j, v)
-                    if entries[x, 0] != entries[x, 1]:
-                        add(matrix, j, i, v)
+                    add(matrix, max(i, j), min(i, j), v)
+                    if not lower and i != j:
+                        add(matrix, min(i, j), max(i, j), v)
         else:
             for x in range(len(entries)):
                 K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]

@@ -49,6 +49,17 @@ class Four:
             return cls(builder, v)
         return cls(builder, *(builder.shuffle_vector(v, v, _order(*range(k, 2 * LANES, 2))) for k in range(2)))
 
+    @classmethod
+    def load_first(cls, builder: Any, pointer: Any, count: int, is_complex: bool) -> Four:
+        """Return the first so many numbers at a pointer; what follows them, which may not be there, is not read.
+
+        What is before them is, instead.
+        """
+        back = builder.gep(pointer, [ir.Constant(INDEX, count - LANES)])
+        lanes = _order(*range(LANES - count, LANES), *[0] * (LANES - count))
+        return cls(builder, *(builder.shuffle_vector(x, x, lanes)
+                              for x in cls.load(builder, back, is_complex).parts))
+
     def store(self, pointer: Any) -> None:
         """Put the numbers one behind the other."""
         v, b = self.parts[0], self.builder

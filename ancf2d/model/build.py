@@ -16,7 +16,7 @@ from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
 from .locking import locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
-from .model import Model
+from .model import Model, exchanges, symmetric
 from .numbering import number
 from .order import coordinate_weights
 from .plan import plan_bodies, reference_extent, warnings_of
@@ -197,8 +197,10 @@ def build_model(loaded: LoadedCase) -> Model:
     b.add_loads()
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
+    moving = isinstance(b.case.solver, Dynamic)
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
-                       [*b.springs, *b.loads.patches], len(b.e0), isinstance(b.case.solver, Dynamic))
+                       [*b.springs, *b.loads.patches], len(b.e0), moving,
+                       not moving and symmetric(b.loads) and not exchanges(b.meshes, b.equations.constraints))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
 

@@ -12,6 +12,7 @@ from ..case import Case, LoadedCase, Point
 from ..elements.shape import Array
 from .constraints import Constraint, Row
 from .elimination import Elimination
+from .fronts import Fronts
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
@@ -26,7 +27,7 @@ class Numbering:
     Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint.
     ``place`` (n_full,): position of an unknown, -1 where held, -2 - k for dependent k, whose unknowns are
     ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at
-    each position. ``held``: coordinates that follow right-hand sides alone.
+    each position. ``fronts``: how the unknowns are taken out where that costs less than a band.
     """
 
     n_q: int
@@ -39,6 +40,7 @@ class Numbering:
     dependent: Index
     half_bandwidth: int
     largest_element: int
+    fronts: Fronts | None = None
 
     @property
     def n_unknowns(self) -> int:
@@ -76,6 +78,20 @@ class Numbering:
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
             np.add.at(sums, owner, self.value * z[self.index])
             out[self.dependent] = sums
+
+
+def symmetric(loads: LoadSet) -> bool:
+    """Return whether loads leave the tangent symmetric: those that follow a body have no potential."""
+    return all(p.symmetric for p in loads.patches)
+
+
+def exchanges(meshes: dict[str, BodyMesh], constraints: list[Constraint]) -> bool:
+    """Return whether a tangent without inertia needs its rows exchanged (``Model.exchanges``)."""
+    return _rigid(meshes) or any(isinstance(c, OnAxis) for c in constraints)
+
+
+def _rigid(meshes: dict[str, BodyMesh]) -> bool:
+    return any(m.plan.rigid for m in meshes.values())
 
 
 @dataclass
@@ -139,12 +155,12 @@ class Model:
     @property
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric (follower forces have no potential)."""
-        return all(p.symmetric for p in self.loads.patches)
+        return symmetric(self.loads)
 
     @property
     def rigid(self) -> bool:
         """Whether some body is rigid: its coordinates have no stiffness of their own, only constraints."""
-        return any(m.plan.rigid for m in self.meshes.values())
+        return _rigid(self.meshes)
 
     @property
     def exchanges(self) -> bool:
@@ -152,7 +168,7 @@ class Model:
 
         Coordinates of rigid bodies have no stiffness of their own; a point that slides acts on ever other coordinates.
         """
-        return self.rigid or any(isinstance(c, OnAxis) for c in self.constraints)
+        return exchanges(self.meshes, self.constraints)
 
     def prescribed(self, t: float, out: Array) -> None:
         """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``."""

@@ -6,10 +6,14 @@ import numpy as np
 
 from .constraints import Constraint
 from .elimination import Elimination, as_columns
+from .fronts import band_cost, fronts_cost, least_degree, make_fronts
 from .loads import Patch
 from .mesh import BodyMesh, Index
 from .model import Numbering
 from .order import half_bandwidth, order_unknowns
+
+# fronts are tried where a band is wider than so many times an element's
+LOOSE = 1.5
 
 
 def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
@@ -50,9 +54,10 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int, be
 
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
-           n_q: int, inertia: bool = False) -> Numbering:
+           n_q: int, inertia: bool = False, nested: bool = True) -> Numbering:
     """Return the numbering of a model; reorders only where the natural order is not already the narrowest.
 
+    Fronts take the place of a band where they cost less, if ``nested`` allows them.
     Two coordinates of a constraint before its multiplier are enough where they have stiffness. With ``inertia`` they
     all stand before it: then every leading block without multipliers is positive definite, whatever the stiffness.
     """
@@ -64,16 +69,21 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     free = np.flatnonzero(natural == 0)
     natural[free] = np.arange(len(free))
     terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
-    together = [*(m.dofs for m in meshes), *(p.dofs for p in patches)]
-    sets = [s for dofs in together for s in _meeting(dofs, natural, terms)]
+    touched = [*(m.dofs for m in meshes), *(p.dofs for p in patches)]
+    sets = [s for dofs in touched for s in _meeting(dofs, natural, terms)]
     multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
     sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]
     largest = max(m.plan.element.n_dof for m in meshes)
     position, _ = order_unknowns(len(free), sets, largest - 1)
     behind = n_q if inertia else 2
     final = _after_coordinates(position, multipliers, len(free), behind) if constraints else position
-    for k, reached in enumerate(multipliers):
-        sets.append(np.array([[*reached, len(free) + k]], dtype=np.int64))
+    together = sets + [np.array([[*reached, len(free) + k]], dtype=np.int64) for k, reached in enumerate(multipliers)]
+    width, fronts = half_bandwidth(final, together), None
+    if nested and width > LOOSE * largest:
+        order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free), behind)
+        tree, positions = make_fronts(order, together)
+        if fronts_cost(tree) < band_cost(len(final), width):
+            final, fronts = positions, tree
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)
     place[free] = final[:len(free)]
     place[n_q:] = final[len(free):]
@@ -84,4 +94,4 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     place[held] = -1
     indptr, index, value = as_columns(elimination, place)
     return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
-                     half_bandwidth(final, sets), largest)
+                     width, largest, fronts)

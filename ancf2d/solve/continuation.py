@@ -266,4 +266,4 @@ class Curve:
     def knows_inertia(self) -> bool:
         """Whether pivot signs tell the inertia: not where sparse factors have exchanged rows."""
         matrix = self.system.matrix
-        return not isinstance(matrix, GeneralSparse) or bool(np.array_equal(matrix.lu.perm_r, matrix.lu.perm_c))
+        return not isinstance(matrix, GeneralSparse) or matrix.knows_inertia

@@ -1,4 +1,4 @@
-"""The tangent matrix: band where the mesh is a chain, compressed rows where it is not; factors and pivots."""
+"""The tangent matrix: a band where the mesh is a chain, fronts or compressed rows elsewhere; factors and pivots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.band import ldl_factor_with, ldl_solve
-from ..kernels.matrix import Band, Csr, SymBand
+from ..kernels.fronts import fronts_factor, fronts_product, fronts_solve
+from ..kernels.mass import band_product
+from ..kernels.matrix import Band, Csr, Nested, SymBand
+from ..model.fronts import Fronts, make_fronts
 from ..model.model import Model, Numbering
 
 # a pivot below this share of the terms it is the difference of is round-off
@@ -31,6 +34,7 @@ class TangentMatrix(Protocol):
     """A matrix that kernels add to, and that can be factored and solved."""
 
     target: Any
+    values: Array
 
     def clear(self) -> None:
         """Set every entry to zero."""
@@ -42,6 +46,19 @@ class TangentMatrix(Protocol):
 
     def solve(self, b: Array) -> Array:
         """Return K^-1 b."""
+        ...
+
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x of a symmetric matrix A with such entries, stored as this one."""
+        ...
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of a matrix with such entries, stored as this one."""
+        ...
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Whether the negative pivots of the last factors count the negative eigenvalues of a symmetric matrix."""
         ...
 
 
@@ -67,18 +84,62 @@ class SymmetricBand:
         ldl_solve(self.values, x)
         return x
 
-    def null_vector(self, bad: int) -> Array:
-        """Return the motion that the bad pivot leaves without stiffness."""
-        x = np.zeros(len(self.values))
-        x[bad] = 1.0
-        bw = self.values.shape[1] - 1
-        # L^T x = e_bad over the rows already factored; rows hold L where the factorisation broke
-        first = max(0, bad - bw)
-        x[first:bad] = -self.values[bad, bw + first - bad:bw]
-        for i in range(bad - 1, -1, -1):
-            j0 = max(0, i - bw)
-            x[j0:i] -= self.values[i, bw + j0 - i:bw] * x[i]
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x."""
+        y = np.empty(len(x))
+        band_product(values, x, y)
+        return y
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of A."""
+        return values[:, -1]
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Return True."""
+        return True
+
+
+class SymmetricFronts:
+    """Fronts of a branched frame with our own LDL^T; the pivot signs give the inertia."""
+
+    def __init__(self, fronts: Fronts) -> None:
+        self.fronts = fronts
+        self.values = np.zeros(int(fronts.at[-1]))
+        self.target = Nested(self.values, fronts)
+        self.scale = np.zeros(len(fronts.owner))
+
+    def clear(self) -> None:
+        """Set every entry to zero."""
+        self.values.fill(0.0)
+
+    def factor(self) -> Pivots:
+        """Factor in place: K = L D L^T."""
+        return Pivots(*fronts_factor(self.fronts, self.values, SINGULAR, self.scale))
+
+    def solve(self, b: Array) -> Array:
+        """Return K^-1 b."""
+        x = b.copy()
+        fronts_solve(self.fronts, self.values, x)
         return x
+
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x."""
+        y = np.empty(len(x))
+        fronts_product(self.fronts, values, x, y)
+        return y
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of A."""
+        f = self.fronts
+        own = np.arange(len(f.owner)) - f.first[f.owner]
+        heights = np.diff(f.first) + np.diff(f.start)
+        return values[f.at[f.owner] + (own + 1) * (heights[f.owner] - 1) + own]
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Return True."""
+        return True
 
 
 class GeneralBand:
@@ -111,6 +172,22 @@ class GeneralBand:
 
         x, _ = dgbtrs(self.lu, self.bw, self.bw, b, self.piv)
         return x
+
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x."""
+        from scipy.linalg.blas import dgbmv
+
+        n = len(x)
+        return np.asarray(dgbmv(n, n, self.bw, self.bw, 1.0, values.T[self.bw:], x))
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of A."""
+        return values[:, 2 * self.bw]
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Return False: rows are exchanged."""
+        return False
 
 
 class GeneralSparse:
@@ -160,6 +237,31 @@ class GeneralSparse:
         """Return K^-1 b."""
         return self.lu.solve(b)
 
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x."""
+        from scipy.sparse import csr_matrix
+
+        return np.asarray(csr_matrix((values, self.indices, self.indptr), shape=self.shape) @ x)
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of A."""
+        row = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+        return values[row == self.indices]
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Return whether no row was exchanged."""
+        return bool(np.array_equal(self.lu.perm_r, self.lu.perm_c))
+
+
+def matrix_of_one(kind: type) -> TangentMatrix:
+    """Return a matrix of a kind with one unknown."""
+    if kind is GeneralSparse:
+        return GeneralSparse(1, np.zeros(1), np.zeros(1))
+    if kind is SymmetricFronts:
+        return SymmetricFronts(make_fronts(np.zeros(1, dtype=np.int64), [np.zeros((1, 1), dtype=np.int64)])[0])
+    return SymmetricBand(1, 0) if kind is SymmetricBand else GeneralBand(1, 0)
+
 
 def _pattern(model: Model) -> tuple[Array, Array]:
     """Return the row and column of every entry that an element or patch can touch."""
@@ -194,6 +296,8 @@ def make_matrix(model: Model) -> TangentMatrix:
     Where rows must be exchanged it is a general one, symmetric or not.
     """
     num = model.numbering
+    if num.fronts is not None:
+        return SymmetricFronts(num.fronts)
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
         return SymmetricBand(n, bw) if model.symmetric and not model.exchanges else GeneralBand(n, bw)

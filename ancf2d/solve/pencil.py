@@ -8,22 +8,10 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.elements import tangent_action
-from ..kernels.mass import band_product
 from ..model.model import Model
-from .linear import GeneralSparse, Pivots, make_matrix
+from .linear import Pivots, make_matrix
 from .mass import assemble_mass
 from .system import System
-
-
-def product(values: Array, matrix: Any, x: Array) -> Array:
-    """Return A x for values (and pattern) of a symmetric band or of compressed rows."""
-    if isinstance(matrix, GeneralSparse):
-        from scipy.sparse import csr_matrix
-
-        return csr_matrix((values, matrix.indices, matrix.indptr), shape=matrix.shape) @ x
-    y = np.empty(len(x))
-    band_product(values, x, y)
-    return y
 
 
 class Pencil:
@@ -66,7 +54,7 @@ class Pencil:
         """
         if pivots.bad >= 0:
             return None
-        if isinstance(self.matrix, GeneralSparse) and not np.array_equal(self.matrix.lu.perm_r, self.matrix.lu.perm_c):
+        if not self.matrix.knows_inertia:
             return None
         return pivots.negative - self.multipliers
 
@@ -76,19 +64,15 @@ class Pencil:
 
     def other(self, x: Array) -> Array:
         """Return B x."""
-        return product(self.B, self.matrix, x)
+        return self.matrix.product(self.B, x)
 
     def formed(self, x: Array) -> Array:
         """Return K x as the formed matrix gives it."""
-        return product(self.K, self.matrix, x)
+        return self.matrix.product(self.K, x)
 
     def diagonals(self) -> tuple[Array, Array]:
         """Return the diagonals of K and B."""
-        if isinstance(self.matrix, GeneralSparse):
-            row = np.repeat(np.arange(self.n), np.diff(self.matrix.indptr))
-            at = np.flatnonzero(row == self.matrix.indices)
-            return self.K[at], self.B[at]
-        return self.K[:, -1], self.B[:, -1]
+        return self.matrix.diagonal(self.K), self.matrix.diagonal(self.B)
 
     def stiffness(self, x: Array) -> Array:
         """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""

@@ -14,7 +14,7 @@ from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.model import Model
 from .crew import Crew
-from .linear import GeneralSparse, Pivots, SymmetricBand, make_matrix
+from .linear import Pivots, make_matrix
 from .pieces import largest
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -164,9 +164,7 @@ class System:
     @property
     def knows_inertia(self) -> bool:
         """Whether the last negative pivots count negative eigenvalues: not where rows were exchanged."""
-        if isinstance(self.matrix, GeneralSparse):
-            return self.model.symmetric and bool(np.array_equal(self.matrix.lu.perm_r, self.matrix.lu.perm_c))
-        return isinstance(self.matrix, SymmetricBand)
+        return self.model.symmetric and self.matrix.knows_inertia
 
     def norm(self, z: Array) -> float:
         """Return the largest displacement that a change of the unknowns stands for [m]."""

@@ -141,11 +141,13 @@ def _touch_drivers(model: Model, matrix: Any) -> None:
         scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
     d = np.zeros(len(num.place))
     if isinstance(model.case.solver, Eigen | Buckling):
-        from ..kernels.mass import band_product, scatter_classes
+        from ..kernels.mass import scatter_classes
+        from ..solve.linear import matrix_of_one
 
         no_index = np.zeros(0, dtype=np.int64)
         scatter_classes(matrix.target, np.zeros((1, 1, 1)), no_index, np.zeros((0, 1), dtype=np.int64), *tables)
-        band_product(np.zeros((1, 1)), np.zeros(1), np.zeros(1))
+        small = matrix_of_one(type(matrix))
+        small.product(small.values, np.zeros(1))
     if all(mesh.plan.rigid for mesh in model.meshes.values()):
         return
     force_tangent(none, d, 1.0, d, matrix.target, *tables)
@@ -173,9 +175,9 @@ def _touch_motion(model: Model, spec: Dynamic, cold: bool) -> None:
 
 def _touch_matrix(kind: type) -> None:
     """Factor and solve with a matrix of one unknown, which also imports the library that does it."""
-    from ..solve.linear import GeneralSparse
+    from ..solve.linear import matrix_of_one
 
-    small = GeneralSparse(1, np.zeros(1), np.zeros(1)) if kind is GeneralSparse else kind(1, 0)
+    small = matrix_of_one(kind)
     small.values.fill(1.0)
     small.factor()
     small.solve(np.ones(1))

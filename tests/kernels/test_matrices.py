@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.kernels.band import ldl_factor, ldl_solve
-from ancf2d.kernels.matrix import Band, Csr, SymBand, scatter_patches
-from ancf2d.solve.linear import SymmetricBand
+from ancf2d.kernels.matrix import Band, Csr, Nested, SymBand, scatter_patches
+from ancf2d.model.fronts import Fronts
 
 
 def random_band(rng, n: int, bw: int, definite: bool):
@@ -67,30 +67,21 @@ def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):
     assert np.linalg.norm(K @ x - b) < 1e-13 * np.linalg.norm(K) * np.linalg.norm(x)
 
 
-@pytest.mark.parametrize("bw", [2, 5, 11, 30])
-@pytest.mark.parametrize("bad", [0, 1, 2, 3, 4, 6, 21, 38, 39])
-def test_the_motion_without_stiffness_is_told_wherever_a_band_breaks(bw, bad):
-    rng = np.random.default_rng(bad)
-    # L D L^T with one pivot zero, in numbers that are exact: K has just one motion without stiffness
-    L = np.tril(np.triu(rng.integers(-1, 2, size=(40, 40)), -bw), -1) + np.eye(40)
-    D = 2.0 ** rng.integers(-2, 3, size=40)
-    D[bad] = 0.0
-    K = L @ np.diag(D) @ L.T
-    matrix = SymmetricBand(40, bw)
-    matrix.values[:] = lower(K, bw)
-    assert matrix.factor().bad == bad
-    x = matrix.null_vector(bad)
-    assert x[bad] == 1.0
-    assert not (K @ x).any()
-
-
-KINDS = ("symmetric band", "general band", "compressed rows")
+KINDS = ("symmetric band", "fronts", "general band", "compressed rows")
 
 
 def target(kind: str, n: int):
     """Return an empty full-width matrix of a kind."""
     if kind == "symmetric band":
         return SymBand(np.zeros((n, n)))
+    if kind == "fronts":
+        # a front of its own for each unknown, each of which reaches all later ones
+        rows = [np.arange(k + 1, n) for k in range(n)]
+        start = np.cumsum([0] + [len(r) for r in rows])
+        into, at = np.concatenate([np.arange(len(r)) for r in rows]), np.cumsum([0] + [(n - k) ** 2 for k in range(n)])
+        fronts = Fronts(np.arange(n + 1), start, np.concatenate(rows), into, at, np.append(np.arange(1, n), -1),
+                        np.arange(n), n)
+        return Nested(np.zeros(at[-1]), fronts)
     if kind == "general band":
         return Band(np.zeros((n, 3 * (n - 1) + 1)))
     return Csr(np.zeros(n * n), n * np.arange(n + 1), np.tile(np.arange(n), n))
@@ -124,7 +115,7 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
     for _ in range(3):
         dofs = rng.choice(n_full, size=4, replace=False)
         Ke = rng.normal(size=(4, 4))
-        Ke = Ke + Ke.T if kind == "symmetric band" else Ke
+        Ke = Ke + Ke.T if kind in ("symmetric band", "fronts") else Ke
         expected += T[dofs].T @ Ke @ T[dofs]
         Ks.append(Ke)
         sets.append(dofs)

@@ -1,4 +1,4 @@
-"""Band, general band and compressed rows against dense algebra on real scenes; inertia; what is singular is named."""
+"""All kinds of matrices against dense algebra on real scenes; inertia; what is singular is named."""
 
 import helpers
 import numpy as np
@@ -6,8 +6,16 @@ import pytest
 from helpers import dense
 
 from ancf2d.errors import ComputationError
+from ancf2d.model import numbering
 from ancf2d.model.order import half_bandwidth, order_unknowns
-from ancf2d.solve.linear import GeneralBand, GeneralSparse, SymmetricBand, _pattern, make_matrix
+from ancf2d.solve.linear import (
+    GeneralBand,
+    GeneralSparse,
+    SymmetricBand,
+    SymmetricFronts,
+    _pattern,
+    make_matrix,
+)
 from ancf2d.solve.static import FLOOR
 from ancf2d.solve.system import System
 
@@ -66,13 +74,23 @@ def stepped():
 SCENES = {f.__name__: f for f in (chain, loop, star, stepped)}
 KINDS = {
     "symmetric band": lambda m, n, bw: SymmetricBand(n, bw),
+    "fronts": lambda m, n, bw: SymmetricFronts(m.numbering.fronts),
     "general band": lambda m, n, bw: GeneralBand(n, bw),
     "compressed rows": lambda m, n, bw: GeneralSparse(n, *_pattern(m)),
 }
 
 
+def built(kind: str | None, **scene):
+    """Return a model with fronts, whatever they cost, where the kind is that, and without where it is another."""
+    with pytest.MonkeyPatch.context() as patch:
+        if kind is not None:
+            patch.setattr(numbering, "LOOSE", 0.0)
+            patch.setattr(numbering, "band_cost", lambda n, width: np.inf if kind == "fronts" else 0.0)
+        return helpers.build(**scene)
+
+
 def system_of(scene: str, kind: str | None = None):
-    model = helpers.build(**SCENES[scene]())
+    model = built(kind, **SCENES[scene]())
     system = System(model)
     if kind is not None:
         system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
@@ -127,19 +145,32 @@ def test_every_kind_of_matrix_holds_and_solves_the_reduced_tangent(scene, kind):
     if kind == "general band":
         # row exchanges leave the sign of the determinant
         assert pivots.negative == negative % 2
-    elif kind == "symmetric band" or not model.constraints:
+    elif kind in ("symmetric band", "fronts") or not model.constraints:
         # SuperLU exchanges rows at the zero diagonal of a multiplier
         assert pivots.negative == negative
 
 
-@pytest.mark.parametrize("kind", ["symmetric band", "compressed rows"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_products_and_diagonals_are_those_of_the_matrix(scene, kind):
+    model, system = system_of(scene, kind)
+    system.assemble(state(model, system), 1.0)
+    matrix = system.matrix
+    K = dense(matrix.target, model.numbering.n_unknowns)
+    x = np.random.default_rng(5).normal(size=len(K))
+    np.testing.assert_allclose(matrix.product(matrix.values, x), K @ x, atol=1e-13 * np.abs(K).max() * np.abs(x).max())
+    np.testing.assert_array_equal(matrix.diagonal(matrix.values), np.diag(K))
+
+
+@pytest.mark.parametrize("kind", ["symmetric band", "fronts", "compressed rows"])
 def test_negative_pivots_are_the_inertia_beyond_a_critical_load(kind):
     """Compressed beyond Euler's load a strut has one negative eigenvalue, beyond the second load two."""
     EI = 5.0 * 0.1 * 0.1**3 / 12
     for factor, expected in ((0.5, 0), (2.5, 1), (6.0, 2)):
         P = factor * EI * np.pi**2
         strut = {"b": helpers.body(helpers.line(1.0), helpers.element("cable", 16), {"height": 0.1, "width": 0.1})}
-        model = helpers.build(strut, bc=[{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}])
+        bc = [{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}]
+        model = built(kind, bodies=strut, bc=bc)
         system = System(model)
         system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
         strain = -P / (5.0 * 0.01)
@@ -205,8 +236,9 @@ def test_the_matrix_suits_the_scene():
     }
     joints = [pin(*(f"b{k}@0" for k in range(30)), kind="weld")]
     model = helpers.build(spokes, bc=[{"type": "clamp", "at": f"b{k}@1"} for k in range(30)], joints=joints)
-    matrix = make_matrix(model)
-    assert isinstance(matrix, GeneralSparse) or model.numbering.half_bandwidth <= 60
+    assert isinstance(make_matrix(model), SymmetricFronts)
+    # as stiff a scene with a load that follows a body has no symmetric tangent, and a point that slides none of fronts
+    assert not isinstance(make_matrix(built("fronts", **scene, loads=follower)), SymmetricFronts)
 
 
 def test_long_chains_have_the_band_of_one_element():

@@ -23,7 +23,7 @@ STORED = Path(__file__).with_name("work.json")
 # steps that adapt, and iterations that end at round-off, may be a few more or less on another machine
 SHARE = 0.02
 KERNELS = ("force", "force_tangent", "tangent_action", "force_noise")
-MATRICES = ("SymmetricBand", "GeneralBand", "GeneralSparse")
+MATRICES = ("SymmetricBand", "SymmetricFronts", "GeneralBand", "GeneralSparse")
 
 LOADED = {"bc": [{"type": "clamp", "at": "beam@0"}], "loads": [{"type": "force", "at": "beam@1", "value": [0, -5e5]}]}
 PRESSED = {"bc": [{"type": "clamp", "at": "beam@0"}],

@@ -1,0 +1,132 @@
+"""Symmetric LDL^T without pivoting front by front, for what is no chain (``model.fronts``).
+
+A front of s pivots and u rows beyond them holds its numbers row by row, in the lower half of s + u rows that lie
+s + u - 1 apart, as the band of a matrix that is full (``kernels.band``). The matrix has entries in columns of pivots
+alone; what these leave of the rest is added to the parent's front.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .band import lower_rest, take_out, upper_rest
+from .blocks import inverse, room, size
+from .jit import inner, kernel
+from .lanes import array_at
+from .stack import numbers, vector
+
+
+@inner
+def entry(fronts, i, j):  # type: ignore[no-untyped-def]
+    """Return where entry (i, j), j <= i, is stored, its row found by bisection."""
+    q = fronts.owner[j]
+    first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
+    row, apart = i - first, pivots + fronts.start[q + 1] - fronts.start[q] - 1
+    if row >= pivots:
+        low, high = fronts.start[q], fronts.start[q + 1]
+        while high - low > 1:
+            middle = (low + high) // 2
+            if fronts.rows[middle] > i:
+                high = middle
+            else:
+                low = middle
+        row = pivots + low - fronts.start[q]
+    return fronts.at[q] + (row + 1) * apart + j - first
+
+
+@kernel
+def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
+    """Factor K = L D L^T in place; return (first bad unknown or -1, negative pivots, smallest relative pivot).
+
+    As ``kernels.band.ldl_factor_with``, with an array (n,) to work in.
+    """
+    C, sizes = numbers(values, room(fronts.largest)), vector(fronts.largest)
+    for q in range(len(fronts.parent)):
+        first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
+        apart = pivots + fronts.start[q + 1] - fronts.start[q] - 1
+        for k in range(pivots):
+            scale[first + k] = size(values[fronts.at[q] + (k + 1) * apart + k])
+    negative, smallest = 0, np.inf
+    for q in range(len(fronts.parent)):
+        first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
+        below = fronts.start[q + 1] - start
+        height = pivots + below
+        for k in range(pivots):
+            sizes[k] = scale[first + k]
+        for k in range(below):
+            sizes[pivots + k] = 0.0
+        A, flat = (array_at(values, fronts.at[q], (height, height)),
+                   array_at(values, fronts.at[q], (height * height,)))
+        bad, found, least = take_out(A, flat, pivots, tiny, sizes, C)
+        negative += found
+        smallest = least if least < smallest else smallest
+        if bad >= 0:
+            return first + bad, negative, smallest
+        for k in range(below):
+            scale[fronts.rows[start + k]] += sizes[pivots + k]
+        if below > 0:
+            _hand_up(fronts, values, q, pivots, below)
+    return -1, negative, smallest
+
+
+@inner
+def _hand_up(fronts, values, q, pivots, below):  # type: ignore[no-untyped-def]
+    """Add what is left of front q to its parent."""
+    p, start, apart = fronts.parent[q], fronts.start[q], pivots + below - 1
+    stride = fronts.first[p + 1] - fronts.first[p] + fronts.start[p + 1] - fronts.start[p] - 1
+    into = array_at(fronts.into, start, (below,))
+    for i in range(below):
+        source = array_at(values, fronts.at[q] + (pivots + i + 1) * apart + pivots, (i + 1,))
+        target = array_at(values, fronts.at[p] + (into[i] + 1) * stride, (into[i] + 1,))
+        for j in range(i + 1):
+            target[into[j]] += source[j]
+
+
+@kernel
+def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
+    """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
+    y = numbers(x, fronts.largest)
+    m = len(fronts.parent)
+    for step in range(2 * m):
+        q = step if step < m else 2 * m - 1 - step
+        first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
+        below = fronts.start[q + 1] - start
+        height = pivots + below
+        A, flat = (array_at(values, fronts.at[q], (height, height)),
+                   array_at(values, fronts.at[q], (height * height,)))
+        own = array_at(y, 0, (height,))
+        for k in range(pivots):
+            own[k] = x[first + k]
+        if step < m:
+            for k in range(below):
+                own[pivots + k] = 0.0
+            lower_rest(A, flat, own, 0, pivots)
+            for k in range(below):
+                x[fronts.rows[start + k]] += own[pivots + k]
+            for k in range(pivots):
+                own[k] *= inverse(A[k, height - 1])
+        else:
+            for k in range(below):
+                own[pivots + k] = x[fronts.rows[start + k]]
+            upper_rest(A, flat, own, 0, pivots)
+        for k in range(pivots):
+            x[first + k] = own[k]
+
+
+@kernel
+def fronts_product(fronts, values, x, y):  # type: ignore[no-untyped-def]
+    """Fill y = K x."""
+    y[:] = 0.0
+    for q in range(len(fronts.parent)):
+        first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
+        height = pivots + fronts.start[q + 1] - start
+        for i in range(height):
+            at = first + i if i < pivots else fronts.rows[start + i - pivots]
+            row, total = fronts.at[q] + (i + 1) * (height - 1), 0.0 * x[at]
+            for j in range(min(i, pivots)):
+                a = values[row + j]
+                total += a * x[first + j]
+                y[first + j] += a * x[at]
+            if i < pivots:
+                total += values[row + i] * x[at]
+            y[at] += total
