@@ -178,6 +178,6 @@ def matrix_text(model: Any) -> str:
 
     if isinstance(model.case.solver, Dynamic):
         # inertia on the diagonal, multipliers behind what they act on
-        return _MATRICES["SymmetricBand"]
+        return _MATRICES["SymmetricBand" if model.numbering.fronts is None else "SymmetricFronts"]
     kind = type(make_matrix(model)).__name__
     return _MATRICES.get(kind, kind)

@@ -238,18 +238,21 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 return FAILED, stored, logged, outcome, iterations
             continue
         end = target if h >= target - t else t + h
-        passed = _passed(rows, next_wanted, end)
-        if stored + passed > len(rows.t):
+        passed, left = _passed(rows, next_wanted, end), len(rows.t) - stored
+        if passed > left and stored > 0:
             # done again by the next call, which has room for its states
             return FULL, stored, logged, outcome, iterations
         work, lost = 0.0, 0.0
-        for _ in range(passed):
+        for _ in range(min(passed, left)):
             x = (rows.wanted[next_wanted] - t) / h
             if plan.tracks:
                 work, lost = _work(m, p, w, s, at, t, h, x)
             interpolate(m, p, s, h, x, at.z, at.v, at.a)
             _store(rows, stored, rows.wanted[next_wanted], logged, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
             stored, next_wanted = stored + 1, next_wanted + 1
+        if passed > left:
+            # more states than there is room for: done again for those that follow
+            return FULL, stored, logged, outcome, iterations
         if plan.tracks:
             work, lost = _work(m, p, w, s, at, t, h, 1.0)
             s.numbers[WORK] += work

@@ -12,14 +12,17 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba import types
+from numba.extending import overload
 
 from .batch import Group, Law
 from .elements import force, force_noise, force_tangent, viscous_force
 from .jit import addressed, inlined, inner
 from .lanes import Plan, array_at
-from .matrix import SymBand
+from .matrix import Nested, SymBand
 from .mean import mean_force, mean_force_tangent
 from .pointers import address_of, caller
+from .symmetric import chosen, stored
+from .tree import no_fronts
 
 # what elastic forces are asked for
 FORCE, TANGENT, NOISE = range(3)
@@ -78,12 +81,12 @@ def _group(b, g):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def _elastic(what, b, g, scale, d, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _elastic(what, b, g, scale, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     group = _group(b, g)
     if what == FORCE:
         return force(group, d, Q)
     if what == TANGENT:
-        return force_tangent(group, d, scale, Q, SymBand(A), place, indptr, index, value)
+        return force_tangent(group, d, scale, Q, matrix, place, indptr, index, value)
     force_noise(group, d, Q)
     return 0.0
 
@@ -94,11 +97,11 @@ def _viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def _mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _mean(what, b, g, damping, d0, d1, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     group = _group(b, g)
     if what == FORCE:
         return mean_force(group, damping, d0, d1, Q)[0]
-    return mean_force_tangent(group, damping, d0, d1, Q, SymBand(A), place, indptr, index, value)[0]
+    return mean_force_tangent(group, damping, d0, d1, Q, matrix, place, indptr, index, value)[0]
 
 
 @addressed
@@ -107,35 +110,66 @@ def _no_viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def _no_mean(what, b, g, damping, d0, d1, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _no_mean(what, b, g, damping, d0, d1, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     return np.nan
 
 
 _i, _f = types.int64, types.float64
-_x, _A, _n = types.float64[::1], types.float64[:, ::1], types.int64[::1]
+_x, _n = types.float64[::1], types.int64[::1]
 
 
-def _signatures() -> tuple[Any, Any, Any]:
+def _signatures(matrix: Any) -> tuple[Any, Any, Any]:
+    """Return the types of elastic, viscous and mean forces for a matrix of a kind."""
     b = numba.typeof(make_bodies([]))
-    tables = (_A, _n, _n, _n, _x)
+    tables = (numba.typeof(matrix), _n, _n, _n, _x)
     return _f(_i, b, _i, _f, _x, _x, *tables), _f(b, _i, _f, _x, _x, _x), _f(_i, b, _i, _f, _x, _x, _x, *tables)
 
 
-SIGNATURES = _signatures()
-_call_elastic, _call_viscous, _call_mean = (caller(s) for s in SIGNATURES)
+# for bands, and for fronts
+_SIGNATURES = _signatures(SymBand(np.zeros((1, 1)))), _signatures(Nested(np.zeros(0), no_fronts()))
+(_elastic_band, _call_viscous, _mean_band), (_elastic_fronts, _, _mean_fronts) = (
+    [caller(s) for s in signatures] for signatures in _SIGNATURES)
 ELASTIC, VISCOUS, MEAN = range(3)
 
 
 @cache
-def _address(which: int, wanted: bool) -> int:
+def _address(which: int, wanted: bool, fronts: bool) -> int:
     """Return the address of the elastic, viscous or mean forces, or of a stand-in that is never called."""
     function = ((_elastic, _elastic), (_no_viscous, _viscous), (_no_mean, _mean))[which][wanted]
-    return address_of(function, SIGNATURES[which])
+    return address_of(function, _SIGNATURES[fronts][which])
 
 
-def addresses(viscous: bool, mean: bool) -> Any:
-    """Return the addresses (3,) of elastic, viscous and mean forces, compiled as far as they are wanted."""
-    return np.array([_address(which, wanted) for which, wanted in enumerate((True, viscous, mean))], dtype=np.int64)
+def addresses(viscous: bool, mean: bool, fronts: bool) -> Any:
+    """Return the addresses (3,) of elastic, viscous and mean forces, compiled as far as they are wanted.
+
+    ``fronts`` tells whether matrices are fronts, not bands.
+    """
+    wanted = enumerate((True, viscous, mean))
+    return np.array([_address(which, each, fronts) for which, each in wanted], dtype=np.int64)
+
+
+def _ask(fronts: Any, p: Any, what: int, g: int, scale: float, d: Any, Q: Any, A: Any) -> float:
+    """Return the strain energy of group g: see ``_elastic``."""
+    raise NotImplementedError
+
+
+@overload(_ask, inline="always")
+def _ask_one(fronts, p, what, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
+    call = chosen(fronts, _elastic_band, _elastic_fronts)
+    return lambda fronts, p, what, g, scale, d, Q, A: call(p.calls[ELASTIC], (
+        what, p.bodies, g, scale, d, Q, stored(fronts, A), p.place, p.indptr, p.index, p.value))
+
+
+def _ask_mean(fronts: Any, p: Any, what: int, g: int, damping: float, d0: Any, d1: Any, Q: Any, A: Any) -> float:
+    """Return the strain energy of group g: see ``_mean``."""
+    raise NotImplementedError
+
+
+@overload(_ask_mean, inline="always")
+def _ask_one_mean(fronts, p, what, g, damping, d0, d1, Q, A):  # type: ignore[no-untyped-def]
+    call = chosen(fronts, _mean_band, _mean_fronts)
+    return lambda fronts, p, what, g, damping, d0, d1, Q, A: call(p.calls[MEAN], (
+        what, p.bodies, g, damping, d0, d1, Q, stored(fronts, A), p.place, p.indptr, p.index, p.value))
 
 
 @inner
@@ -143,8 +177,7 @@ def elastic(p, d, Q, A):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q; return the strain energy."""
     energy = 0.0
     for g in range(len(p.bodies.numbers)):
-        energy += _call_elastic(p.calls[ELASTIC], (
-            FORCE, p.bodies, g, 1.0, d, Q, A, p.place, p.indptr, p.index, p.value))
+        energy += _ask(p.fronts, p, FORCE, g, 1.0, d, Q, A)
     return energy
 
 
@@ -153,9 +186,7 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q, and to A the tangents times 1 + c tau; return the strain energy."""
     energy = 0.0
     for g in range(len(p.bodies.numbers)):
-        scale = 1.0 + c * p.tau[g]
-        energy += _call_elastic(p.calls[ELASTIC], (
-            TANGENT, p.bodies, g, scale, d, Q, A, p.place, p.indptr, p.index, p.value))
+        energy += _ask(p.fronts, p, TANGENT, g, 1.0 + c * p.tau[g], d, Q, A)
     return energy
 
 
@@ -163,8 +194,7 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
 def elastic_noise(p, d, out, A):  # type: ignore[no-untyped-def]
     """Add what round-off can leave of the forces to ``out``."""
     for g in range(len(p.bodies.numbers)):
-        _call_elastic(p.calls[ELASTIC], (
-            NOISE, p.bodies, g, 1.0, d, out, A, p.place, p.indptr, p.index, p.value))
+        _ask(p.fronts, p, NOISE, g, 1.0, d, out, A)
 
 
 @inner
@@ -181,5 +211,4 @@ def viscous(p, d, v, Q):  # type: ignore[no-untyped-def]
 def mean_elastic(p, what, h, d0, d1, Q, A):  # type: ignore[no-untyped-def]
     """Add the forces of a step h that keeps energy and momentum to Q, and for TANGENT their derivative to A."""
     for g in range(len(p.bodies.numbers)):
-        _call_mean(p.calls[MEAN], (
-            what, p.bodies, g, p.tau[g] / h, d0, d1, Q, A, p.place, p.indptr, p.index, p.value))
+        _ask_mean(p.fronts, p, what, g, p.tau[g] / h, d0, d1, Q, A)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_solve
 from .bodies import FORCE, TANGENT, mean_elastic
 from .dynamics import (
     FORCES,
@@ -20,15 +19,17 @@ from .dynamics import (
     patches_tangent,
     remember,
     settled,
+    solve_with,
     to_full,
     to_unknowns,
 )
 from .jit import inner
-from .mass import mass_product
+from .lanes import array_at
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
 from .points import point_mean_forces
 from .sliding import sliding_mean_forces
+from .symmetric import mass_product
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15
@@ -70,9 +71,9 @@ def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
         m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
     to_full(p, m.mid, w.amps, 0, w.d)
     patches_tangent(p, w, 2.0 / h)
-    for i in range(w.A.shape[0]):
-        for j in range(w.A.shape[1]):
-            w.A[i, j] *= 0.5
+    A = array_at(w.A, 0, (w.A.size,))
+    for i in range(len(A)):
+        A[i] *= 0.5
 
 
 @inner
@@ -119,7 +120,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     mass_product(p, w.x, w.y)
     for k in range(len(m.dz)):
         w.y[k] *= 1.0 / 6.0
-    ldl_solve(w.A, w.y)
+    solve_with(p, w.A, w.y)
     return norm(p, w.y)
 
 
@@ -142,11 +143,11 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     while True:
         anew = iteration == 0 or m.full or rate > SLOW
         _balance(m, p, w, s, h, anew)
-        if anew and not factor(w, w.A):
+        if anew and not factor(p, w, w.A):
             return SINGULAR, iteration + 1, 0.0, rate
         for i in range(n):
             w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]
-        ldl_solve(w.A, w.x)
+        solve_with(p, w.A, w.x)
         step = norm(p, w.x)
         remember(w, iteration, step)
         if not np.isfinite(step):

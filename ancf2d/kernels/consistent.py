@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from .amplitudes import evaluate
-from .band import ldl_factor, ldl_solve
 from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full
 from .jit import inner, inner_with_memory, kernel_with_memory
-from .mass import band_product
 from .points import point_constraint_rates
 from .sliding import sliding_constraint_rates
+from .symmetric import factored, keep_between, product, solve
 
 
 @inner
@@ -27,11 +26,7 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     w.A[:] = 0.0
     if p.points is not None or p.sliding is not None:
         patches_tangent(p, w, 0.0)
-        bw = w.A.shape[1] - 1
-        for i in range(w.A.shape[0]):
-            for j in range(max(0, i - bw), i + 1):
-                if p.coordinate[i] == p.coordinate[j]:
-                    w.A[i, bw + j - i] = 0.0
+        keep_between(p.fronts, w.A, p.coordinate)
     add_mass(p, 1.0, w.A)
 
 
@@ -76,7 +71,7 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
     rhs = np.zeros(n)
     if constrained:
         _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
-        band_product(w.A, s.v, w.y)
+        product(p.fronts, w.A, s.v, w.y)
         _by_motion(p, w, 1, by_motion)
         for i in range(n):
             if p.coordinate[i] == 0.0:
@@ -85,9 +80,9 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
         for i in range(n):
             rhs[i] -= jump[p.motion_mass_signal[k]] * p.motion_mass[k, i]
     factors = w.A.copy()
-    if ldl_factor(factors, 1e-16)[0] >= 0:
+    if not factored(p.fronts, factors, 1e-16, w.y):
         return False
-    ldl_solve(factors, rhs)
+    solve(p.fronts, factors, rhs)
     for i in range(n):
         s.v[i] = (s.v[i] + rhs[i]) * p.coordinate[i]
         s.z[i] *= p.coordinate[i]
@@ -102,7 +97,7 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
         for i in range(n):
             if p.coordinate[i] == 0.0:
                 rhs[i] = -acceleration[p.full[i]] - by_motion[i]
-    ldl_solve(factors, rhs)
+    solve(p.fronts, factors, rhs)
     for i in range(n):
         if p.coordinate[i] == 0.0:
             s.z[i] = rhs[i]
@@ -126,19 +121,19 @@ def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
             if p.coordinate[i] == 0.0:
                 rhs[i] = -w.other[p.full[i]]
                 largest = max(largest, abs(rhs[i]))
-        if largest == 0.0 or ldl_factor(w.A, 1e-16)[0] >= 0:
+        if largest == 0.0 or not factored(p.fronts, w.A, 1e-16, w.y):
             break
-        ldl_solve(w.A, rhs)
+        solve(p.fronts, w.A, rhs)
         for i in range(n):
             z[i] += rhs[i] * p.coordinate[i]
     to_full(p, v, w.amps, 1, w.v)
     constraint_matrix(p, w)
     _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
-    band_product(w.A, v, w.y)
+    product(p.fronts, w.A, v, w.y)
     _by_motion(p, w, 1, by_motion)
     for i in range(n):
         rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - by_motion[i]
-    if ldl_factor(w.A, 1e-16)[0] < 0:
-        ldl_solve(w.A, rhs)
+    if factored(p.fronts, w.A, 1e-16, w.y):
+        solve(p.fronts, w.A, rhs)
         for i in range(n):
             v[i] += rhs[i] * p.coordinate[i]

@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .arrays import rank, ranked
-from .band import ldl_factor_with
 from .bodies import elastic, elastic_noise, elastic_tangent, viscous
 from .jit import inner, kernel
-from .mass import mass_product
-from .matrix import SymBand
+from .lanes import array_at
 from .points import point_forces, point_noise, point_tangent, point_violation
 from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
+from .symmetric import add_sizes, factored, mass_product, solve, stored
 
 HISTORY = 64
 # constraints hold where they are off by no more than this share of their scale
@@ -28,7 +27,8 @@ class Problem(NamedTuple):
     bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau :
     (groups,) Kelvin-Voigt times [s]; points, sliding : tables of point
     laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
-    mass : (n, bw + 1) T^T M T; diagonals (k,), along (k, n) : its diagonals d that are not zero, entries (j + d, j);
+    fronts : those of matrices, or None where they are bands, as ``kernels.symmetric`` has it; mass : T^T M T, stored so;
+    diagonals (k,), along (k, n) : the diagonals d of a band that are not zero, entries (j + d, j);
     load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
     alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
     turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], 0 for multipliers; coordinate : (n,) 1, 0 for multipliers;
@@ -47,6 +47,7 @@ class Problem(NamedTuple):
     value: Any
     full: Any
     dependents: Any
+    fronts: Any
     mass: Any
     diagonals: Any
     along: Any
@@ -70,7 +71,7 @@ class Problem(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A (n, bw + 1), amps (signals, 3).
+    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A a matrix, amps (signals, 3).
 
     history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end. counts (3,) : work so far.
     """
@@ -135,16 +136,16 @@ def patch_forces(points, sliding, d, v, amps, Q):  # type: ignore[no-untyped-def
 
 
 @inner
-def _points_tangent(points, d, v, amps, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _points_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     if points is None:
         return 0.0
-    return point_tangent(points, d, v, amps, c, Q, SymBand(A), place, indptr, index, value)
+    return point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
 
 
 @inner
-def _sliding_tangent(sliding, d, v, amps, c, Q, A, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _sliding_tangent(sliding, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     if sliding is not None:
-        sliding_tangent(sliding, d, v, amps, c, Q, SymBand(A), place, indptr, index, value)
+        sliding_tangent(sliding, d, v, amps, c, Q, matrix, place, indptr, index, value)
 
 
 @inner
@@ -266,10 +267,11 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     w.Q[:] = 0.0
     w.A[:] = 0.0
     w.counts[TANGENTS] += 1
+    matrix = stored(p.fronts, w.A)
     energy = elastic_tangent(p, c, w.d, w.Q, w.A)
     viscous(p, w.d, w.v, w.Q)
-    energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
-    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, w.A, p.place, p.indptr, p.index, p.value)
+    energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, matrix, p.place, p.indptr, p.index, p.value)
+    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, matrix, p.place, p.indptr, p.index, p.value)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy
 
@@ -278,8 +280,9 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
 def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
     """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""
     w.other[:] = 0.0
-    _points_tangent(p.points, w.d, w.v, w.amps, c, w.other, w.A, p.place, p.indptr, p.index, p.value)
-    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.other, w.A, p.place, p.indptr, p.index, p.value)
+    matrix = stored(p.fronts, w.A)
+    _points_tangent(p.points, w.d, w.v, w.amps, c, w.other, matrix, p.place, p.indptr, p.index, p.value)
+    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.other, matrix, p.place, p.indptr, p.index, p.value)
 
 
 @inner
@@ -292,16 +295,22 @@ def residual(p, w, v, a):  # type: ignore[no-untyped-def]
 @inner
 def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
     """Add factor M to A."""
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            A[i, j] += factor * p.mass[i, j]
+    a, m = array_at(A, 0, (A.size,)), array_at(p.mass, 0, (A.size,))
+    for i in range(len(a)):
+        a[i] += factor * m[i]
 
 
 @inner
-def factor(w, A):  # type: ignore[no-untyped-def]
-    """Factor a band (n, bw + 1) in place; return whether it could be. What is in w.y is lost."""
+def factor(p, w, A):  # type: ignore[no-untyped-def]
+    """Factor a matrix in place; return whether it could be. What is in w.y is lost."""
     w.counts[FACTORS] += 1
-    return ldl_factor_with(A, 1e-16, w.y)[0] < 0
+    return factored(p.fronts, A, 1e-16, w.y)
+
+
+@inner
+def solve_with(p, A, x):  # type: ignore[no-untyped-def]
+    """Solve with the factors of a matrix in place."""
+    solve(p.fronts, A, x)
 
 
 @inner
@@ -323,15 +332,15 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     for m in range(len(p.load_coord)):
         w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])
     to_unknowns(p, w.other, w.y, True)
-    n, bw = len(w.y), p.mass.shape[1] - 1
+    n = len(w.y)
+    rates = array_at(w.other, 0, (n,))
     for i in range(n):
-        bound = w.y[i]
-        for j in range(max(0, i - bw), min(n, i + bw + 1)):
-            m = p.mass[i, bw + j - i] if j <= i else p.mass[j, bw + i - j]
-            bound += abs(m * (abs(a[j]) + p.alpha * abs(v[j])) * p.coordinate[j])
-        if not abs(w.R[i]) <= 8.0 * 1.2e-16 * bound:
-            return False
-    return True
+        rates[i] = (abs(a[i]) + p.alpha * abs(v[i])) * p.coordinate[i]
+    add_sizes(p.fronts, p.mass, rates, w.y)
+    met = True
+    for i in range(n):
+        met &= abs(w.R[i]) <= 8.0 * 1.2e-16 * w.y[i]
+    return met
 
 
 @inner
@@ -375,8 +384,8 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
     return total
 
 
-def scratch(n: int, n_full: int, width: int, signals: int) -> Scratch:
-    """Return arrays for n unknowns, n_full full coordinates, a band of ``width`` columns and so many signals."""
+def scratch(n: int, n_full: int, matrix: tuple[int, ...], signals: int) -> Scratch:
+    """Return arrays for n unknowns, n_full full coordinates, a matrix of such a shape and so many signals."""
     full = [np.zeros(n_full) for _ in range(4)]
-    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros((n, width)), np.zeros((signals, 3)),
+    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros(matrix), np.zeros((signals, 3)),
                    np.zeros(HISTORY), np.zeros(3, dtype=np.int64))

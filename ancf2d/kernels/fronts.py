@@ -114,9 +114,10 @@ def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fronts_product(fronts, values, x, y):  # type: ignore[no-untyped-def]
-    """Fill y = K x."""
-    y[:] = 0.0
+def fronts_product(fronts, values, x, y, sizes):  # type: ignore[no-untyped-def]
+    """Fill y = K x; with ``sizes`` add |K| x to y."""
+    if not sizes:
+        y[:] = 0.0
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
         height = pivots + fronts.start[q + 1] - start
@@ -124,9 +125,9 @@ def fronts_product(fronts, values, x, y):  # type: ignore[no-untyped-def]
             at = first + i if i < pivots else fronts.rows[start + i - pivots]
             row, total = fronts.at[q] + (i + 1) * (height - 1), 0.0 * x[at]
             for j in range(min(i, pivots)):
-                a = values[row + j]
+                a = abs(values[row + j]) if sizes else values[row + j]
                 total += a * x[first + j]
                 y[first + j] += a * x[at]
             if i < pivots:
-                total += values[row + i] * x[at]
+                total += (abs(values[row + i]) if sizes else values[row + i]) * x[at]
             y[at] += total

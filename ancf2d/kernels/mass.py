@@ -33,8 +33,8 @@ def band_product(A, x, y):  # type: ignore[no-untyped-def]
 
 
 @inner
-def mass_product(p, x, y):  # type: ignore[no-untyped-def]
-    """Fill y = M x by those diagonals of the mass matrix that are not zero: the same row of x and y side by side."""
+def product_by_diagonals(p, x, y):  # type: ignore[no-untyped-def]
+    """Fill y = M x by those diagonals of the band that are not zero: the same row of x and y side by side."""
     n = len(y)
     for first in range(0, n, _ROWS):
         last = min(first + _ROWS, n)

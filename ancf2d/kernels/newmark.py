@@ -8,11 +8,21 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .arrays import copy
-from .band import ldl_solve
-from .dynamics import add_mass, at_floor, factor, forces, forces_tangent, norm, remember, residual, settled
+from .dynamics import (
+    add_mass,
+    at_floor,
+    factor,
+    forces,
+    forces_tangent,
+    norm,
+    remember,
+    residual,
+    settled,
+    solve_with,
+)
 from .jit import inner
-from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
+from .symmetric import mass_product
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2
@@ -59,7 +69,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor
-    ldl_solve(w.A, w.y)
+    solve_with(p, w.A, w.y)
     return norm(p, w.y)
 
 
@@ -80,14 +90,14 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         if iteration == 0 or m.full or rate > SLOW:
             forces_tangent(p, w, end.z, end.v, cv)
             add_mass(p, ca + p.alpha * cv, w.A)
-            if not factor(w, w.A):
+            if not factor(p, w, w.A):
                 return SINGULAR, iteration + 1, 0.0, rate
         else:
             forces(p, w, end.z, end.v)
         residual(p, w, end.v, end.a)
         for i in range(n):
             w.x[i] = -w.R[i]
-        ldl_solve(w.A, w.x)
+        solve_with(p, w.A, w.x)
         step = norm(p, w.x)
         remember(w, iteration, step)
         if not np.isfinite(step):

@@ -5,20 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from .amplitudes import evaluate
-from .arrays import copy_rows
-from .band import ldl_factor, ldl_solve
+from .arrays import copy
 from .consistent import _by_motion, _rates_of_constraints, constraint_matrix, onto_constraints
 from .dynamics import forces, forces_tangent, lost_to_mass_damping, power_of_loads, residual, to_full, violation
 from .jit import inner, kernel, kernel_with_memory
+from .lanes import array_at
 from .points import point_accept
 from .sliding import sliding_accept
+from .symmetric import factored, solve
+
+
+@kernel
+def mass_factors(p, w, factors):  # type: ignore[no-untyped-def]
+    """Factor the mass matrix that ``factors`` holds, where there are no multipliers."""
+    factored(p.fronts, factors, 1e-16, w.y)
 
 
 @kernel_with_memory
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 
-    ``factors`` (n, bw + 1): LDL^T of the mass matrix, which serves where there are no multipliers.
+    ``factors``: LDL^T of the mass matrix, which serves where there are no multipliers.
     """
     n = len(s.z)
     rhs = np.zeros(n)
@@ -33,7 +40,7 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     residual(p, w, s.v, s.a)
     if not constrained:
         s.a[:] = -w.R
-        ldl_solve(factors, s.a)
+        solve(p.fronts, factors, s.a)
         return True
     velocity, acceleration, by_motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
     rhs[:] = -w.R
@@ -43,9 +50,9 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     for i in range(n):
         if p.coordinate[i] == 0.0:
             rhs[i] = -acceleration[p.full[i]] - by_motion[i]
-    if ldl_factor(w.A, 1e-16)[0] >= 0:
+    if not factored(p.fronts, w.A, 1e-16, w.y):
         return False
-    ldl_solve(w.A, rhs)
+    solve(p.fronts, w.A, rhs)
     for i in range(n):
         if p.coordinate[i] == 0.0:
             s.z[i] = rhs[i]
@@ -74,21 +81,26 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
         out[m + k] = s.a[free[k]] if found else np.nan
 
 
+@inner
+def _copy(A, out):  # type: ignore[no-untyped-def]
+    copy(array_at(A, 0, (A.size,)), array_at(out, 0, (A.size,)))
+
+
 @kernel
 def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
-    """Fill dQ/dz, dQ/dz' and the matrix of [M G^T; G 0], bands (n, bw + 1) each, at s with its multipliers."""
+    """Fill dQ/dz, dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
     evaluate(p.programs, t, w.amps)
     forces_tangent(p, w, s.z, s.v, 1.0)
-    copy_rows(w.A, C)
+    _copy(w.A, C)
     forces_tangent(p, w, s.z, s.v, 0.0)
-    copy_rows(w.A, K)
-    for i in range(K.shape[0]):
-        for j in range(K.shape[1]):
-            C[i, j] -= K[i, j]
+    _copy(w.A, K)
+    c, k = array_at(C, 0, (C.size,)), array_at(K, 0, (C.size,))
+    for i in range(len(c)):
+        c[i] -= k[i]
     to_full(p, s.z, w.amps, 0, w.d)
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
-    copy_rows(w.A, KKT)
+    _copy(w.A, KKT)
 
 
 @kernel

@@ -15,7 +15,6 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .band import ldl_solve
 from .dynamics import (
     at_floor,
     directions,
@@ -25,15 +24,16 @@ from .dynamics import (
     norm,
     remember,
     residual,
+    solve_with,
     to_full,
     turned,
     violation,
 )
 from .jit import inlined, inner
 from .lanes import array_at
-from .mass import mass_product
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 from .stages import TILE, combine, combine_all, separate, unite
+from .symmetric import mass_product
 
 
 class Radau(NamedTuple):
@@ -42,8 +42,8 @@ class Radau(NamedTuple):
     c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
     real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
     of the error estimate; tolerance of Newton's increments; order of the error in h; basis of the interpolation;
-    multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B (n,
-    bw + 1), C (k, n, bw + 1) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors
+    multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B,
+    C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors
     have turned at a stage since the one that the tangent is of; F (s, s), rows (s, TILE) to work in.
     """
 
@@ -185,7 +185,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
         if m.damped:
             for i in range(size):
                 C[i] += f * (B[i] - A[i])
-        if not factor(w, m.C[k]):
+        if not factor(p, w, m.C[k]):
             return False
     real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
     if m.damped:
@@ -193,7 +193,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
             A[i] += real * (B[i] - A[i])
     for i in range(size):
         B[i] = A[i] + mass * M[i]
-    return factor(w, m.B)
+    return factor(p, w, m.B)
 
 
 @inlined
@@ -203,9 +203,9 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     for i in range(stages):
         _turn(m, p, i, -1.0, m.R[i])
     separate(m.apart, m.R, m.y, m.u, m.rows)
-    ldl_solve(m.B, m.y)
+    solve_with(p, m.B, m.y)
     for q in range(len(m.mus)):
-        ldl_solve(m.C[q], m.u[q])
+        solve_with(p, m.C[q], m.u[q])
     unite(m.together, m.y, m.u, m.R, m.rows)
     size = 0.0
     for i in range(stages):
@@ -227,7 +227,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     mass_product(p, w.x, w.y)
-    ldl_solve(m.B, w.y)
+    solve_with(p, m.B, w.y)
     return norm(p, w.y)
 
 

@@ -200,7 +200,7 @@ def build_model(loaded: LoadedCase) -> Model:
     moving = isinstance(b.case.solver, Dynamic)
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0), moving,
-                       not moving and symmetric(b.loads) and not exchanges(b.meshes, b.equations.constraints))
+                       moving or (symmetric(b.loads) and not exchanges(b.meshes, b.equations.constraints)))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
 

@@ -9,33 +9,16 @@ symmetric linear equations). All of this follows from the mesh, once.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from ..kernels.tree import Fronts
 from .mesh import Index
 
 # what fronts cost beside a block of 4 x 4 numbers that loses four pivots: a front, four pivots, a block that they
 # divide, a pivot alone, a number that it changes, a number handed to the parent (measured)
 FRONT, FOUR, DIVIDED, ALONE, CHANGED, HANDED = 12.0, 4.0, 1.6, 3.0, 0.1, 0.2
-
-
-class Fronts(NamedTuple):
-    """The tree of fronts, children before parents; n unknowns, m fronts of s pivots and u rows beyond them.
-
-    first : (m + 1,) first pivot of each front; start : (m + 1,) where its rows are in ``rows`` (positions of unknowns)
-    and ``into`` (where they stand in the parent's front); at : (m + 1,) where its (s + u, s + u) numbers start among
-    all; parent : (m,) or -1; owner : (n,) the front that takes out each unknown; largest : the largest s + u.
-    """
-
-    first: Index
-    start: Index
-    rows: Index
-    into: Index
-    at: Index
-    parent: Index
-    owner: Index
-    largest: int
 
 
 @cache

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..case import Case, LoadedCase, Point
 from ..elements.shape import Array
+from ..kernels.tree import Fronts
 from .constraints import Constraint, Row
 from .elimination import Elimination
-from .fronts import Fronts
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref

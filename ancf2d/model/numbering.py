@@ -83,7 +83,7 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
         order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free), behind)
         tree, positions = make_fronts(order, together)
         if fronts_cost(tree) < band_cost(len(final), width):
-            final, fronts = positions, tree
+            final, fronts, width = positions, tree, half_bandwidth(positions, together)
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)
     place[free] = final[:len(free)]
     place[n_q:] = final[len(free):]

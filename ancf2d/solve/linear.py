@@ -12,7 +12,8 @@ from ..kernels.band import ldl_factor_with, ldl_solve
 from ..kernels.fronts import fronts_factor, fronts_product, fronts_solve
 from ..kernels.mass import band_product
 from ..kernels.matrix import Band, Csr, Nested, SymBand
-from ..model.fronts import Fronts, make_fronts
+from ..kernels.tree import Fronts, entries
+from ..model.fronts import make_fronts
 from ..model.model import Model, Numbering
 
 # a pivot below this share of the terms it is the difference of is round-off
@@ -126,15 +127,13 @@ class SymmetricFronts:
     def product(self, values: Array, x: Array) -> Array:
         """Return A x."""
         y = np.empty(len(x))
-        fronts_product(self.fronts, values, x, y)
+        fronts_product(self.fronts, values, x, y, False)
         return y
 
     def diagonal(self, values: Array) -> Array:
         """Return the diagonal of A."""
-        f = self.fronts
-        own = np.arange(len(f.owner)) - f.first[f.owner]
-        heights = np.diff(f.first) + np.diff(f.start)
-        return values[f.at[f.owner] + (own + 1) * (heights[f.owner] - 1) + own]
+        every = np.arange(len(self.fronts.owner))
+        return values[entries(self.fronts, every, every)]
 
     @property
     def knows_inertia(self) -> bool:
@@ -296,7 +295,7 @@ def make_matrix(model: Model) -> TangentMatrix:
     Where rows must be exchanged it is a general one, symmetric or not.
     """
     num = model.numbering
-    if num.fronts is not None:
+    if num.fronts is not None and model.symmetric and not model.exchanges:
         return SymmetricFronts(num.fronts)
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:

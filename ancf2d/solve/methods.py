@@ -105,7 +105,7 @@ def radau(stages: int) -> Maker:
         # weights b of the embedded formula: order s with gamma f(y_0) among them
         powers = np.arange(stages)
         embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
-        n, width = p.mass.shape
+        n, matrix = len(p.coordinate), p.mass.shape
         rows, columns = [left[k].real], [right[:, k].real]
         for q in upper:
             rows += [left[q].real, left[q].imag]
@@ -114,8 +114,8 @@ def radau(stages: int) -> Maker:
                      (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
                      bool(p.tau.any()) or p.points is not None, stages + 1, by_rates(c),
                      np.flatnonzero(p.coordinate == 0.0), _end(n, stages + 1),
-                     *(np.zeros((stages, n)) for _ in range(5)), np.zeros((n, width)),
-                     np.zeros((len(upper), n, width), dtype=complex), np.zeros(n),
+                     *(np.zeros((stages, n)) for _ in range(5)), np.zeros(matrix),
+                     np.zeros((len(upper), *matrix), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
                      *(np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE)))
     return make

@@ -10,10 +10,10 @@ import numpy as np
 from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..kernels.band import ldl_factor
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
-from ..kernels.ode import accelerations, place, powers, rates, settle, tangents
+from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
 from ..kernels.points import point_accept
+from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
 from .schemes import SCHEMES
@@ -25,8 +25,24 @@ TOLERANCE = 1e-6
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
 
 
-def dense(band: Array) -> Array:
-    """Return a symmetric band (n, w) as a full matrix."""
+def dense(A: Array, fronts: Fronts | None) -> Array:
+    """Return a symmetric matrix, stored as ``kernels.symmetric`` has it, in full."""
+    return _of_band(A) if fronts is None else _of_fronts(A, fronts)
+
+
+def _of_fronts(A: Array, fronts: Fronts) -> Array:
+    n = len(fronts.owner)
+    out = np.zeros((n, n))
+    for q in range(len(fronts.parent)):
+        own = np.arange(fronts.first[q], fronts.first[q + 1])
+        rows = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
+        i, j = (x.ravel() for x in np.meshgrid(rows, own, indexing="ij"))
+        i, j = i[i >= j], j[i >= j]
+        out[i, j] = out[j, i] = A[entries(fronts, i, j)]
+    return out
+
+
+def _of_band(band: Array) -> Array:
     n, w = band.shape
     out = np.zeros((n, n))
     for k in range(w):
@@ -55,7 +71,7 @@ class OdeStepper(Stepper):
         self.constrained = len(self.free) < n
         self.factors = self.p.mass.copy()
         if not self.constrained:
-            ldl_factor(self.factors, 1e-16)
+            mass_factors(self.p, self.w, self.factors)
         self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
         self.begun = self.scale
         self.inner: Motion = motion(n, 0)
@@ -90,10 +106,11 @@ class OdeStepper(Stepper):
         tangents(self.p, self.w, self.inner, t, K, C, KKT)
         free, m = self.free, len(self.free)
         forces = np.zeros((len(self.p.coordinate), 2 * m))
-        forces[free, :m], forces[free, m:] = dense(K)[np.ix_(free, free)], dense(C)[np.ix_(free, free)]
+        K, C, KKT = (dense(A, self.p.fronts) for A in (K, C, KKT))
+        forces[free, :m], forces[free, m:] = K[np.ix_(free, free)], C[np.ix_(free, free)]
         out = np.zeros((2 * m, 2 * m))
         out[:m, m:] = np.eye(m)
-        out[m:] = -np.linalg.solve(dense(KKT), forces)[free]
+        out[m:] = -np.linalg.solve(KKT, forces)[free]
         out[m:, m:] -= self.p.alpha * np.eye(m)
         return out
 

@@ -9,8 +9,9 @@ import numpy as np
 from ..elements.shape import Array
 from ..kernels.bodies import addresses, make_bodies
 from ..kernels.dynamics import Problem
+from ..kernels.tree import entries
 from ..model.groups import damping_times
-from ..model.model import Model
+from ..model.model import Model, Numbering
 from ..model.point_table import point_table, points_of
 from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
@@ -49,13 +50,19 @@ def unknowns_to_coordinates(model: Model) -> csr_matrix:
     return csr_matrix((values, (rows, columns)), shape=(num.n_q, num.n_unknowns))
 
 
-def _band(M: csr_matrix, width: int) -> Array:
-    """Return the lower half of a symmetric matrix as a band."""
+def _mass(M: csr_matrix, num: Numbering) -> dict[str, Array]:
+    """Return the mass matrix as motions keep it (``kernels.symmetric``), and the diagonals of a band."""
     from scipy.sparse import tril
 
-    low, out = tril(M).tocoo(), np.zeros((M.shape[0], width))
+    low = tril(M).tocoo()
+    if num.fronts is not None:
+        out = np.zeros(int(num.fronts.at[-1]))
+        out[entries(num.fronts, low.row, low.col)] = low.data
+        return {"mass": out, **_diagonals(np.zeros((0, 0)))}
+    width = min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
+    out = np.zeros((M.shape[0], width))
     out[low.row, width - 1 + low.col - low.row] = low.data
-    return out
+    return {"mass": out, **_diagonals(out)}
 
 
 def _diagonals(mass: Array) -> dict[str, Array]:
@@ -136,14 +143,13 @@ def _points(model: Model, signals: Signals) -> Any:
 def element_calls(model: Model) -> Any:
     """Return the addresses of the elements' forces that a motion calls (``kernels.bodies.addresses``)."""
     conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
-    return addresses(bool(damping_times(model).any()), conserving)
+    return addresses(bool(damping_times(model).any()), conserving, model.numbering.fronts is not None)
 
 
 def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     """Return the tuple that the kernels of motion take, and its signals."""
     num, signals = model.numbering, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
-    width = min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
     own = num.free < num.n_q
     weights = np.zeros(num.n_unknowns)
     weights[own] = model.weights[num.free[own]]
@@ -151,14 +157,13 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     tau, bodies = damping_times(model), make_bodies(model.groups)
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
-    mass = _band((T.T @ M @ T).tocsr(), width)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
         "calls": element_calls(model),
         "points": _points(model, signals),
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
-        "mass": mass, **_diagonals(mass), "alpha": damping.rayleigh.alpha if damping else 0.0,
+        "fronts": num.fronts, **_mass((T.T @ M @ T).tocsr(), num), "alpha": damping.rayleigh.alpha if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     return Problem(programs=programs(signals.all), **data), signals.all

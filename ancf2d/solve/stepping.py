@@ -64,8 +64,8 @@ class Stepper:
             points=None if problem.points is None else problem.points._replace(mem=problem.points.mem.copy()),
             sliding=None if problem.sliding is None else problem.sliding._replace(
                 memory=problem.sliding.memory.copy()))
-        n, width = problem.mass.shape
-        self.w: Scratch = scratch(n, len(problem.place), width, len(signals))
+        n = len(problem.coordinate)
+        self.w: Scratch = scratch(n, len(problem.place), problem.mass.shape, len(signals))
         self.method = INTEGRATORS[spec.method or DEFAULT]
         self.tolerance = spec.tolerance or 0.0
         self.m = make_method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))

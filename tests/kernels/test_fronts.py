@@ -64,8 +64,10 @@ def test_fronts_solve_and_count_negative_eigenvalues(members, length, size, loop
     # fronts hold every entry
     np.testing.assert_array_equal(dense(target, n), A)
     b, y = rng.normal(size=n), np.empty(n)
-    fronts_product(fronts, target.values, b, y)
+    fronts_product(fronts, target.values, b, y, False)
     np.testing.assert_allclose(y, A @ b, atol=1e-12 * np.abs(A).max() * np.abs(b).max() * size)
+    fronts_product(fronts, target.values, np.abs(b), y, True)
+    np.testing.assert_allclose(y, A @ b + np.abs(A) @ np.abs(b), atol=1e-12 * np.abs(A).max() * np.abs(b).max() * size)
     bad, negative, smallest = fronts_factor(fronts, target.values, 1e-14, np.zeros(n))
     x = b.copy()
     fronts_solve(fronts, target.values, x)
