@@ -17,8 +17,8 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 
 @click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
 @click.argument("name", type=click.Path(), metavar="NAME")
-@click.option("--kind", type=click.Choice(KINDS), show_default=f"NAME where it is one of them, else {KINDS[0]}",
-              help="What to start from.")
+@click.option("--kind", type=click.Choice(KINDS),
+              help=f"What to start from. Default: NAME where it is one of them, else {KINDS[0]}.")
 @force_option
 @debug_option
 @click.pass_obj

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import Result
 from commandline import run_python
@@ -55,6 +56,12 @@ def test_every_command_has_a_module_and_every_command_module_is_listed() -> None
         command = app.get_command(None, name)  # type: ignore[arg-type]
         assert command is not None
         assert command.help
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_default_stands_in_brackets_within_brackets(name: str) -> None:
+    command = app.get_command(None, name)  # type: ignore[arg-type]
+    assert "[default: (" not in " ".join(command.get_help(click.Context(command, info_name=name)).split())
 
 
 def test_completion_names_commands_kinds_and_options() -> None:
