@@ -12,6 +12,8 @@ from ancf2d.results.records import BodyRecord
 DEGREE = 12  # along the element: no basis has a higher power
 STEP = 1e-30  # its square is nothing beside any coordinate
 BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape functions
+# where coordinates are not finite, or next to it, points are not numbers: those who draw leave them out
+_beyond_numbers = np.errstate(over="ignore", invalid="ignore")
 
 
 def _interpolated(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -48,6 +50,7 @@ SECTIONS: dict[str, Callable[[BodyRecord, np.ndarray, np.ndarray], tuple[np.ndar
 }
 
 
+@_beyond_numbers
 def body_faces(body: BodyRecord, e: np.ndarray,
                elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Return points on axis, top (y = h/2) and bottom (y = -h/2) of a body.
@@ -66,6 +69,7 @@ def body_faces(body: BodyRecord, e: np.ndarray,
     return faces
 
 
+@_beyond_numbers
 def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
                elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Return the rates of the points of ``body_faces`` where the nodal coordinates change by v (nq,) per unit."""
@@ -74,6 +78,7 @@ def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
     return {name: values.imag / STEP for name, values in moved.items()}
 
 
+@_beyond_numbers
 def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arclength in [0, 1].
 

@@ -33,6 +33,8 @@ class StateRows:
         """The dataset, known to hold rows that can be read."""
         dataset = self._dataset
         safe.check_numbers(dataset, 2)
+        if dataset.dtype.kind != "f":
+            raise ValueError(f"{dataset.name} has numbers of type {dataset.dtype}, not of floating point")
         if dataset.shape[1] != self._width:
             raise ValueError(f"{dataset.name} has shape {dataset.shape}, not {self._width} numbers in a row")
         if self._width * dataset.dtype.itemsize > safe.MAX_BYTES:

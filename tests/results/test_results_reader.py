@@ -11,13 +11,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from synthetic import HEADER, bent_beam, coordinates, table_file, tangent_body
+from synthetic import BODIES, HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, open_results, part_path
 from ancf2d.results import rows as rows_module
 from ancf2d.results import safe as safe_module
 from ancf2d.results import writer as writer_module
+from ancf2d.results.geometry import axis_values, body_faces, body_rates
 
 
 def everything(path: Path) -> None:
@@ -267,6 +268,38 @@ def test_a_field_with_fewer_rows_than_states_is_damage(tmp_path: Path) -> None:
                      lambda: list(r.field_blocks("beam", "N"))):
             with pytest.raises(ResultsError, match=r"a\.h5' is damaged"):
                 read()
+
+
+@pytest.mark.parametrize("name", ["d", "v"])
+def test_whole_numbers_in_place_of_states_are_damage_that_names_them(tmp_path: Path, name: str) -> None:
+    path = motion(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as f:
+        replaced(f"states/{name}", data=np.ones(f[f"states/{name}"].shape, int))(f)
+    with open_results(path) as r:
+        for read in (getattr(r, name), r.e if name == "d" else r.v):
+            with pytest.raises(ResultsError, match=rf"a\.h5' is damaged .*/states/{name} has numbers of type int64"):
+                read(1)
+
+
+@pytest.mark.parametrize("kind", BODIES)
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 1e308])
+def test_points_beyond_all_numbers_are_silent_and_leave_other_elements(kind: str, value: float) -> None:
+    body, e = BODIES[kind]("beam", 3, 2.0, 0.1), coordinates(kind, np.linspace(0, 2, 4), 0.3)
+    v = np.random.default_rng(0).normal(size=len(e))
+    per_node = len(e) // 4
+    for k in range(per_node):
+        far = e.copy()
+        far[k] = value
+        rates = body_rates(body, far, v)
+        for name, points in body_faces(body, far).items():
+            np.testing.assert_array_equal(points[1:], body_faces(body, e)[name][1:])
+            np.testing.assert_array_equal(rates[name][1:], body_rates(body, e, v)[name][1:])
+        s = np.array([0.1, 0.5, 0.9])
+        np.testing.assert_array_equal(axis_values(body, far, s)[1:], axis_values(body, e, s)[1:])
+        if not np.isfinite(value) and k < 2:
+            assert not np.isfinite(body_faces(body, far)["axis"][0, :, k]).any()
+    # and nothing else is silent afterwards
+    assert np.geterr()["invalid"] == "warn"
 
 
 @pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
