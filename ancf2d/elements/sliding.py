@@ -66,35 +66,29 @@ def point_at(table, i, d):  # type: ignore[no-untyped-def]
     return x, y
 
 
-def axis_of(table, i, d, out):  # type: ignore[no-untyped-def]
-    """Fill the coefficients c_j (elements, 2, terms) of the body's axis at displacements d."""
-    first, shapes, terms = table.element_first[i], table.shapes[i], table.terms[i]
-    for m in range(out.shape[0]):
-        at, coef = table.dof_first[i] + m * shapes, table.coef_first[first + m]
-        for j in range(terms):
-            x, y = 0.0, 0.0
-            for k in range(shapes):
-                a, b = table.dofs[at + k, 0], table.dofs[at + k, 1]
-                s = table.coef[coef + k * terms + j]
-                x += s * (table.e0[a] + d[a])
-                y += s * (table.e0[b] + d[b])
-            out[m, 0, j] = x
-            out[m, 1, j] = y
+def axis_of(table, i, m, d, out):  # type: ignore[no-untyped-def]
+    """Fill the coefficients c_j (2, terms) of the axis of element m at displacements d."""
+    shapes, terms = table.shapes[i], table.terms[i]
+    at, coef = table.dof_first[i] + m * shapes, table.coef_first[table.element_first[i] + m]
+    for j in range(terms):
+        x, y = 0.0, 0.0
+        for k in range(shapes):
+            a, b = table.dofs[at + k, 0], table.dofs[at + k, 1]
+            s = table.coef[coef + k * terms + j]
+            x += s * (table.e0[a] + d[a])
+            y += s * (table.e0[b] + d[b])
+        out[0, j] = x
+        out[1, j] = y
 
 
-def step(axis, x, y, m, z):  # type: ignore[no-untyped-def]
-    """Return (element, z, settled) after Newton's method for the foot point of (x, y) in element m from z.
-
-    Not settled: it lies with a neighbour. At a border the bisector of the two end tangents divides: there both sides
-    have the same distance, also where the axis has a kink, and exactly one of them has the point.
-    """
-    last = axis.shape[2] - 1
+def nearest(axis, x, y, z):  # type: ignore[no-untyped-def]
+    """Return z of the foot point of (x, y) on the axis of an element, by Newton's method from z."""
     for _ in range(50):
         rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(last, -1, -1):
+        for j in range(axis.shape[1] - 1, -1, -1):
             kx, ky = kx * z + 2.0 * tx, ky * z + 2.0 * ty
             tx, ty = tx * z + rx, ty * z + ry
-            rx, ry = rx * z + axis[m, 0, j], ry * z + axis[m, 1, j]
+            rx, ry = rx * z + axis[0, j], ry * z + axis[1, j]
         T = tx * tx + ty * ty
         slope = max(T - kx * (x - rx) - ky * (y - ry), 0.1 * T)
         new = min(max(z + (tx * (x - rx) + ty * (y - ry)) / slope, -REACH), REACH)
@@ -103,31 +97,59 @@ def step(axis, x, y, m, z):  # type: ignore[no-untyped-def]
         # quadratic: the step after this one is round-off
         if moved < 1e-8:
             break
-    if not ((z > 0.0 and m + 1 < axis.shape[0]) or (z < 0.0 and m > 0)):
-        return m, z, True
-    left = m if z > 0.0 else m - 1
+    return z
+
+
+def beyond(one, two, x, y):  # type: ignore[no-untyped-def]
+    """Return whether (x, y) lies beyond the border between an element and the next, by the axes (2, terms) of both.
+
+    The bisector of the two end tangents divides: there both sides have the same distance, also where the axis has a
+    kink, and exactly one of them has the point.
+    """
     rx, ry, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(last, -1, -1):
+    for j in range(one.shape[1] - 1, -1, -1):
         ax, ay = ax + rx, ay + ry
-        rx, ry = rx + axis[left, 0, j], ry + axis[left, 1, j]
+        rx, ry = rx + one[0, j], ry + one[1, j]
         sign = 1.0 if j % 2 == 1 else -1.0
-        bx, by = bx + sign * j * axis[left + 1, 0, j], by + sign * j * axis[left + 1, 1, j]
+        bx, by = bx + sign * j * two[0, j], by + sign * j * two[1, j]
     a, b = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
-    ahead = (x - rx) * (ax / a + bx / b) + (y - ry) * (ay / a + by / b) > 0.0
-    if z > 0.0 and ahead:
-        return m + 1, -1.0, False
-    if z < 0.0 and not ahead:
-        return m - 1, 1.0, False
-    return m, z, True
+    return (x - rx) * (ax / a + bx / b) + (y - ry) * (ay / a + by / b) > 0.0
 
 
-def measure(axis, x, y, m, z):  # type: ignore[no-untyped-def]
-    """Return (g, nx, ny, tx, ty, c) at z of element m: distance, unit normal, r' and n.r''; g nan out of reach."""
+def foot(table, i, d, axes):  # type: ignore[no-untyped-def]
+    """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted.
+
+    ``axes`` (2, 2, terms) to work in.
+    """
+    count, own, other = table.elements[i], axes[0], axes[1]
+    x, y = point_at(table, i, d)
+    m, z = int(table.memory[i, 0]), table.memory[i, 1]
+    axis_of(table, i, m, d, own)
+    for _ in range(2 * count + 2):
+        z = nearest(own, x, y, z)
+        if z > 0.0 and m + 1 < count:
+            axis_of(table, i, m + 1, d, other)
+            if not beyond(own, other, x, y):
+                break
+            m, z = m + 1, -1.0
+        elif z < 0.0 and m > 0:
+            axis_of(table, i, m - 1, d, other)
+            if beyond(other, own, x, y):
+                break
+            m, z = m - 1, 1.0
+        else:
+            break
+        axis_of(table, i, m, d, own)
+    return m, z, measure(own, x, y, z)
+
+
+def measure(axis, x, y, z):  # type: ignore[no-untyped-def]
+    """Return (g, nx, ny, tx, ty, c) at z of an element: distance, unit normal, r' and n.r''; g nan out of reach."""
     rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(axis.shape[2] - 1, -1, -1):
+    for j in range(axis.shape[1] - 1, -1, -1):
         kx, ky = kx * z + 2.0 * tx, ky * z + 2.0 * ty
         tx, ty = tx * z + rx, ty * z + ry
-        rx, ry = rx * z + axis[m, 0, j], ry * z + axis[m, 1, j]
+        rx, ry = rx * z + axis[0, j], ry * z + axis[1, j]
     size = math.sqrt(tx * tx + ty * ty)
     nx, ny = -ty / size, tx / size
     g = nx * (x - rx) + ny * (y - ry)
@@ -171,3 +193,7 @@ def second(g, tx, ty, c, rows, out):  # type: ignore[no-untyped-def]
         for b in range(n):
             out[a, b] = -(rows[1, a] * rows[2, b] + rows[2, a] * rows[1, b] + c / T * rows[1, a] * rows[1, b]
                           + g * rows[2, a] * rows[2, b]) / D
+
+
+# what kernels compile with their callers
+HELPERS = (point_at, axis_of, nearest, beyond, measure)

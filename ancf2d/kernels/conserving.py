@@ -57,11 +57,11 @@ class Conserving(NamedTuple):
 
 
 @inner
-def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
+def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
     if points is not None:
         point_mean_forces(points, d0, d1, v, amps0, amps1, True, Q)
     if sliding is not None:
-        sliding_mean_forces(sliding, d0, d1, v, amps0, amps1, Q)
+        sliding_mean_forces(sliding, d0, d1, mid, Q)
 
 
 @inner
@@ -96,7 +96,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
         add_mass(p, (2.0 / h + p.alpha) / h, w.A)
     else:
         mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
-    _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.Q)
+    _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     to_unknowns(p, w.Q, w.R, False)
     for i in range(n):

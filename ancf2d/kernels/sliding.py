@@ -7,32 +7,26 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
+from numba.extending import register_jitable
 
 from ..elements import sliding
-from .jit import kernel, kernel_with_memory
+from .jit import kernel
 from .matrix import scatter
+from .stack import array, matrices, numbers, vector
 
-_point_at, _axis_of, _step = kernel(sliding.point_at), kernel(sliding.axis_of), kernel(sliding.step)
-_measure, _rows_at, _second = kernel(sliding.measure), kernel(sliding.rows_at), kernel(sliding.second)
+for _helper in sliding.HELPERS:
+    register_jitable(_helper)
+_point_at, _find = kernel(sliding.point_at), kernel(sliding.foot)
+_rows_at, _second = kernel(sliding.rows_at), kernel(sliding.second)
 _END = sliding.END
 # relative motion below this share of the distance from the origin cannot be told from round-off
 _STILL = 1e-7
 
 
-@kernel_with_memory
+@kernel
 def _foot(table, i, d):  # type: ignore[no-untyped-def]
     """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted."""
-    count = table.elements[i]
-    axis = np.zeros((count, 2, table.terms[i]))
-    _axis_of(table, i, d, axis)
-    x, y = _point_at(table, i, d)
-    m, z, settled = int(table.memory[i, 0]), table.memory[i, 1], False
-    tries = 0
-    while not settled and tries < 2 * count + 2:
-        m, z, settled = _step(axis, x, y, m, z)
-        tries += 1
-    return m, z, _measure(axis, x, y, m, z)
+    return _find(table, i, d, matrices(2, 2, table.terms[i]))
 
 
 @kernel
@@ -41,15 +35,13 @@ def _size(table, i):  # type: ignore[no-untyped-def]
     return 2 * (table.points[i] + table.shapes[i])
 
 
-@kernel_with_memory
-def _linearised(table, i, d):  # type: ignore[no-untyped-def]
-    """Return (g, tx, ty, c), coordinates (k + 1,), the multiplier last, and the rows N, A, B (3, k)."""
+@kernel
+def _linearise(table, i, d, dofs, rows):  # type: ignore[no-untyped-def]
+    """Fill coordinates (k + 1,), the multiplier last, and the rows N, A, B (3, k); return (g, tx, ty, c)."""
     m, z, (g, nx, ny, tx, ty, c) = _foot(table, i, d)
-    k = _size(table, i)
-    dofs, rows = np.zeros(k + 1, dtype=np.int64), np.zeros((3, k))
     _rows_at(table, i, m, z, nx, ny, tx, ty, dofs, rows)
-    dofs[k] = table.multiplier[i]
-    return g, tx, ty, c, dofs, rows
+    dofs[rows.shape[1]] = table.multiplier[i]
+    return g, tx, ty, c
 
 
 @kernel
@@ -59,83 +51,111 @@ def _add(table, i, g, dofs, row, multiplier, Q):  # type: ignore[no-untyped-def]
     Q[table.multiplier[i]] += g - table.gap[i]
 
 
-@kernel_with_memory
+@kernel
+def _force(table, i, d, Q):  # type: ignore[no-untyped-def]
+    k = _size(table, i)
+    dofs, rows = numbers(table.dofs, k + 1), array(3, k)
+    g, _, _, _ = _linearise(table, i, d, dofs, rows)
+    _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
+
+
+@kernel
 def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add lambda dg/dq and, at the multipliers, g to Q (n_full,); not a number where a point is off the end."""
     for i in range(len(table.multiplier)):
-        g, _, _, _, dofs, rows = _linearised(table, i, d)
-        _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
+        _force(table, i, d, Q)
 
 
-@kernel_with_memory
+@kernel
+def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    k, multiplier = _size(table, i), d[table.multiplier[i]]
+    dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
+    g, tx, ty, bend = _linearise(table, i, d, dofs, rows)
+    _add(table, i, g, dofs, rows[0], multiplier, Q)
+    _second(g, tx, ty, bend, rows, K)
+    for a in range(k):
+        for b in range(k):
+            K[a, b] *= multiplier
+        K[k, a] = K[a, k] = rows[0, a]
+    scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
+
+
+@kernel
 def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):
-        g, tx, ty, bend, dofs, rows = _linearised(table, i, d)
-        multiplier, k = d[table.multiplier[i]], len(dofs) - 1
-        _add(table, i, g, dofs, rows[0], multiplier, Q)
-        K = np.zeros((k + 1, k + 1))
-        _second(g, tx, ty, bend, rows, K)
-        for a in range(k):
-            for b in range(k):
-                K[a, b] *= multiplier
-            K[k, a] = K[a, k] = rows[0, a]
-        scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
+        _tangent(table, i, d, Q, matrix, place, indptr, index, value)
 
 
-@kernel_with_memory
-def _mean_row(table, i, d0, d1, g0, g1):  # type: ignore[no-untyped-def]
-    """Return coordinates and the discrete gradient G of a step: G.(d1 - d0) = g1 - g0.
+@kernel
+def _mean_row(table, i, d, d0, d1, change, dofs, rows):  # type: ignore[no-untyped-def]
+    """Fill coordinates and, in the first row, the discrete gradient G of a step: G.(d1 - d0) = change of g.
 
-    It is the gradient at the mean configuration, and a force c on the point with its counterpart on the body where the
-    point is: W + (a/|t|) t B are the rows of their relative motion there, a the distance of the point in the mean
+    It is the gradient at the mean configuration d, and a force c on the point with its counterpart on the body where
+    the point is: W + (a/|t|) t B are the rows of their relative motion there, a the distance of the point in the mean
     configuration, the lever of c. Neither part has a resultant or a moment. c is along the relative motion w of the
     step; where there is none, no force can do work.
     """
-    d = 0.5 * (d0 + d1)
-    g, tx, ty, _, dofs, rows = _linearised(table, i, d)
-    T = tx * tx + ty * ty
-    size = math.sqrt(T)
+    g, tx, ty, _ = _linearise(table, i, d, dofs, rows)
+    size = math.sqrt(tx * tx + ty * ty)
     across, along, turned = 0.0, 0.0, 0.0
-    for a in range(len(dofs) - 1):
-        change = d1[dofs[a]] - d0[dofs[a]]
-        across += rows[0, a] * change
-        along += rows[1, a] * change
-        turned += rows[2, a] * change
+    for a in range(rows.shape[1]):
+        moved = d1[dofs[a]] - d0[dofs[a]]
+        across += rows[0, a] * moved
+        along += rows[1, a] * moved
+        turned += rows[2, a] * moved
     along = (along + g * turned) / size
     square = across * across + along * along
     x, y = _point_at(table, i, d)
     still = (_STILL * max(abs(x), abs(y), size))**2
     if square > 0.0:
-        factor = (g1 - g0 - across) / max(square, still)
-        for a in range(len(dofs) - 1):
+        factor = (change - across) / max(square, still)
+        for a in range(rows.shape[1]):
             rows[0, a] += factor * (across * rows[0, a] + along * (rows[1, a] + g * rows[2, a]) / size)
-    return dofs, rows[0]
 
 
-@kernel_with_memory
-def sliding_mean_forces(table, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
-    """Add the forces of a step that keeps energy and momentum: lambda of d1 times the discrete gradient, g at d1."""
+@kernel
+def _mean_force(table, i, d, d0, d1, Q):  # type: ignore[no-untyped-def]
+    k = _size(table, i)
+    dofs, rows = numbers(table.dofs, k + 1), array(3, k)
+    _, _, start = _foot(table, i, d0)
+    _, _, end = _foot(table, i, d1)
+    _mean_row(table, i, d, d0, d1, end[0] - start[0], dofs, rows)
+    _add(table, i, end[0], dofs, rows[0], d1[table.multiplier[i]], Q)
+
+
+@kernel
+def sliding_mean_forces(table, d0, d1, mid, Q):  # type: ignore[no-untyped-def]
+    """Add the forces of a step that keeps energy and momentum: lambda of d1 times the discrete gradient, g at d1.
+
+    ``mid`` (n_full,) to work in.
+    """
+    for k in range(len(mid)):
+        mid[k] = 0.5 * (d0[k] + d1[k])
     for i in range(len(table.multiplier)):
-        _, _, start = _foot(table, i, d0)
-        _, _, end = _foot(table, i, d1)
-        dofs, row = _mean_row(table, i, d0, d1, start[0], end[0])
-        _add(table, i, end[0], dofs, row, d1[table.multiplier[i]], Q)
+        _mean_force(table, i, mid, d0, d1, Q)
 
 
-@kernel_with_memory
+@kernel
+def _constraint_rates(table, i, d, v, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
+    k = _size(table, i)
+    dofs, rows = numbers(table.dofs, k + 1), array(3, k)
+    g, tx, ty, bend = _linearise(table, i, d, dofs, rows)
+    along, turned = 0.0, 0.0
+    for a in range(k):
+        along += rows[1, a] * v[dofs[a]]
+        turned += rows[2, a] * v[dofs[a]]
+    T = tx * tx + ty * ty
+    out_velocity[dofs[k]] = 0.0
+    out_acceleration[dofs[k]] = -(2.0 * along * turned + bend / T * along * along
+                                  + g * turned * turned) / (T - g * bend)
+
+
+@kernel
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
-        g, tx, ty, bend, dofs, rows = _linearised(table, i, d)
-        along, turned = 0.0, 0.0
-        for a in range(len(dofs) - 1):
-            along += rows[1, a] * v[dofs[a]]
-            turned += rows[2, a] * v[dofs[a]]
-        T = tx * tx + ty * ty
-        out_velocity[table.multiplier[i]] = 0.0
-        out_acceleration[table.multiplier[i]] = -(2.0 * along * turned + bend / T * along * along
-                                                  + g * turned * turned) / (T - g * bend)
+        _constraint_rates(table, i, d, v, out_velocity, out_acceleration)
 
 
 @kernel
@@ -169,20 +189,24 @@ def sliding_check(table, d):  # type: ignore[no-untyped-def]
     return -1
 
 
-@kernel_with_memory
+@kernel
+def _noise(table, i, d, out):  # type: ignore[no-untyped-def]
+    k, multiplier = _size(table, i), abs(d[table.multiplier[i]])
+    dofs, rows, H, e = numbers(table.dofs, k + 1), array(3, k), array(k, k), vector(k)
+    g, tx, ty, bend = _linearise(table, i, d, dofs, rows)
+    _second(g, tx, ty, bend, rows, H)
+    for a in range(k):
+        e[a] = abs(table.e0[dofs[a]]) + abs(d[dofs[a]])
+        out[dofs[k]] += abs(rows[0, a]) * e[a]
+    for a in range(k):
+        s = abs(rows[0, a])
+        for b in range(k):
+            s += abs(H[a, b]) * e[b]
+        out[dofs[a]] += multiplier * s
+
+
+@kernel
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
     for i in range(len(table.multiplier)):
-        g, tx, ty, bend, dofs, rows = _linearised(table, i, d)
-        multiplier, k = abs(d[table.multiplier[i]]), len(dofs) - 1
-        H = np.zeros((k, k))
-        _second(g, tx, ty, bend, rows, H)
-        e = np.zeros(k)
-        for a in range(k):
-            e[a] = abs(table.e0[dofs[a]]) + abs(d[dofs[a]])
-            out[dofs[k]] += abs(rows[0, a]) * e[a]
-        for a in range(k):
-            s = abs(rows[0, a])
-            for b in range(k):
-                s += abs(H[a, b]) * e[b]
-            out[dofs[a]] += multiplier * s
+        _noise(table, i, d, out)

@@ -86,21 +86,14 @@ class OnAxis:
         self.label, self.body = point.label, mesh.plan.name
         self.table = _table(point, mesh, s)
         self.dofs: Index = np.unique(np.concatenate([mesh.dofs.ravel(), self.table.point_dofs.ravel()]))
-        self.table.gap[0] = self._foot(np.zeros(len(self.table.e0)))[2]
+        self.table.gap[0] = self._foot(np.zeros(len(self.table.e0)))[2][0]
         self.start = self.table.memory.copy()
 
-    def _foot(self, d: Array) -> tuple[int, float, float, float, float, float, float, float]:
-        """Return (element, z, g, nx, ny, tx, ty, c)."""
-        table = self.table
-        axis = np.zeros((int(table.elements[0]), 2, int(table.terms[0])))
-        sliding.axis_of(table, 0, d, axis)
-        x, y = sliding.point_at(table, 0, d)
-        m, z, settled = int(table.memory[0, 0]), float(table.memory[0, 1]), False
-        for _ in range(2 * len(axis) + 2):
-            m, z, settled = sliding.step(axis, x, y, m, z)
-            if settled:
-                break
-        return m, z, *sliding.measure(axis, x, y, m, z)
+    def _foot(self, d: Array) -> tuple[int, float, tuple[float, ...]]:
+        """Return (element, z, (g, nx, ny, tx, ty, c))."""
+        axes = np.zeros((2, 2, int(self.table.terms[0])))
+        m, z, measured = sliding.foot(self.table, 0, d, axes)
+        return m, float(z), measured
 
     def lost(self) -> ComputationError:
         """Return what to say of a point that is off the end of the body."""
@@ -109,14 +102,14 @@ class OnAxis:
 
     def check(self, d: Array) -> None:
         """Raise ComputationError where the point is off the end of the body at d."""
-        m, z, g, *_ = self._foot(d)
+        m, z, (g, *_) = self._foot(d)
         last = int(self.table.elements[0]) - 1
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
             raise self.lost()
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``; raises ComputationError off the end."""
-        m, z, g, nx, ny, tx, ty, c = self._foot(d)
+        m, z, (g, nx, ny, tx, ty, c) = self._foot(d)
         if math.isnan(g):
             raise self.lost()
         self.table.memory[0] = m, z

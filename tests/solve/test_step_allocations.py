@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
+import helpers as h
 import pytest
-from motions import GRAVITY, OWN, Ride, rigid, rod
+from motions import GRAVITY, OWN, RUBBER, THIN, Ride, rigid, rod
 from numba.core.runtime import _nrt_python, rtsys
+
+from ancf2d.case import schema
+from ancf2d.elements.formulations import FORMULATIONS
 
 DT, FEW, MANY = 1e-3, 30, 60
 SWAY = {"type": "expression", "value": "0.01*sin(20*t)"}
+RISE = {"type": "ramp", "t0": 0, "t1": 0.01}
+WAVE = {"type": "table", "t": [0, 0.01, 0.02], "value": [0, 1, 0.5], "smooth": True}
 SCENES: dict[str, dict[str, Any]] = {
     "pendulum": {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY},
     "shaken, damped, with a rigid end": {
@@ -18,9 +24,48 @@ SCENES: dict[str, dict[str, Any]] = {
         "bc": [{"type": "prescribed", "at": "a@0", "ux": SWAY, "uy": 0}],
         "joints": [{"type": "pin", "between": ["a@1", "b@0"]}],
         "springs": [{"type": "translational", "between": ["b@1", [1.5, 1.0]], "stiffness": 20.0, "damping": 0.5}],
-        "loads": [*GRAVITY, {"type": "moment", "at": "a@1", "value": 0.1}]}}
+        "loads": [*GRAVITY, {"type": "moment", "at": "a@1", "value": 0.1}]},
+    "loaded in every way": {
+        "bodies": {"a": rod("cable"), "b": rod("2d2n", start=(0, 1), end=(1, 1)),
+                   "c": rod("vallejo", start=(0, 2), end=(1, 2))},
+        "bc": [{"type": "clamp", "at": "a@0"}, {"type": "roller", "at": "a@1", "fixed": "y"},
+               {"type": "fix", "at": "b@0", "coordinates": ["x", "y"]},
+               {"type": "prescribed", "at": "c@0", "ux": SWAY, "uy": 0}],
+        "damping": {"rayleigh": {"alpha": 0.1, "beta": 1e-4}},
+        "springs": [{"type": "translational", "between": ["b@1", "c@1"], "stiffness": 20.0, "damping": 0.5},
+                    {"type": "rotational", "between": ["a@0.5", "b@0.5"], "stiffness": 0.1, "damping": 1e-3}],
+        "masses": [{"at": "a@0.5", "mass": 0.2, "inertia": 1e-3}],
+        "loads": [{"type": "gravity", "value": [0, -9.81], "amplitude": {"type": "constant", "scale": 0.5}},
+                  {"type": "force", "at": "b@1", "value": [0, 0.2], "amplitude": {"type": "sine", "frequency": 3}},
+                  {"type": "follower_force", "at": "c@1", "value": [0.1, 0.2], "amplitude": RISE},
+                  {"type": "moment", "at": "a@0.5", "value": 0.1, "amplitude": WAVE},
+                  {"type": "distributed", "on": "b", "value": [0, -1], "follower": True}]},
+    "joined in every way": {
+        "bodies": {"rail": rod("cable", 3, (0, 0), (2, 0)), "bead": rigid([0.55, 0], [0.65, 0], 0.3, 0.01),
+                   "arm": rod("vallejo", 2, (2, 0), (2, 1)), "end": rigid([2, 1], [2, 1.5], 0.2, 0.01)},
+        "bc": [{"type": "pin", "at": "rail@0"}, {"type": "roller", "at": "arm@0.5", "normal": [2, 1]}],
+        "loads": GRAVITY,
+        "joints": [{"type": "prismatic", "point": "bead@0.5", "on": "rail"},
+                   {"type": "weld", "between": ["rail@1", "arm@0"]},
+                   {"type": "pin", "between": ["arm@1", "end@0"]},
+                   {"type": "slider", "at": "end@1", "through": [2, 1.5], "along": [1, 3]}]}}
+
+
+def of_every_formulation(conserving: bool) -> dict[str, Any]:
+    """Return a rod of every formulation side by side, or of those that keep the energy of a step."""
+    bodies = {}
+    for k, (name, formulation) in enumerate(FORMULATIONS.items()):
+        type_ = next(t for t, element in h.TYPES.items() if formulation.refuse(element) is None)
+        if not conserving or formulation.law.mean is not None:
+            bodies[name] = h.body(h.line(1.0, start=(0.0, k)), h.element(type_, 2, name), THIN, RUBBER)
+    return {"bodies": bodies, "bc": [{"type": "pin", "at": f"{name}@0"} for name in bodies], "loads": GRAVITY}
+
+
+SCENES |= {"of every formulation": of_every_formulation(False), "conserving": of_every_formulation(True)}
 # multipliers refuse what damps nothing
-PAIRS = [(s, m) for s in SCENES for m in OWN if m != "newmark" or s == "pendulum"]
+FREE = ("pendulum", "loaded in every way", "of every formulation")
+PAIRS = [(s, m) for s in SCENES for m in OWN if not (m == "newmark" and s not in FREE)
+         and (s != "conserving" or m == "energy_momentum") and (s, m) != ("of every formulation", "energy_momentum")]
 
 
 @pytest.fixture(autouse=True)
@@ -44,3 +89,20 @@ def allocated(scene: dict[str, Any], method: str, steps: int) -> int:
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
 def test_steps_take_no_memory(scene: str, method: str) -> None:
     assert allocated(SCENES[scene], method, MANY) == allocated(SCENES[scene], method, FEW)
+
+
+def types_in(part: Any) -> set[str]:
+    """Return every ``type`` that a part of a case names."""
+    if isinstance(part, list):
+        return {kind for inside in part for kind in types_in(inside)}
+    if not isinstance(part, dict):
+        return set()
+    here = {part["type"]} if "type" in part else set()
+    return here.union(*map(types_in, part.values()))
+
+
+def test_the_scenes_hold_every_kind_that_a_motion_can_hold() -> None:
+    kinds = (schema.Support, schema.Joint, schema.Spring, schema.Load, schema.Amplitude)
+    tags = {kind.tag for union in kinds for kind in get_args(union)}
+    assert not tags - set().union(*map(types_in, SCENES.values()))
+    assert any(scene.get("masses") for scene in SCENES.values())
