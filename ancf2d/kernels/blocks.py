@@ -40,17 +40,42 @@ def size(_, x):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def inverse(_, x):  # type: ignore[no-untyped-def]
-    """Return 1/x; of a complex number without the scaling of sizes near those that overflow."""
+    """Return 1/x; of a complex number whose square is none by way of one that is a power of two smaller or larger."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         one = ir.Constant(ir.DoubleType(), 1.0)
         if not isinstance(signature.args[0], types.Complex):
             return builder.fdiv(one, args[0])
-        real, imag = (builder.extract_value(args[0], k) for k in range(2))
-        over = builder.fdiv(one, builder.fadd(builder.fmul(real, real), builder.fmul(imag, imag)))
-        out = builder.insert_value(args[0], builder.fmul(real, over), 0)
-        return builder.insert_value(out, builder.fmul(builder.fneg(imag), over), 1)
+        parts = [builder.extract_value(args[0], k) for k in range(2)]
+        square, plain = _over_square(builder, parts, one)
+        out = [cgutils.alloca_once_value(builder, v) for v in plain]
+        # its exponent is not from 100 to 1946, of 2047
+        above = builder.sub(builder.bitcast(square, INDEX), ir.Constant(INDEX, 100 << 52))
+        with cgutils.if_unlikely(builder, builder.icmp_unsigned(">", above, ir.Constant(INDEX, 1846 << 52))):
+            scale = _scale(builder, parts)
+            _, scaled = _over_square(builder, [builder.fmul(v, scale) for v in parts], scale)
+            for place, v in zip(out, scaled, strict=True):
+                builder.store(v, place)
+        result = builder.insert_value(args[0], builder.load(out[0]), 0)
+        return builder.insert_value(result, builder.load(out[1]), 1)
 
     return x(x), generate
+
+
+def _over_square(builder: Any, parts: list[Any], factor: Any) -> tuple[Any, list[Any]]:
+    """Return |x|^2, and real and imaginary part of factor/x."""
+    real, imag = parts
+    square = builder.fadd(builder.fmul(real, real), builder.fmul(imag, imag))
+    over = builder.fdiv(factor, square)
+    return square, [builder.fmul(real, over), builder.fmul(builder.fneg(imag), over)]
+
+
+def _scale(builder: Any, parts: list[Any]) -> Any:
+    """Return the power of two, a normal number, that brings the larger part next to one."""
+    exponent, most = ir.Constant(INDEX, 2047 << 52), ir.Constant(INDEX, 2045 << 52)
+    sizes = [builder.and_(builder.bitcast(v, INDEX), exponent) for v in parts]
+    size = builder.select(builder.icmp_unsigned(">", *sizes), *sizes)
+    size = builder.select(builder.icmp_unsigned("<", size, most), size, most)
+    return builder.bitcast(builder.sub(ir.Constant(INDEX, 2046 << 52), size), ir.DoubleType())
 
 
 class _Block:

@@ -67,6 +67,33 @@ def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):
     assert np.linalg.norm(K @ x - b) < 1e-13 * np.linalg.norm(K) * np.linalg.norm(x)
 
 
+@pytest.mark.parametrize("power", [-900, -540, -500, 500, 540, 900])
+@pytest.mark.parametrize("bw", [2, 5, 11])
+def test_complex_matrices_scaled_by_powers_of_two_have_the_same_factors(bw, power):
+    """Also where squares of the pivots are beyond what floating-point numbers hold."""
+    rng = np.random.default_rng(bw)
+    K = random_band(rng, 31, bw, True) + 1j * random_band(rng, 31, bw, False)
+    b = rng.normal(size=31) + 1j * rng.normal(size=31)
+    plain, scaled = lower(K, bw), lower(K, bw) * 2.0**power
+    for A in (plain, scaled):
+        assert ldl_factor(A, 1e-14)[0] == -1
+    np.testing.assert_allclose(scaled[:, :-1], plain[:, :-1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(scaled[:, -1] * 2.0**-power, plain[:, -1], rtol=1e-14)
+    x, y = b.copy(), b * 2.0**power
+    ldl_solve(plain, x)
+    ldl_solve(scaled, y)
+    np.testing.assert_allclose(y, x, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("pivot", [3 + 4j, -1.5 + 0j, 0.7j, 1 - 1e-200j])
+def test_complex_pivots_of_any_size_are_divided_by(pivot):
+    for power in range(-1020, 1021, 8):
+        A, x = np.array([[pivot]]) * 2.0**power, np.array([pivot]) * 2.0**power
+        assert ldl_factor(A, 1e-14)[0] == -1
+        ldl_solve(A, x)
+        assert abs(x[0] - 1.0) < 1e-15
+
+
 KINDS = ("symmetric band", "fronts", "general band", "compressed rows")
 
 
