@@ -8,18 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .blocks import (
-    backward,
-    backward_whole,
-    eliminate,
-    forward,
-    forward_whole,
-    inverse,
-    room,
-    size,
-    take,
-    take_diagonal,
-)
+from .blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
 from .jit import inlined, kernel, kernel_with_memory
 from .stack import numbers
 
@@ -146,75 +135,42 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
     n, w = A.shape
     bw, flat = w - 1, A.reshape(n * w)
-    below, fours = (bw + 3) // 4, n // 4 if bw >= NARROW else 0
-    # four pivots at a time, as long as all blocks below them are whole
-    whole = max(0, fours - below)
-    for p in range(whole):
-        forward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
-    lower_rest(A, flat, x, 4 * whole, n)
+    solve_lower(A, flat, x, n)
     for i in range(n):
         x[i] *= inverse(A[i, bw])
-    upper_rest(A, flat, x, 4 * whole, n)
-    for p in range(whole - 1, -1, -1):
-        backward_whole(flat, 4 * p * w + bw, bw, x, 4 * p, below)
+    solve_upper(A, flat, x, n)
 
 
 @inlined
-def lower_rest(A, flat, x, first, pivots):  # type: ignore[no-untyped-def]
-    """Solve L y = x for the pivots from ``first`` (by four) on, whatever is below them, and take them from all rows."""
+def solve_lower(A, flat, x, pivots):  # type: ignore[no-untyped-def]
+    """Solve L y = x for the first so many pivots, whatever is below them, and take them from all rows."""
     n, w = A.shape
-    bw, k = w - 1, first
-    while bw >= NARROW and k + 4 <= pivots:
-        _forward_rest(A, flat, x, k)
-        k += 4
-    for j in range(k, pivots):
+    bw, last = w - 1, n // 4
+    below, fours = (bw + 3) // 4, pivots // 4 if bw >= NARROW else 0
+    for p in range(fours):
+        k = 4 * p
+        forward(flat, k * w + bw, bw, x, k, min(below, last - 1 - p))
+        # rows that no whole block is left for
+        for i in range(4 * last, min(k + bw + 4, n)):
+            for j in range(max(k, i - bw), k + 4):
+                x[i] -= A[i, bw + j - i] * x[j]
+    for j in range(4 * fours, pivots):
         for i in range(j + 1, min(j + bw, n - 1) + 1):
             x[i] -= A[i, bw + j - i] * x[j]
 
 
 @inlined
-def upper_rest(A, flat, x, first, pivots):  # type: ignore[no-untyped-def]
-    """Solve L^T y = x for the pivots from ``first`` (by four) on, the last first."""
+def solve_upper(A, flat, x, pivots):  # type: ignore[no-untyped-def]
+    """Solve L^T y = x for the first so many pivots, the last first."""
     n, w = A.shape
-    bw = w - 1
-    fours = first + (pivots - first) // 4 * 4 if bw >= NARROW else first
-    for j in range(pivots - 1, fours - 1, -1):
+    bw, last = w - 1, n // 4
+    below, fours = (bw + 3) // 4, pivots // 4 if bw >= NARROW else 0
+    for j in range(pivots - 1, 4 * fours - 1, -1):
         for i in range(min(j + bw, n - 1), j, -1):
             x[j] -= A[i, bw + j - i] * x[i]
-    for k in range(fours - 4, first - 1, -4):
-        _backward_rest(A, flat, x, k)
-
-
-@inlined
-def _forward_rest(A, flat, x, k):  # type: ignore[no-untyped-def]
-    """Solve for x[k:k + 4], and take what they make from those below."""
-    n, w = A.shape
-    bw = w - 1
-    for i in range(k + 1, k + 4):
-        for j in range(k, i):
-            x[i] -= A[i, bw + j - i] * x[j]
-    for i in range(k + 4, min(k + bw + 4, n), 4):
-        if i + 4 <= n:
-            forward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
-        else:
-            for r in range(i, n):
-                for j in range(max(k, r - bw), k + 4):
-                    x[r] -= A[r, bw + j - r] * x[j]
-
-
-@inlined
-def _backward_rest(A, flat, x, k):  # type: ignore[no-untyped-def]
-    """Take from x[k:k + 4] what those below make, the nearest last, and solve for them."""
-    n, w = A.shape
-    bw = w - 1
-    for b in range((min(bw, n - k - 4) + 3) // 4, 0, -1):
-        i = k + 4 * b
-        if i + 4 <= n:
-            backward(flat, i * w + bw + k - i, bw, i - k - bw, x, k, i)
-        else:
-            for r in range(i, n):
-                for j in range(max(k, r - bw), k + 4):
-                    x[j] -= A[r, bw + j - r] * x[r]
-    for i in range(k + 3, k, -1):
-        for j in range(k, i):
-            x[j] -= A[i, bw + j - i] * x[i]
+    for p in range(fours - 1, -1, -1):
+        k = 4 * p
+        for i in range(4 * last, min(k + bw + 4, n)):
+            for j in range(max(k, i - bw), k + 4):
+                x[j] -= A[i, bw + j - i] * x[i]
+        backward(flat, k * w + bw, bw, x, k, min(below, last - 1 - p))

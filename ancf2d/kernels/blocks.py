@@ -202,43 +202,7 @@ take, take_diagonal = _taker(False), _taker(True)
 
 
 @intrinsic
-def forward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
-    """Take from x[i:i + 4] what a block makes of x[k:k + 4]."""
-    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        A, at, bw, outside, x, k, i = args
-        block = _Block(context, builder, signature.args[0], A, at, bw)
-        rows = [block.load(block.row(ir.Constant(INDEX, r))).where(block.inside(outside, r), block.zeros())
-                for r in range(LANES)]
-        target = _data(context, builder, signature.args[4], x, i)
-        v = block.load(target)
-        solved = _numbers(block, _data(context, builder, signature.args[4], x, k))
-        for column, number in zip(transposed(rows), solved, strict=True):
-            v = v.less(column, number)
-        v.store(target)
-        return context.get_dummy_value()
-
-    return types.void(A, _i, _i, _i, x, _i, _i), generate
-
-
-@intrinsic
-def backward(_, A, at, bw, outside, x, k, i):  # type: ignore[no-untyped-def]
-    """Take from x[k:k + 4] what a block, transposed, makes of x[i:i + 4]."""
-    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        A, at, bw, outside, x, k, i = args
-        block = _Block(context, builder, signature.args[0], A, at, bw)
-        target = _data(context, builder, signature.args[4], x, k)
-        v = block.load(target)
-        for r, number in enumerate(_numbers(block, _data(context, builder, signature.args[4], x, i))):
-            row = block.load(block.row(ir.Constant(INDEX, r))).where(block.inside(outside, r), block.zeros())
-            v = v.less(row, number)
-        v.store(target)
-        return context.get_dummy_value()
-
-    return types.void(A, _i, _i, _i, x, _i, _i), generate
-
-
-@intrinsic
-def forward_whole(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
+def forward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
     """Solve for x[k:k + 4], whose first pivot is at entry ``at``; take what they make from so many blocks below."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         A, at, bw, x, k, blocks = args
@@ -262,7 +226,7 @@ def forward_whole(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def backward_whole(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
+def backward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
     """Take from x[k:k + 4] what so many blocks below make, transposed, the nearest last, and solve for them."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         A, at, bw, x, k, blocks = args

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .band import lower_rest, take_out, upper_rest
+from .band import solve_lower, solve_upper, take_out
 from .blocks import inverse, room, size
 from .jit import inner, kernel
 from .lanes import array_at
@@ -100,7 +100,7 @@ def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
         if step < m:
             for k in range(below):
                 own[pivots + k] = 0.0
-            lower_rest(A, flat, own, 0, pivots)
+            solve_lower(A, flat, own, pivots)
             for k in range(below):
                 x[fronts.rows[start + k]] += own[pivots + k]
             for k in range(pivots):
@@ -108,7 +108,7 @@ def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
         else:
             for k in range(below):
                 own[pivots + k] = x[fronts.rows[start + k]]
-            upper_rest(A, flat, own, 0, pivots)
+            solve_upper(A, flat, own, pivots)
         for k in range(pivots):
             x[first + k] = own[k]
 
