@@ -5,7 +5,7 @@ from __future__ import annotations
 import helpers as h
 import numpy as np
 import pytest
-from motions import GRAVITY, orders, ride, rigid
+from motions import GRAVITY, orders, ride, rigid, rod
 from scipy.integrate import solve_ivp
 
 SOFT = {"E": 1e5, "nu": 0.3, "rho": 1000.0}
@@ -106,3 +106,17 @@ def test_without_damping_the_family_is_one_method():
                                    atol=1e-11)
         damped = ride(scene, t_end, method=method, dt=0.01, spectral_radius=0.6).end()
         assert np.abs(damped - plain).max() > 1e-3
+
+
+@pytest.mark.parametrize("method", ["radau5", "radau9"])
+def test_the_error_of_a_step_that_ends_at_round_off_is_that_of_one_that_ends_before(method):
+    ended = 0
+    for E in (2e6, 2e7, 2e8):
+        scene = {"bodies": {"a": rod("vallejo", 12, E=E)}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY,
+                 "initial": {"rotation_rate": {"omega": 3, "about": [0, 0]}}}
+        one, two = (ride(scene, 0.01, method=method, dt=0.01, tight=tight, max_iterations=40) for tight in (0, 1e-17))
+        assert len(one.log) == len(two.log) == 1
+        np.testing.assert_allclose(two.column("error"), one.column("error"), rtol=1e-6)
+        # the increment that no more is made of is not counted
+        ended += (two.stepper.w.history > 0).sum() > two.column("iterations")[0]
+    assert ended > 0
