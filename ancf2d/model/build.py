@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Dynamic, Eigen, GroundPoint, LinearStatic, LoadedCase, Point, Static
+from ..case import Buckling, Case, Dynamic, Eigen, Gravity, GroundPoint, LinearStatic, LoadedCase, Point, Static
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .constraints import Equations
@@ -123,12 +123,12 @@ class _Builder:
         for load in self.case.loads:
             context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), load.amplitude is None)
             LOADS[type(load)](load, context, self.loads)
-            if hasattr(load, "value") and type(load).__name__ == "Gravity":
+            if isinstance(load, Gravity):
                 self._weigh_masses(load.value, context)
 
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.masses]
-            self.loads.patches += centrifugal(self.meshes, masses, self.case.steady_rotation)
+            self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
 
     def _weigh_masses(self, g: tuple[float, float], context: LoadContext) -> None:
         for mass in self.case.masses:
@@ -148,7 +148,7 @@ class _Builder:
             # a static displacement or angle may well begin at a step
             starts = from_reference and (moving or motion.key in ("x", "y"))
             found = [motion.start_problem(self.extent)] if starts else []
-            found += [motion.jump_problem(solver.t_end)] if moving else []
+            found += [motion.jump_problem(solver.t_end)] if isinstance(solver, Dynamic) else []
             for message, expected in filter(None, found):
                 self.report(("boundary_conditions", names.index(motion.owner), motion.key), message, expected)
 

@@ -33,12 +33,12 @@ class Piece:
         """Reference length of one element."""
         return self.length / self.count
 
-    def position(self, s: float | Array) -> tuple[Array, Array]:
+    def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
         """Return points (..., 2) and tangent angles (...) at arclength s from the piece's start."""
-        s = np.asarray(s, dtype=float)
-        theta = self.angle + self.kappa * s
-        chord = s * np.sinc(0.5 * self.kappa * s / np.pi)
-        middle = self.angle + 0.5 * self.kappa * s
+        way: Array = np.asarray(s, dtype=float)
+        theta = self.angle + self.kappa * way
+        chord = way * np.sinc(0.5 * self.kappa * way / np.pi)
+        middle = self.angle + 0.5 * self.kappa * way
         x = self.start[0] + chord * np.cos(middle)
         y = self.start[1] + chord * np.sin(middle)
         return np.stack([x, y], axis=-1), theta
@@ -52,7 +52,7 @@ class Piece:
         elif j == 1:
             z = 1j * turn**i * tangent
         else:
-            z = 0.0 * tangent
+            z = np.zeros_like(tangent)
         return np.stack([z.real, z.imag], axis=-1)
 
 
@@ -92,9 +92,9 @@ def _straight_pieces(points: list[tuple[float, float]], count: int) -> tuple[Pie
 def pieces_of(geometry: Line | Arc | Polyline, count: int) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all."""
     if isinstance(geometry, Line):
-        return _straight_pieces([tuple(geometry.start), tuple(geometry.end)], count)
+        return _straight_pieces([geometry.start, geometry.end], count)
     if isinstance(geometry, Polyline):
-        return _straight_pieces([tuple(p) for p in geometry.points], count)
+        return _straight_pieces(list(geometry.points), count)
     sweep = geometry.to - geometry.from_
     sign = math.copysign(1.0, sweep)
     start = (geometry.center[0] + geometry.radius * math.cos(geometry.from_),

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from .constraints import Row
+from .mesh import Index
 
 
 @dataclass
@@ -88,7 +89,7 @@ def inconsistent(elimination: Elimination, rows: list[Row], times: Array) -> lis
     return bad
 
 
-def as_columns(elimination: Elimination, index: np.ndarray) -> tuple[Array, Array, Array]:
+def as_columns(elimination: Elimination, index: np.ndarray) -> tuple[Index, Index, Array]:
     """Return (indptr, index, value) of the dependents, in sorted order, with unknown numbers from ``index``."""
     indptr, columns, values = [0], [], []
     for coord in sorted(elimination.dependents):

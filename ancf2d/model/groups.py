@@ -13,7 +13,7 @@ from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
 from ..kernels.laws import law_address
 from ..kernels.tangents import fill_products
-from .mesh import BodyMesh, ElementClass
+from .mesh import BodyMesh, ElementClass, Index
 from .model import Model
 from .translations import first_and_others, following, made
 
@@ -78,12 +78,12 @@ def _classes(pool: list[BodyMesh]) -> dict[Any, ElementClass]:
     return out
 
 
-def _joined(parts: list[Array]) -> Array:
+def _joined(parts: list[Any]) -> Any:
     dtype = np.float64 if parts[0].dtype.kind == "f" else np.int64
     return np.ascontiguousarray(np.concatenate(parts) if len(parts) > 1 else parts[0], dtype=dtype)
 
 
-def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Array, Array, Array]:
+def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:
     """Return blocks, pairs and entries of ``kernels.lanes.Plan``: one block, or one for each pair of components."""
     nu = B.shape[2]
     component = np.array([_component(B[:, :, i], nc) for i in range(nu)])
@@ -91,7 +91,9 @@ def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Array, A
     kinds = [frozenset({p, q}) for p in range(nc) for q in range(p, nc)]
     if len(pairs) * B.shape[1] * len(entries) <= WHOLE:
         return np.array([[0, len(pairs), 0, len(entries)]]), np.array(pairs), np.array(entries)
-    blocks, some, ordered = [], [], []
+    blocks: list[list[int]] = []
+    some: list[tuple[int, int]] = []
+    ordered: list[tuple[int, int]] = []
     for kind in kinds:
         fields = [(i, j) for i, j in pairs if {component[i], component[j]} == kind]
         places = [(a, b) for a, b in entries if {a % nc, b % nc} == kind]
@@ -108,7 +110,7 @@ def _component(rows: Array, nc: int) -> int:
     return found
 
 
-def _parts(stations: int, blocks: Array) -> int:
+def _parts(stations: int, blocks: Index) -> int:
     """Return into how many parts stations are cut: each fits the lanes and one processor."""
     together = min(LANES, max(1, ALONE // int(np.max(blocks[:, 1] * blocks[:, 3]))))
     return -(-stations // together)
@@ -126,7 +128,7 @@ def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
     return np.ascontiguousarray(np.moveaxis(x, 1, axis))
 
 
-def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: Array, rules: Array) -> Plan:
+def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: Index, rules: Index) -> Plan:
     nu, S, n = law.B.shape[1:]
     ns = law.D.shape[1]
     points = nu // law.fields
@@ -144,7 +146,7 @@ def _plan(law: Law, parts: int, nc: int, blocks: Array, pairs: Array, entries: A
     return plan
 
 
-def _vectors(law: Law, nc: int) -> Array:
+def _vectors(law: Law, nc: int) -> Index:
     """Return the fields (v, 2) that are x and y of a vector: the same functions of the x and of the y coordinates."""
     x, y = law.B[..., 0::nc], law.B[..., 1::nc]
     left, found = set(range(law.B.shape[1])), []

@@ -45,7 +45,7 @@ class JointContext:
         """Return points that coincide in the reference. Raises JointError where they do not."""
         points = [self.point(p) for p in between]
         x, *others = (self.place(p) for p in points)
-        problems = []
+        problems: list[tuple[tuple[str | int, ...], str, str]] = []
         for k, r in enumerate(others, start=1):
             gap = float(np.hypot(*(r - x)))
             if gap > GAP * self.extent:
@@ -90,6 +90,7 @@ def share_all(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
     nc, beta = element.components, a.angle - b.angle
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
     da, db = a.dofs(), b.dofs()
+    assert a.node is not None
     names = [n for n in element.nodes[a.node].coordinates if n != "theta"]
     for k, name in enumerate(names):
         turn = name != "r"

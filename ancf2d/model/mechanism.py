@@ -91,7 +91,8 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
     # reduced row echelon form: one body's motion at a time, as far as they are independent
     null = null.copy()
     for k in range(len(null)):
-        p, c = np.unravel_index(np.argmax(np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()), null[k:].shape)
+        large = np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()
+        p, c = map(int, np.unravel_index(np.argmax(large), large.shape))
         null[[k, k + p]] = null[[k + p, k]]
         null[k] /= null[k, c]
         others = (np.arange(len(null)) != k) & (null[:, c] != 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
@@ -122,7 +123,7 @@ class BodyMesh:
                 offset += nc
         return out
 
-    def tile(self, pattern: list[float]) -> Array:
+    def tile(self, pattern: Sequence[float]) -> Array:
         """Repeat a value per element coordinate over the body's coordinates (n_dofs,), shared nodes once."""
         parts = []
         for piece in self.plan.pieces:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -104,12 +105,12 @@ def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
     return formulation
 
 
-def _rule(chosen: object, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
+def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
     if isinstance(chosen, Selective):
         if not formulation.selective:
             raise RefusedError(("element", "quadrature"),
                                f"formulation {formulation.name} has one rule for all strains", "[nx, ny]")
-        return Rule(tuple(chosen.normal), tuple(chosen.shear))
+        return Rule(chosen.normal, chosen.shear)
     if chosen == "exact":
         rule = formulation.exact(element)
         if rule is None or curved:
@@ -118,7 +119,8 @@ def _rule(chosen: object, element: ElementType, formulation: Formulation, curved
         return Rule(rule, rule)
     if chosen is None:
         chosen = element.quadrature.get(formulation.name, formulation.rule(element))
-    return Rule(tuple(chosen), tuple(chosen))
+    nx, ny = chosen
+    return Rule((nx, ny), (nx, ny))
 
 
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None) -> BodyPlan:
@@ -132,11 +134,13 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
         raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
+    # a flexible body without one is refused
+    assert spec.count is not None
     pieces = pieces_of(body.geometry, spec.count)
     curved = any(p.kappa != 0.0 for p in pieces)
     own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
-    k = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
+    k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from ..errors import ComputationError
 from .breakpoints import jumps
@@ -53,7 +54,8 @@ class Motion:
 
 def motions(equations: Equations) -> Iterator[Motion]:
     """Yield the prescribed motions among the equations of supports."""
-    for item in (*equations.rows, *equations.constraints):
+    items: list[Any] = [*equations.rows, *equations.constraints]
+    for item in items:
         course = getattr(item, "signal", None)
         if course is not None and item.holds in _KEYS:
             yield Motion(item.owner, _KEYS[item.holds], course)

@@ -55,6 +55,10 @@ def _resolved(body: Body, element: ElementType, formulation: Formulation, k: str
     if isinstance(body.section, Stiffness):
         return _from_stiffness(body.section, element, formulation)
     material = body.material
+    # a case without them is refused
+    assert material is not None
+    assert material.E is not None
+    assert body.section is not None
     E, nu = material.E, material.nu or 0.0
     k_s = shear_factor(k, element, nu)
     if isinstance(body.section, Rectangle):

@@ -7,7 +7,7 @@ import numpy as np
 from ..case import Mass, SteadyRotation
 from ..elements.shape import Array
 from .masses import mass_terms
-from .mesh import BodyMesh, mass_matrix
+from .mesh import BodyMesh, Index, mass_matrix
 from .points import PointRef
 
 
@@ -20,7 +20,7 @@ class CentrifugalPatch:
 
     symmetric = True
 
-    def __init__(self, dofs: Array, M: Array, centre: Array, omega: float) -> None:
+    def __init__(self, dofs: Index, M: Array, centre: Array, omega: float) -> None:
         self.dofs, self.M, self.centre, self.omega2 = dofs, M, centre, omega * omega
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:

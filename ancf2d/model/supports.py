@@ -7,7 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from ..case import Clamp, Fix, Pin, Prescribed, Roller
+from ..elements.shape import Array
 from .constraints import Equations, Row, along, combine, hold_rotation, prescribe_rotation
+from .mesh import Index
 from .points import PointRef
 from .timing import Timing
 
@@ -36,7 +38,7 @@ def _roller(support: Roller, point: PointRef, owner: str, timing: Timing, out: E
         length = math.hypot(nx, ny)
         coords, coefs = along(columns, nx / length, ny / length)
         out.rows.append(Row(coords, coefs, owner, f"position along ({nx:g}, {ny:g})"))
-    else:
+    elif support.fixed is not None:
         out.rows.append(Row(*combine((1.0, columns["xy".index(support.fixed)])), owner, support.fixed))
 
 
@@ -69,7 +71,7 @@ def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equ
             out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("ry_x", "ry_y"), strict=True)]
 
 
-def _single(dof: int) -> Any:
+def _single(dof: int) -> tuple[Index, Array]:
     import numpy as np
 
     return np.array([dof], dtype=np.int64), np.ones(1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements.shape import Array
+from .mesh import Index
 
 Pair = tuple[int, int]
 
@@ -25,7 +25,7 @@ def made(n: int, first: list[int]) -> list[Pair]:
     return [(a, b) for a in range(n) for b in range(a + 1) if a not in first and b not in first]
 
 
-def following(n: int, nc: int, positions: list[int], entries: Array) -> tuple[list[Pair], Array]:
+def following(n: int, nc: int, positions: list[int], entries: Index) -> tuple[list[Pair], Index]:
     """Return the entries that follow from those that are made (m, 2), and ``following`` of ``kernels.lanes.Plan``.
 
     Where there are just two positions nothing is summed up, and nothing rounded.

@@ -40,7 +40,7 @@ def stored_times(model: Model, spec: Dynamic) -> Array:
     """Return the times of the states to be stored: the start, every ``interval`` (1/200 of the whole), the end."""
     interval = model.case.output.interval or spec.t_end / STATES
     count = int(np.floor(spec.t_end / interval * (1.0 + 1e-12)))
-    times = interval * np.arange(1, count + 1)
+    times = interval * np.arange(1, count + 1, dtype=float)
     return times[times < spec.t_end * (1.0 - 1e-12)]
 
 
@@ -155,6 +155,7 @@ class Run:
         state = self._state(self.stepper.last(), inside=False)
         state.last = True
         numbers = self.stepper.s.numbers
+        assert state.v is not None
         px, py, h = self.balance.energies.momentum(state.d, state.v)
         state.report = {
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),

@@ -11,6 +11,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.motion import COUNT
+from ..model.mesh import Index
 from ..model.points import PointRef
 from .stepping import Stepper
 
@@ -54,7 +55,8 @@ class Estimate:
         """Return the motion with longer steps."""
         run, times = self.run, self.run.times
         if run.stepper.every:
-            times = np.arange(1, int(run.spec.t_end / run.stepper.dt) + 1) * run.stepper.dt * run.stepper.every
+            numbers = np.arange(1, int(run.spec.t_end / run.stepper.dt) + 1, dtype=float)
+            times = numbers * run.stepper.dt * run.stepper.every
             times = times[times < run.spec.t_end * (1.0 - 1e-12)]
         spec = run.spec if run.stepper.dt > 0.0 else replace(run.spec, tolerance=factor * run.stepper.tolerance)
         return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, times)
@@ -153,7 +155,7 @@ class Estimate:
         """Return everything that the estimate goes on from."""
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
         for k, stepper in enumerate(self.coarse):
-            out.update({f"coarse{k}_{name}": value for name, value in stepper.checkpoint().items()})
+            out.update({f"coarse{k}_{name}": value for name, value in stepper.kept().items()})
             out[f"coarse{k}_queue"] = np.array([[r.t, *r.z, *r.v, *r.a] for r in self.queues[k]])
         return out
 
@@ -167,15 +169,15 @@ class Estimate:
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
             n = len(stepper.s.z)
             queue = kept[head + "queue"].reshape(-1, 1 + 3 * n)
-            self.queues[k] = [Row(float(r[0]), *(r[1 + i * n:1 + (i + 1) * n].copy() for i in range(3)), 0.0, 0.0,
-                                  np.zeros((0, 0))) for r in queue]
+            self.queues[k] = [Row(float(r[0]), r[1:1 + n].copy(), r[1 + n:1 + 2 * n].copy(), r[1 + 2 * n:].copy(),
+                                  0.0, 0.0, np.zeros((0, 0))) for r in queue]
 
 
-def _rows(point: PointRef) -> list[tuple[Array, Array]]:
+def _rows(point: PointRef) -> list[tuple[Index, Array]]:
     return point.position()
 
 
-def _nodes(run: Run) -> list[list[tuple[Array, Array]]]:
+def _nodes(run: Run) -> list[list[tuple[Index, Array]]]:
     """Return x and y of every node."""
     x = run.balance.energies.kinds.place
     one = np.ones(1)

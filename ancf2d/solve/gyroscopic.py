@@ -143,6 +143,7 @@ def solve_turning(model: Model, spec: Eigen) -> Iterator[State]:
     base = equilibrium(model)
     state, model = base.state, base.model
     pencil = Pencil(model, state.d, state.t, loads=True).with_mass()
+    assert model.case.steady_rotation is not None
     pairs = gyroscopic_pairs(pencil, Gyroscope(model, model.case.steady_rotation.omega), spec.modes)
     shapes = full_shapes(model, np.array([pairs.shape(k, pencil) for k in range(len(pairs.s))]))
     classifier = Classifier(model, state.d)

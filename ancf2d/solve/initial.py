@@ -71,7 +71,8 @@ def static_case(case: Case) -> Case:
         if not isinstance(support, Prescribed):
             return support
         given = {k: getattr(support, k) for k in ("x", "y", "ux", "uy", "angle")}
-        return replace(support, **{k: float(s.value(0.0)) for k, s in given.items() if hasattr(s, "value")})
+        changes: dict[str, Any] = {k: float(s.value(0.0)) for k, s in given.items() if hasattr(s, "value")}
+        return replace(support, **changes)
 
     return replace(case, loads=tuple(scaled(load) for load in case.loads), initial=None, damping=None,
                    boundary_conditions=tuple(held(s) for s in case.boundary_conditions), solver=Static())

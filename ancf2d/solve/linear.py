@@ -14,6 +14,7 @@ from ..kernels.mass import band_product
 from ..kernels.matrix import Band, Csr, Nested, SymBand
 from ..kernels.tree import Fronts, entries
 from ..model.fronts import make_fronts
+from ..model.mesh import Index
 from ..model.model import Model, Numbering
 
 # a pivot below this share of the terms it is the difference of is round-off
@@ -283,7 +284,7 @@ def _pattern(model: Model) -> tuple[Array, Array]:
     return np.concatenate(rows), np.concatenate(columns)
 
 
-def _terms(num: Numbering, i: int) -> Array:
+def _terms(num: Numbering, i: int) -> Index:
     if i >= -1:
         return np.array([i] if i >= 0 else [], dtype=np.int64)
     return num.index[num.indptr[-2 - i]:num.indptr[-1 - i]]

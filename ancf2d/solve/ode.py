@@ -160,7 +160,7 @@ class OdeStepper(Stepper):
             raise self._stuck(message)
         h, evaluations = solver.t - t, solver.nfev - evaluations
         inside = self._inside(t, solver.t)
-        path = solver.dense_output() if self.tracks or len(inside) else None
+        path: Any = solver.dense_output() if self.tracks or len(inside) else None
         error = self._local_error(h)
         states = [(x, path(x), self._work(path, t, x)) for x in inside]
         self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
@@ -225,7 +225,8 @@ class OdeStepper(Stepper):
         at = self.inner
         place(at, self.free, y)
         accelerations(self.p, self.w, self.factors, at, t)
-        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), *work.tolist(),
+        done, lost = work.tolist()
+        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), done, lost,
                          np.array(self.log).reshape(-1, len(LOG))))
         self.log = []
 
@@ -251,10 +252,8 @@ class OdeStepper(Stepper):
     # ------------------------------------------------------------------ going on later
 
     def checkpoint(self) -> dict[str, Array] | None:
-        """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
-        if not self.scheme.keeps:
-            return None
-        return {**super().checkpoint(), "scale": self.scale.copy()}
+        """Return everything that the motion goes on from, where SciPy's method allows that."""
+        return {**self.kept(), "scale": self.scale.copy()} if self.scheme.keeps else None
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..case import Case
 from ..elements.shape import Array
 from ..model.mechanism import rigid_motion
+from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
@@ -135,7 +137,8 @@ def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
     return lam / sizes, R
 
 
-def _sparse_least_squares(data: Array, index: Array, owner: Array, shape: tuple[int, int], b: Array) -> Array:
+def _sparse_least_squares(data: Array, index: Index, owner: NDArray[np.integer], shape: tuple[int, int],
+                          b: Array) -> Array:
     from scipy.sparse import csr_matrix
     from scipy.sparse.linalg import lsmr
 

@@ -11,6 +11,7 @@ from ..kernels.bodies import addresses, make_bodies
 from ..kernels.dynamics import Problem
 from ..kernels.tree import entries
 from ..model.groups import damping_times
+from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.point_table import point_table, points_of
 from ..model.signals import Signal, programs
@@ -84,7 +85,7 @@ def _loads(model: Model, signals: Signals) -> dict[str, Array]:
         varies.append(np.full(len(load.dofs), not is_constant(load.amplitude)))
     empty = np.zeros(0)
 
-    def joined(parts: list[Array], kind: Any) -> Array:
+    def joined(parts: list[Any], kind: Any) -> Any:
         return np.concatenate([empty, *parts]).astype(kind)
     return {"load_coord": joined(coord, np.int64), "load_value": joined(value, float),
             "load_signal": joined(row, np.int64), "load_varies": joined(varies, bool)}
@@ -107,9 +108,9 @@ def _motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> di
             "motion_mutual": (P.T @ M @ P).toarray()}
 
 
-def _pairs(model: Model) -> tuple[Array, Array]:
+def _pairs(model: Model) -> tuple[Index, Index]:
     """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that tell how it turns."""
-    pairs: dict[tuple[int, int], Array] = {}
+    pairs: dict[tuple[int, int], Index] = {}
     place = model.numbering.place
     for mesh in model.meshes.values():
         element, nc = mesh.plan.element, mesh.plan.element.components

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -170,7 +171,7 @@ def has_converged(increments: list[float], size: float, tolerance: float) -> boo
     return contraction < 0.5 and last * contraction <= tolerance * size
 
 
-def check_divergence(increments: list[float], extent: float, at: dict[str, str], residuals: list[float]) -> None:
+def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
     """Raise ComputationError where increments grow or exceed every scale of the model."""
     grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
     if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -199,8 +200,9 @@ class Stepper:
         for k in range(stored):
             last = len(self.pending) + int(self.rows.number[k]) + 1
             last = max(min(last, len(log)), first)
+            work, lost = self.rows.work[k].tolist()
             found.append(Row(float(self.rows.t[k]), self.rows.z[k].copy(), self.rows.v[k].copy(),
-                             self.rows.a[k].copy(), *self.rows.work[k].tolist(), log[first:last]))
+                             self.rows.a[k].copy(), work, lost, log[first:last]))
             first = last
         self.pending = log[first:]
         self.next_wanted += stored if not self.every else 0
@@ -237,8 +239,12 @@ class Stepper:
 
     # ------------------------------------------------------------------ going on later
 
-    def checkpoint(self) -> dict[str, Array]:
-        """Return everything that the motion goes on from."""
+    def checkpoint(self) -> dict[str, Array] | None:
+        """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
+        return self.kept()
+
+    def kept(self) -> dict[str, Array]:
+        """Return what is kept of a motion, whatever its method."""
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s, strict=True)}
         out["log"] = np.array(self.pending)
         out["places"] = np.array([self.next_wanted, self.next_break, self.every])
@@ -282,7 +288,8 @@ class Stepper:
     def _failure(self, outcome: int) -> ComputationError:
         """Return what to say of a step that could not be made."""
         h = float(self.s.numbers[STEP_SIZE])
-        at = {"t": float(f"{self.t:.9g}"), "step": int(self.s.numbers[COUNT]) + 1, "dt": float(f"{h:.3g}")}
+        at: dict[str, Any] = {"t": float(f"{self.t:.9g}"), "step": int(self.s.numbers[COUNT]) + 1,
+                              "dt": float(f"{h:.3g}")}
         # steps end by round-off beside a time from which on there is no value
         self._check_signals(self.t + max(h, 1e-6 * self.spec.t_end))
         self._check_joints()

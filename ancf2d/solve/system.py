@@ -12,6 +12,7 @@ from ..errors import ComputationError
 from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
+from ..model.mesh import Index
 from ..model.model import Model
 from .crew import Crew
 from .linear import Pivots, make_matrix
@@ -53,10 +54,10 @@ class System:
             self._dead[1].flags.writeable = False
         return self._dead[1]
 
-    def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Array]]:
+    def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Index]]:
         """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
         model, n_q = self.model, self.model.n_q
-        out: list[tuple[float, Array, Array, Array]] = []
+        out: list[tuple[float, Array, Array, Index]] = []
         if not (model.springs or model.loads.patches or model.constraints):
             return out
         e = model.e0 + d[:n_q]

@@ -6,7 +6,7 @@ import itertools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, cast
 
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
@@ -31,7 +31,8 @@ class Steps:
 
 def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
     """Return a case of a motion that takes fixed steps ``dt``, or adaptive ones under a ``tolerance``."""
-    solver = replace(loaded.case.solver, **{"dt": None, "tolerance": None, key: value})
+    changes: dict[str, Any] = {"dt": None, "tolerance": None, key: value}
+    solver: Any = replace(cast(Dynamic, loaded.case.solver), **changes)
     return replace(loaded, case=replace(loaded.case, solver=solver))
 
 
@@ -181,7 +182,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
 
 def _values(steps: Steps | None) -> list[float | None]:
     """Return the time steps, coarse to fine; one None for those of the case."""
-    return [None] if steps is None else sorted(set(steps.values), reverse=True)
+    return [None] if steps is None else [*sorted(set(steps.values), reverse=True)]
 
 
 def meshes_of(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, int]], list[str]]:

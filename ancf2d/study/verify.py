@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from ..case import LoadedCase
+from ..case import Eigen, LoadedCase
 from ..elements.shape import Array
 from ..model.build import build_model
 from ..model.model import Model
@@ -50,7 +50,8 @@ class Fields:
     def _places(self, name: str) -> list[tuple[Array, int, Array]]:
         """Return (fine elements, class, table) that lie alike in the model's elements, and in which element each."""
         coarse, fine = self.model.meshes[name], self.fine.meshes[name]
-        x, found, first = self.finer[name][0].xi, {}, fine.piece_first
+        x, first = self.finer[name][0].xi, fine.piece_first
+        found: dict[tuple[int, float, float], list[tuple[int, int]]] = {}
         for ie in range(fine.plan.count):
             k = int(np.searchsorted(first, ie, side="right")) - 1
             piece = fine.plan.pieces[k]
@@ -84,7 +85,7 @@ def verified(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
     for state in states:
         entries: list[dict[str, Any]] = state.report["frequencies"]
         fine = build_model(refined(loaded))
-        found = list(solve_eigen(fine, replace(loaded.case.solver, modes=2 * len(entries) + MORE)))[-1]
+        found = list(solve_eigen(fine, replace(cast(Eigen, loaded.case.solver), modes=2 * len(entries) + MORE)))[-1]
         ours, theirs = Fields(model, fine), Fields(fine, fine)
         others = np.array([theirs(v) for v in found.arrays["modes/shapes"][0]])
         omegas = np.array([f["omega"] for f in found.report["frequencies"]])
