@@ -54,7 +54,7 @@ def _reduced(basis: NDArray) -> NDArray:
     """
     rows = basis.reshape(len(basis), -1).copy()
     for k in range(len(rows)):
-        p, c = np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape)
+        p, c = map(int, np.unravel_index(np.argmax(np.abs(rows[k:])), rows[k:].shape))
         rows[[k, k + p]] = rows[[k + p, k]]
         if abs(rows[k, c]) < 1e-12:
             raise UnsolvableBasisError("the basis functions are not independent")

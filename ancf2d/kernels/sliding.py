@@ -1,6 +1,7 @@
 """Prismatic joints: a point stays on the axis of a deformed body. Formulas and table: elements.sliding.
 
-Signatures are those of kernels.points; rates and signals that a joint does not need are there for that alone.
+Signatures are those of kernels.points; rates and signals that a joint does not need are there for that alone. Forces of
+a step need no signals, and room for the configuration in its middle.
 """
 
 from __future__ import annotations
