@@ -8,7 +8,9 @@ import numpy as np
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
-NUMBERS = 13
+# of a tangent that serves several steps: its time, their length (0: none), how many, what it and they cost
+HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
+NUMBERS = 17
 
 # what a step answers
 DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)

@@ -15,23 +15,11 @@ import numpy as np
 
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import (
-    at_floor,
-    directions,
-    factor,
-    forces,
-    forces_tangent,
-    norm,
-    remember,
-    residual,
-    solve_with,
-    to_full,
-    turned,
-    violation,
-)
+from .dynamics import at_floor, forces, norm, remember, residual, solve_with, to_full, violation
+from .held import count, place, tangent, turn, turns
 from .jit import inlined, inner
 from .lanes import array_at
-from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
+from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 from .stages import TILE, combine, combine_all, separate, unite
 from .symmetric import mass_product
 
@@ -44,7 +32,9 @@ class Radau(NamedTuple):
     of the error estimate; tolerance of Newton's increments; order of the error in h; basis of the interpolation;
     multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B,
     C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors
-    have turned at a stage since the one that the tangent is of; F (s, s), rows (s, TILE) to work in.
+    have turned at a stage since the tangent's state; held (3,) : time and length of the step that the factors are of,
+    and iterations of this one; facing (2, pairs) : directions of the vectors at the tangent's state; full : a tangent
+    for every step; F (s, s), rows (s, TILE) to work in.
     """
 
     c: Any
@@ -57,6 +47,7 @@ class Radau(NamedTuple):
     gamma: float
     tolerance: float
     max_iterations: int
+    full: bool
     damped: bool
     order: int
     basis: Any
@@ -74,6 +65,8 @@ class Radau(NamedTuple):
     amps: Any
     cosine: Any
     sine: Any
+    held: Any
+    facing: Any
     F: Any
     rows: Any
 
@@ -98,7 +91,7 @@ def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
                 if q != j:
                     f *= (x - m.c[q]) / (m.c[j] - m.c[q])
             m.F[i, j] = f
-    combine_all(m.F, s.extra, m.X)
+    combine_all(m.F, array_at(s.extra, 0, (stages, n)), m.X)
     for i in range(stages):
         x = 1.0 + m.c[i] * h / old
         for k in range(n):
@@ -135,73 +128,12 @@ def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
             m.V[i, k] = m.A[i, k] = 0.0
 
 
-@inner
-def _place(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Fill m.y with the unknowns at stage i, and the signals there."""
-    for k in range(len(m.y)):
-        m.y[k] = s.z[k] * p.coordinate[k] + m.X[i, k]
-    copy_rows(m.amps[i], w.amps)
-
-
-@inlined
-def _turns(m, p, w, s):  # type: ignore[no-untyped-def]
-    """Fill how the vectors of all pairs stand at the stages, beside the middle one."""
-    stages, middle = len(m.c), len(m.c) // 2
-    for i in range(stages):
-        _place(m, p, w, s, i)
-        to_full(p, m.y, w.amps, 0, w.d)
-        directions(p, w.d, m.cosine[i], m.sine[i])
-    for k in range(m.sine.shape[1]):
-        x, y = m.cosine[middle, k], m.sine[middle, k]
-        for i in range(stages):
-            m.cosine[i, k], m.sine[i, k] = turned(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
-
-
-@inner
-def _turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
-    """Turn the vectors in x (n,) from the middle stage to stage i (sense 1) or back (-1)."""
-    for k in range(len(p.pairs)):
-        a, b = p.pairs[k, 0], p.pairs[k, 1]
-        c, s = m.cosine[i, k], sense * m.sine[i, k]
-        x[a], x[b] = c * x[a] - s * x[b], s * x[a] + c * x[b]
-
-
-@inlined
-def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Factor the real and the complex bands with the tangent at the middle stage; return whether they could be."""
-    middle, size = len(m.c) // 2, w.A.size
-    A, B, M = array_at(w.A, 0, (size,)), array_at(m.B, 0, (size,)), array_at(p.mass, 0, (size,))
-    _place(m, p, w, s, middle)
-    if m.damped:
-        forces_tangent(p, w, m.y, m.V[middle], 1.0)
-        copy(A, B)
-    forces_tangent(p, w, m.y, m.V[middle], 0.0)
-    for k in range(len(m.mus)):
-        f = m.mus[k] / h
-        g = f * (f + p.alpha)
-        C, real, imag = array_at(m.C, k * size, (size,)), g.real, g.imag
-        for i in range(size):
-            C[i] = complex(A[i] + real * M[i], imag * M[i])
-        if m.damped:
-            for i in range(size):
-                C[i] += f * (B[i] - A[i])
-        if not factor(p, w, m.C[k]):
-            return False
-    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
-    if m.damped:
-        for i in range(size):
-            A[i] += real * (B[i] - A[i])
-    for i in range(size):
-        B[i] = A[i] + mass * M[i]
-    return factor(p, w, m.B)
-
-
 @inlined
 def _solve(m, p):  # type: ignore[no-untyped-def]
     """Turn the residuals into increments of the stages, in m.R; return the size of the largest [m]."""
     stages = len(m.c)
     for i in range(stages):
-        _turn(m, p, i, -1.0, m.R[i])
+        turn(m, p, i, -1.0, m.R[i])
     separate(m.apart, m.R, m.y, m.u, m.rows)
     solve_with(p, m.B, m.y)
     for q in range(len(m.mus)):
@@ -209,7 +141,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     unite(m.together, m.y, m.u, m.R, m.rows)
     size = 0.0
     for i in range(stages):
-        _turn(m, p, i, 1.0, m.R[i])
+        turn(m, p, i, 1.0, m.R[i])
         largest = norm(p, m.R[i])
         if size == size and not largest <= size:
             size = largest
@@ -217,7 +149,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
+def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     """Return the local error [m] against the embedded formula of order s, stiff parts filtered."""
     n = len(m.y)
     g, f = m.gamma * h, (m.mu / h) ** 2
@@ -227,7 +159,11 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     mass_product(p, w.x, w.y)
+    if kept:
+        turn(m, p, 0, -1.0, w.y)
     solve_with(p, m.B, w.y)
+    if kept:
+        turn(m, p, 0, 1.0, w.y)
     return norm(p, w.y)
 
 
@@ -237,7 +173,7 @@ def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     if p.points is None and p.sliding is None:
         return True
     last = len(m.c) - 1
-    _place(m, p, w, s, last)
+    place(m, p, w, s, last)
     to_full(p, m.y, w.amps, 0, w.d)
     return violation(p.points, p.sliding, w.d, w.amps) <= 1e-13
 
@@ -273,7 +209,7 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
 def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
     """Return whether no residual of the stages, as they were kept, exceeds what round-off can leave of its terms."""
     for i in range(len(m.c)):
-        _place(m, p, w, s, i)
+        place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
         if not at_floor(p, w, m.V[i], m.A[i]):
@@ -281,22 +217,14 @@ def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
     return True
 
 
-@inner
-def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
-    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
-    stages = len(m.c)
-    for i in range(stages):
-        evaluate(p.programs, t + m.c[i] * h, m.amps[i])
-    _predict(m, p, s, h)
-    _rates(m, s, h, False)
+@inlined
+def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
-    _turns(m, p, w, s)
-    if not _factor(m, p, w, s, h):
-        return SINGULAR, 1, 0.0, rate
     wanted = m.tolerance * max(s.numbers[SIZE], 1e-3 * p.extent)
     while True:
-        for i in range(stages):
-            _place(m, p, w, s, i)
+        for i in range(len(m.c)):
+            place(m, p, w, s, i)
             forces(p, w, m.y, m.V[i])
             residual(p, w, m.V[i], m.A[i])
             copy(w.R, m.R[i])
@@ -304,32 +232,55 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
         step = _solve(m, p)
         remember(w, iteration, step)
         if not np.isfinite(step):
-            return NOT_FINITE, iteration + 1, 0.0, rate
+            return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
             rate = step / last
             if rate > 0.5 and iteration > 2 and _at_floor(m, p, w, s):
                 _rates(m, s, h, False)
-                break
+                return DONE, iteration, rate
         _rates(m, s, h, True)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if (step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))) and _met(m, p, w, s):
-            break
+            return DONE, iteration, rate
         # what is left at this rate after all iterations that are allowed
         ahead = step * rate ** (m.max_iterations - iteration) if iteration > 3 else 0.0
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2) or ahead > wanted:
-            return NOT_CONVERGED, iteration, 0.0, rate
-    error = _error(m, p, w, s, h)
+            return NOT_CONVERGED, iteration, rate
+
+
+@inner
+def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+    for i in range(len(m.c)):
+        evaluate(p.programs, t + m.c[i] * h, m.amps[i])
+    while True:
+        _predict(m, p, s, h)
+        _rates(m, s, h, False)
+        if not tangent(m, p, w, s, t, h):
+            s.numbers[HELD_STEP] = 0.0
+            return SINGULAR, 1, 0.0, s.numbers[CONTRACTION]
+        kept = s.numbers[HELD_TIME] < t
+        turns(m, p, w, s)
+        outcome, iterations, rate = _iterate(m, p, w, s, h)
+        if outcome == DONE:
+            break
+        s.numbers[HELD_STEP] = 0.0
+        if not kept:
+            return outcome, iterations, 0.0, rate
+    m.held[2] = iterations
+    error = _error(m, p, w, s, h, kept)
     _finish(m, p, s, h)
-    return DONE, iteration, error, max(rate, 1e-3)
+    return DONE, iterations, error, max(rate, 1e-3)
 
 
 @inner
 def radau_accept(m, s):  # type: ignore[no-untyped-def]
-    """Keep the stages, which the next step goes on from."""
-    copy_rows(m.X, s.extra)
+    """Keep the stages, which the next step goes on from, and the tangent while it serves."""
+    copy_rows(m.X, array_at(s.extra, 0, m.X.shape))
+    count(s, m.held[2])
 
 
 def radau_restart(m: Any, s: Any) -> None:
     """Begin anew: the series in h predicts the first step."""
-    s.numbers[OLD_STEP] = 0.0
+    s.numbers[OLD_STEP] = s.numbers[HELD_STEP] = 0.0

@@ -114,12 +114,12 @@ def radau(stages: int) -> Maker:
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
         return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
                      (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                     bool(p.tau.any()) or p.points is not None, stages + 1, by_rates(c),
+                     spec.newton == "full", bool(p.tau.any()) or p.points is not None, stages + 1, by_rates(c),
                      np.flatnonzero(p.coordinate == 0.0), _end(n, stages + 1),
                      X, V, accelerations, R, kept, np.zeros(matrix),
                      np.zeros((len(upper), *matrix), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
-                     cosine, sine, F, row)
+                     cosine, sine, np.zeros(3), np.zeros((2, len(p.pairs))), F, row)
     return make
 
 

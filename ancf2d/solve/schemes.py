@@ -51,9 +51,9 @@ class Integrator:
 
 
 _LIST = (
-    Integrator("radau5", 5, 3, "Hairer, Lubich & Roche 1989",
+    Integrator("radau5", 5, 5, "Hairer, Lubich & Roche 1989",
                "Radau IIA, three stages: order 5, damps what steps cannot resolve"),
-    Integrator("radau9", 9, 5, "Hairer, Lubich & Roche 1989",
+    Integrator("radau9", 9, 7, "Hairer, Lubich & Roche 1989",
                "Radau IIA, five stages: order 9, for smooth motion to tight tolerances"),
     Integrator("generalized_alpha", 2, 1, "Chung & Hulbert 1993; Arnold & Bruls 2007",
                "second order, damping at infinity chosen by spectral_radius (default 0.8)", radii=(0.0, 1.0)),

@@ -1,0 +1,127 @@
+"""The tangent of Radau's stages: one of a state in the past serves as long as it is worth it, turned with the sections.
+
+It is of the middle stage of the step that it was made for. From there it is turned to every stage, of that step and of
+the next ones of the same length: what is left of the contraction is that of the deformation alone.
+"""
+
+from __future__ import annotations
+
+from .amplitudes import evaluate
+from .arrays import copy, copy_rows
+from .dynamics import directions, factor, forces_tangent, to_full, turned
+from .jit import inlined, inner
+from .lanes import array_at
+from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
+
+# what a tangent and its factors cost, in iterations
+MAKING = 1.5
+
+
+@inner
+def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
+    """Fill m.y with the unknowns at stage i, and the signals there."""
+    for k in range(len(m.y)):
+        m.y[k] = s.z[k] * p.coordinate[k] + m.X[i, k]
+    copy_rows(m.amps[i], w.amps)
+
+
+@inlined
+def turns(m, p, w, s):  # type: ignore[no-untyped-def]
+    """Fill how the vectors of all pairs stand at the stages, beside where the tangent is of."""
+    stages = len(m.c)
+    for i in range(stages):
+        place(m, p, w, s, i)
+        to_full(p, m.y, w.amps, 0, w.d)
+        directions(p, w.d, m.cosine[i], m.sine[i])
+    for k in range(m.sine.shape[1]):
+        x, y = m.facing[0, k], m.facing[1, k]
+        for i in range(stages):
+            m.cosine[i, k], m.sine[i, k] = turned(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
+
+
+@inner
+def turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
+    """Turn the vectors in x (n,) from the tangent's state to stage i (sense 1) or back (-1)."""
+    for k in range(len(p.pairs)):
+        a, b = p.pairs[k, 0], p.pairs[k, 1]
+        c, s = m.cosine[i, k], sense * m.sine[i, k]
+        x[a], x[b] = c * x[a] - s * x[b], s * x[a] + c * x[b]
+
+
+@inlined
+def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Factor the real and the complex bands with the tangent at the held state; return whether they could be."""
+    stages, size = len(m.c), w.A.size
+    A, B, M = array_at(w.A, 0, (size,)), array_at(m.B, 0, (size,)), array_at(p.mass, 0, (size,))
+    z, v = s.extra[stages], s.extra[stages + 1]
+    evaluate(p.programs, s.numbers[HELD_TIME], w.amps)
+    m.held[0], m.held[1] = s.numbers[HELD_TIME], h
+    if m.damped:
+        forces_tangent(p, w, z, v, 1.0)
+        copy(A, B)
+    forces_tangent(p, w, z, v, 0.0)
+    directions(p, w.d, m.facing[0], m.facing[1])
+    for k in range(len(m.mus)):
+        f = m.mus[k] / h
+        g = f * (f + p.alpha)
+        C, real, imag = array_at(m.C, k * size, (size,)), g.real, g.imag
+        for i in range(size):
+            C[i] = complex(A[i] + real * M[i], imag * M[i])
+        if m.damped:
+            for i in range(size):
+                C[i] += f * (B[i] - A[i])
+        if not factor(p, w, m.C[k]):
+            return False
+    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
+    if m.damped:
+        for i in range(size):
+            A[i] += real * (B[i] - A[i])
+    for i in range(size):
+        B[i] = A[i] + mass * M[i]
+    return factor(p, w, m.B)
+
+
+@inlined
+def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
+    """Return whether the tangent of an earlier step is taken on.
+
+    Point laws and joints remember where they were: theirs could not be made again.
+    """
+    if m.full or p.points is not None or p.sliding is not None:
+        return False
+    # steps of one length differ by the round-off of the times between them
+    return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h
+
+
+@inlined
+def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Let the middle stage of the step be what the tangent is of; return whether it could be factored."""
+    stages, middle = len(m.c), len(m.c) // 2
+    place(m, p, w, s, middle)
+    copy(m.y, s.extra[stages])
+    copy(m.V[middle], s.extra[stages + 1])
+    s.numbers[HELD_TIME], s.numbers[HELD_STEP] = t + m.c[middle] * h, h
+    s.numbers[HELD_STEPS], s.numbers[HELD_COST] = 0.0, MAKING
+    return _factor(m, p, w, s, h)
+
+
+@inlined
+def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Have a tangent and its factors: those at hand, made again after a resumption, or new ones; return success.
+
+    Their state goes with the motion, so that one that is resumed has the same factors, to the last bit.
+    """
+    if not _serves(m, p, s, h):
+        return _hold(m, p, w, s, t, h)
+    if m.held[0] == s.numbers[HELD_TIME] and m.held[1] == s.numbers[HELD_STEP]:
+        return True
+    return _factor(m, p, w, s, s.numbers[HELD_STEP])
+
+
+@inlined
+def count(s, iterations):  # type: ignore[no-untyped-def]
+    """Count what a step cost; give the tangent up where that was more than the mean, which is at its least there."""
+    s.numbers[HELD_STEPS] += 1.0
+    s.numbers[HELD_COST] += iterations
+    if iterations * s.numbers[HELD_STEPS] > s.numbers[HELD_COST]:
+        s.numbers[HELD_STEP] = 0.0

@@ -1,0 +1,79 @@
+"""A tangent of Radau's stages serves many steps, turned with the sections: to the same motion, and for less work."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from motions import GRAVITY, Ride, ride, rod
+
+from ancf2d.kernels.dynamics import TANGENTS
+from ancf2d.kernels.held import MAKING
+from ancf2d.kernels.motion import HELD_STEP, HELD_STEPS
+from ancf2d.solve import stepping
+
+RADAU = ("radau5", "radau9")
+TURN = 2 * np.pi
+
+
+def spinning(name: str, **material: float) -> dict[str, Any]:
+    """Return a rod about its pinned end, a turn a second, under gravity."""
+    return {"bodies": {"a": rod(name, 4, **material)}, "loads": GRAVITY, "bc": [{"type": "pin", "at": "a@0"}],
+            "initial": {"bodies": {"a": {"rotation_rate": {"omega": TURN, "about": [0, 0]}}}}}
+
+
+@pytest.mark.parametrize("method", RADAU)
+@pytest.mark.parametrize("name", ["reissner3", "cable", "vallejo"])
+def test_tangents_of_the_past_lead_to_the_same_motion(name: str, method: str) -> None:
+    """With Newton's tolerance both end at the same stages, far from those of other steps."""
+    held, fresh, other = (ride(spinning(name), 0.2, method=method, dt=dt, newton=newton)
+                          for dt, newton in ((2e-3, "reuse"), (2e-3, "full"), (4e-3, "full")))
+    assert np.abs(held.end()[0] - fresh.end()[0]).max() < 5e-8
+    assert np.abs(other.end()[0] - fresh.end()[0]).max() > 1e-7
+    assert fresh.stepper.w.counts[TANGENTS] == 100
+
+
+@pytest.mark.parametrize("method", RADAU)
+@pytest.mark.parametrize("name", ["reissner3", "cable", "vallejo"])
+def test_a_tangent_serves_while_the_rod_turns(name: str, method: str) -> None:
+    """A rod that hardly deforms: hundredths of a turn a step, and one tangent for a good part of a turn."""
+    whole = ride(spinning(name, E=2e9), 1.0, method=method, dt=5e-3)
+    assert whole.stepper.w.counts[TANGENTS] < 200 / 5
+
+
+def test_a_tangent_is_given_up_where_a_step_costs_more_than_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mean cost of m steps with one tangent is at its least where the next step costs more than it."""
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    trip = Ride(spinning("reissner3"), 0.2, method="radau5", dt=2e-3, every=1).start()
+    trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
+    trip.stepper.steps = 1
+    numbers, costs, given_up = trip.stepper.s.numbers, [], 0
+    while not trip.stepper.done:
+        row, = trip.stepper.run()
+        costs.append(row.log[-1, stepping.LOG.index("iterations")])
+        with_it = int(numbers[HELD_STEPS])
+        gone = numbers[HELD_STEP] == 0.0
+        assert gone == (costs[-1] > (MAKING + sum(costs[-with_it:])) / with_it)
+        given_up += gone
+    assert len(costs) == 100
+    assert 0 < given_up < 20
+
+
+@pytest.mark.parametrize("method", RADAU)
+def test_a_motion_that_is_resumed_has_the_tangent_that_it_had(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    scene = spinning("reissner3", E=2e9)
+    one, two = (Ride(scene, 0.3, method=method, dt=5e-3, every=1).start() for _ in range(2))
+    for trip in (one, two):
+        trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
+    one.stepper.steps = two.stepper.steps = 7
+    one.stepper.run()
+    assert one.stepper.s.numbers[HELD_STEPS] > 1
+    kept = one.stepper.checkpoint()
+    assert kept is not None
+    two.stepper.resume(kept)
+    one.on()
+    two.on()
+    assert two.stepper.w.counts[TANGENTS] > 1
+    assert [row.z.tobytes() for row in one.rows[1:]] == [row.z.tobytes() for row in two.rows[1:]]
