@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .blas import multiply, multiply_transposed
-from .jit import inner
+from .jit import inlined, inner
 from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
 from .laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 
@@ -209,36 +209,54 @@ def to_lanes(group, q, first, count, d, slot):  # type: ignore[no-untyped-def]
     law, plan = group.law, group.plan
     n, nu, _, S = sizes(group)
     at, _ = layout(law)
-    start, flat, _, _, _ = matrices(group, at)
+    start, _, _, _, _ = matrices(group, at)
     de = array_at(plan.work, start, (n, count))
     for a in range(n):
         for m in range(count):
             de[a, m] = d[group.dofs[first + m, a]]
-    multiply(plan.dgemm, law.B, q * nu * S * n, plan.work, start, plan.work, flat, nu * S, n, count, False)
+    spread(group, array_at(law.B, q * nu * S * n, (nu * S * n,)), count, slot)
+    if turned(group):
+        turn_fields(group, slot, -1.0, vectors_of(S * count))
+
+
+@inlined
+def spread(group, B, count, slot):  # type: ignore[no-untyped-def]
+    """Fill a slot with B (fields, stations, n_dof), given flat, times the displacements of a batch."""
+    law, plan = group.law, group.plan
+    n, nu, _, S = sizes(group)
+    at, _ = layout(law)
+    start, flat, _, _, _ = matrices(group, at)
+    multiply(plan.dgemm, B, 0, plan.work, start, plan.work, flat, nu * S, n, count, False)
     lanes = S * count
     for p in range(points_of(law)):
         copy_rows(plan.work, flat + p * law.fields * lanes, lanes, (p * at.rows + slot) * STRIDE, STRIDE, law.fields,
                   lanes)
         pad(plan.work, p * at.rows + slot, law.fields, lanes)
-    if turned(group):
-        turn_fields(group, slot, -1.0, vectors_of(lanes))
 
 
 @inner
 def from_lanes(group, part, q, count):  # type: ignore[no-untyped-def]
     """Make the forces B^T g (n, count) of slot g, all parts so far; g is turned out of the element frames."""
+    law = group.law
+    n, nu, _, S = sizes(group)
+    _, slot = layout(law)
+    if turned(group):
+        turn_fields(group, slot.g, 1.0, vectors_of(S * count))
+    gather(group, array_at(law.B, q * nu * S * n, (nu * S * n,)), part, count)
+
+
+@inlined
+def gather(group, B, part, count):  # type: ignore[no-untyped-def]
+    """Make the forces B^T g (n, count) of slot g, all parts so far; B (fields, stations, n_dof) is given flat."""
     law, plan = group.law, group.plan
     n, nu, _, S = sizes(group)
     at, slot = layout(law)
     _, flat, start, _, _ = matrices(group, at)
     lanes = S * count
-    if turned(group):
-        turn_fields(group, slot.g, 1.0, vectors_of(lanes))
     for p in range(points_of(law)):
         copy_rows(plan.work, (p * at.rows + slot.g) * STRIDE, STRIDE, flat + p * law.fields * lanes, lanes, law.fields,
                   lanes)
-    multiply_transposed(plan.dgemm, law.B, q * nu * S * n, plan.work, flat, plan.work, start, n, nu * S, count,
-                        part > 0)
+    multiply_transposed(plan.dgemm, B, 0, plan.work, flat, plan.work, start, n, nu * S, count, part > 0)
 
 
 @inner

@@ -6,10 +6,22 @@ U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J
 
 from __future__ import annotations
 
-from .batch import add_forces, batch_length, layout, place_of, sizes
+from .batch import (
+    add_forces,
+    batch_length,
+    clear_rows,
+    gather,
+    layout,
+    matrices,
+    place_of,
+    points_of,
+    sizes,
+    spread,
+    turned,
+)
 from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
 from .jit import inner, kernel, shared
-from .lanes import row
+from .lanes import array_at, row, vectors_of
 from .matrix import scatter_packed
 from .stack import vector
 
@@ -97,63 +109,75 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     """
     law, plan = group.law, group.plan
     at, slot = layout(law)
-    n, nu, ns, S = sizes(group)
-    ub, sb, tb, db, fb = vector(nu), vector(ns), vector(ns), vector(n), vector(n)
+    n, nu, _, S = sizes(group)
+    size = nu * S * n
+    B, held = vector(size), -1
     first, last = 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
+        lanes = vectors_of(S * count)
         for part in range(plan.parts):
             call_batch(plan.forces, (STRAINS, group, d, d, first, count, part, 0.0))
             q = group.cls[first] * plan.parts + part
-            for m in range(count):
-                for a in range(n):
-                    db[a], fb[a] = abs(d[group.dofs[first + m, a]]), 0.0
-                for s in range(S):
-                    for i in range(nu):
-                        u = 0.0
-                        for a in range(n):
-                            u += abs(law.B[q, i, s, a]) * db[a]
-                        ub[i] = u
-                    _turn_sizes(group, first + m, ub)
-                    sb[:] = 0.0
-                    _add_sizes(group, at.rows, slot.J, s * count + m, ub, sb, False)
-                    for p in range(ns):
-                        tb[p] = 0.0
-                        for r in range(ns):
-                            tb[p] += abs(law.D[q, p, r, s]) * sb[r]
-                    ub[:] = 0.0
-                    _add_sizes(group, at.rows, slot.J, s * count + m, ub, tb, True)
-                    _turn_sizes(group, first + m, ub)
-                    for i in range(nu):
-                        for a in range(n):
-                            fb[a] += abs(law.B[q, i, s, a]) * ub[i]
-                for a in range(n):
-                    out[group.dofs[first + m, a]] += fb[a]
+            if q != held:
+                source = array_at(law.B, q * size, (size,))
+                for k in range(size):
+                    B[k] = abs(source[k])
+                held = q
+            de = array_at(plan.work, matrices(group, at)[0], (n, count))
+            for a in range(n):
+                for m in range(count):
+                    de[a, m] = abs(d[group.dofs[first + m, a]])
+            spread(group, B, count, slot.u0)
+            _turn_sizes(group, slot.u0, lanes)
+            _pull_sizes(group, lanes)
+            _turn_sizes(group, slot.g, lanes)
+            gather(group, B, part, count)
+        add_forces(group, results(group, count)[0], first, count, out)
         first += count
 
 
 @inner
-def _turn_sizes(group, ie, fields):  # type: ignore[no-untyped-def]
-    """Turn the sizes of fields into the frame of an element, or out of it: both ways they can sum up alike."""
-    t, vectors = ie if len(group.turn) > 1 else 0, group.plan.vectors
-    c, s = abs(group.turn[t, 0]), abs(group.turn[t, 1])
-    for v in range(len(vectors)):
-        x, y = fields[vectors[v, 0]], fields[vectors[v, 1]]
-        fields[vectors[v, 0]], fields[vectors[v, 1]] = c * x + s * y, s * x + c * y
+def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
+    """Turn the sizes of fields into the frames of the elements, or out of them: both ways they can sum up alike."""
+    if turned(group):
+        work, vectors, k = group.plan.work, group.plan.vectors, group.law.fields
+        at, _ = layout(group.law)
+        c, s = row(work, at.turn), row(work, at.turn + 1)
+        for v in range(len(vectors)):
+            x, y = row(work, place_of(vectors[v, 0], k, at, slot)), row(work, place_of(vectors[v, 1], k, at, slot))
+            for l in range(lanes):
+                a, b = x[l], y[l]
+                x[l], y[l] = abs(c[l]) * a + abs(s[l]) * b, abs(s[l]) * a + abs(c[l]) * b
 
 
 @inner
-def _add_sizes(group, size, J, s, fields, strains, transposed):  # type: ignore[no-untyped-def]
-    """Add |J| fields of lane s to strains or, transposed, |J|^T strains to fields."""
-    NU, NS = group.law.fields, group.law.strains
-    for p in range(len(fields) // NU):
-        for r in range(NS):
-            for i in range(NU):
-                entry = abs(row(group.plan.work, p * size + J + r * NU + i)[s])
-                if transposed:
-                    fields[p * NU + i] += entry * strains[p * NS + r]
-                else:
-                    strains[p * NS + r] += entry * fields[p * NU + i]
+def _pull_sizes(group, lanes):  # type: ignore[no-untyped-def]
+    """Set g to |J|^T |D| |J| u0."""
+    work, NU, NS, points = group.plan.work, group.law.fields, group.law.strains, points_of(group.law)
+    at, slot = layout(group.law)
+    for p in range(points):
+        clear_rows(work, p * at.rows + slot.eps0, NS, lanes)
+        clear_rows(work, p * at.rows + slot.t, NS, lanes)
+        clear_rows(work, p * at.rows + slot.g, NU, lanes)
+        for k in range(NS * NU):
+            _add_size(work, p * at.rows + slot.J + k, p * at.rows + slot.u0 + k % NU,
+                      p * at.rows + slot.eps0 + k // NU, lanes)
+    for p in range(points):
+        for k in range(points * NS * NS):
+            _add_size(work, at.D + p * points * NS * NS + k, k // (NS * NS) * at.rows + slot.eps0 + k % NS,
+                      p * at.rows + slot.t + k // NS % NS, lanes)
+        for k in range(NS * NU):
+            _add_size(work, p * at.rows + slot.J + k, p * at.rows + slot.t + k // NU,
+                      p * at.rows + slot.g + k % NU, lanes)
+
+
+@inner
+def _add_size(work, factor, source, target, lanes):  # type: ignore[no-untyped-def]
+    """Add the size of row ``factor`` times row ``source`` to row ``target``."""
+    a, x, y = row(work, factor), row(work, source), row(work, target)
+    for l in range(lanes):
+        y[l] += abs(a[l]) * x[l]
 
 
 @kernel
