@@ -9,39 +9,41 @@ from ..errors import ComputationError
 from .mesh import STATIONS, BodyMesh
 from .model import Model
 
+# elements are looked at in blocks that the caches hold
+BLOCK = 2048
 
-def _orientation(mesh: BodyMesh, e: Array, before: Array | None) -> Array:
-    """Return what must stay positive along the axis (elements, stations).
+
+def _orientation(mesh: BodyMesh, some: slice, e: Array, before: Array | None) -> Array:
+    """Return what must stay positive along the axis of some elements (elements, stations), from their coordinates.
 
     The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
-    them, and for sections normal to the axis its direction beside that of the state ``before`` (coordinates, or None).
+    them, and for sections normal to the axis its direction beside that of the state ``before`` (or None).
     """
     kind = mesh.plan.element.section_kind
     S_x, S_y, S = zip(*mesh.axis_rows, strict=True)
     if kind == "interpolated":
-        x, y, nx, ny = _fields(mesh, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
+        x, y, nx, ny = _fields(mesh, some, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
         return x * ny - y * nx
-    x, y = _fields(mesh, e, [(S_x, 0), (S_x, 1)])
+    x, y = _fields(mesh, some, e, [(S_x, 0), (S_x, 1)])
     if kind == "theta":
-        (theta,) = _fields(mesh, e, [(S, 2)])
+        (theta,) = _fields(mesh, some, e, [(S, 2)])
         return x * np.cos(theta) + y * np.sin(theta)
     if before is not None:
-        old_x, old_y = _fields(mesh, before, [(S_x, 0), (S_x, 1)])
+        old_x, old_y = _fields(mesh, some, before, [(S_x, 0), (S_x, 1)])
         return x * old_x + y * old_y
     return np.ones_like(x)
 
 
-def _fields(mesh: BodyMesh, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
+def _fields(mesh: BodyMesh, some: slice, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
     """Return fields (elements, stations) each, given by their rows (stations, shapes) of each class and a component.
 
-    All of them are one product of matrices, for which coordinates are gathered once.
+    All of them are one product of matrices with the coordinates q (elements, n_dof).
     """
     nc, stations = mesh.plan.element.components, len(STATIONS)
     rows = np.zeros((len(mesh.axis_rows), len(wanted) * stations, mesh.dofs.shape[1]))
     for k, (of, component) in enumerate(wanted):
         rows[:, k * stations:(k + 1) * stations, component::nc] = np.stack(of)
-    gathered = q[mesh.dofs]
-    values = gathered @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[mesh.cls], gathered)
+    values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[mesh.cls[some]], q)
     return [values[:, k * stations:(k + 1) * stations] for k in range(len(wanted))]
 
 
@@ -50,18 +52,19 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
 
     ``before`` is the state one step before, from which no axis turns by more than a right angle.
     """
-    e = model.e0 + d[:model.n_q]
-    old = None if before is None else model.e0 + before[:model.n_q]
     for name, mesh in model.meshes.items():
-        if mesh.plan.rigid:
-            continue
-        sign = _orientation(mesh, e, old)
-        if not (sign > 0.0).all():
-            ie, s = np.argwhere(~(sign > 0.0))[0]
+        for first in range(0, 0 if mesh.plan.rigid else len(mesh.dofs), BLOCK):
+            some = slice(first, first + BLOCK)
+            dofs = mesh.dofs[some]
+            at = model.e0[dofs]
+            sign = _orientation(mesh, some, at + d[dofs], None if before is None else at + before[dofs])
+            if (sign > 0.0).all():
+                continue
+            ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
             ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in mesh.plan.pieces])
             length = np.repeat([p.l for p in mesh.plan.pieces], [p.count for p in mesh.plan.pieces])
-            at = (ends[ie] + STATIONS[s] * length[ie]) / mesh.plan.length
-            return f"{name} has turned inside out at S = {at:.4g}"
+            place = (ends[ie] + STATIONS[s] * length[ie]) / mesh.plan.length
+            return f"{name} has turned inside out at S = {place:.4g}"
     return None
 
 

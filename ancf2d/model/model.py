@@ -53,9 +53,13 @@ class Numbering:
         first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
         return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
 
-    def reduce(self, full: Array, less: Array | None = None) -> Array:
-        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,)."""
-        out = np.array(full[self.where]) if less is None else full[self.where] - less[self.where]
+    def reduce(self, full: Array, less: Array | None = None, out: Array | None = None) -> Array:
+        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,), in ``out`` if given."""
+        out = np.empty(self.n_unknowns) if out is None else out
+        if less is None:
+            out[:] = full[self.where]
+        else:
+            np.subtract(full[self.where], less[self.where], out=out)
         if len(self.dependent):
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
             dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
@@ -63,8 +67,11 @@ class Numbering:
         return out
 
     def reduce_sizes(self, full: Array) -> Array:
-        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them."""
-        out = np.array(full[self.where])
+        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them.
+
+        They are written to, where unknowns stand one behind the other.
+        """
+        out = full[self.where]
         if len(self.dependent):
             owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
             np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[owner]])
@@ -185,9 +192,12 @@ class Model:
         """Whether some linear row prescribes a motion."""
         return any(r.signal is not None for r in self.rows)
 
-    def displacements(self, z: Array, t: float) -> Array:
-        """Return the full coordinates (n_full,) of unknowns z at load factor or time t."""
-        out = np.zeros(len(self.numbering.place))
+    def displacements(self, z: Array, t: float, out: Array | None = None) -> Array:
+        """Return the full coordinates (n_full,) of unknowns z at load factor or time t, in ``out`` if given."""
+        if out is None:
+            out = np.zeros(len(self.numbering.place))
+        else:
+            out.fill(0.0)
         self.numbering.expand(z, out)
         if self.moves:
             self.prescribed(t, out)

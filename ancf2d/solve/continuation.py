@@ -24,7 +24,7 @@ from ..model.rotation import Rotation
 from ..model.sliding import check_ends
 from .linear import GeneralSparse
 from .post import place
-from .static import BALANCE, at_floor, check_divergence, has_converged
+from .static import at_floor, balanced, check_divergence, has_converged
 from .system import Balance, System
 
 # half the difference in t that a nonlinear constraint's motion is differentiated with
@@ -228,14 +228,10 @@ class Curve:
                 return Found(d, t, iteration, increments[-1], min(increments[-2:]))
             d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
             if (has_converged(increments, system.norm(d[num.free]), self.tolerance)
-                    and self._balanced(system.forces(d, t), d, t)):
+                    and balanced(system, system.forces(d, t), d, t)):
                 return Found(d, t, iteration, increments[-1], 0.0)
         raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,
                                history=residuals)
-
-    def _balanced(self, balance: Balance, d: Array, t: float) -> bool:
-        """Whether the forces balance as far as is asked, or as round-off lets them."""
-        return self.system.imbalance(balance) <= BALANCE or at_floor(balance.R, self.system.noise(d, t))
 
     def _bordered(self, control: Control, balance: Balance, d: Array, t: float) -> tuple[Array, float]:
         """Return the Newton step (z, dt) of [K, dR/dt; dc/dz, dc/dt] with two solves."""

@@ -46,8 +46,8 @@ class TangentMatrix(Protocol):
         """Factor in place."""
         ...
 
-    def solve(self, b: Array) -> Array:
-        """Return K^-1 b."""
+    def solve(self, b: Array, out: Array | None = None) -> Array:
+        """Return K^-1 b, which may be in ``out`` if given."""
         ...
 
     def product(self, values: Array, x: Array) -> Array:
@@ -80,9 +80,10 @@ class SymmetricBand:
         """Factor in place: K = L D L^T."""
         return Pivots(*ldl_factor_with(self.values, SINGULAR, self.scale))
 
-    def solve(self, b: Array) -> Array:
-        """Return K^-1 b."""
-        x = b.copy()
+    def solve(self, b: Array, out: Array | None = None) -> Array:
+        """Return K^-1 b, in ``out`` if given."""
+        x = np.empty_like(b) if out is None else out
+        x[:] = b
         ldl_solve(self.values, x)
         return x
 
@@ -119,9 +120,10 @@ class SymmetricFronts:
         """Factor in place: K = L D L^T."""
         return Pivots(*fronts_factor(self.fronts, self.values, SINGULAR, self.scale))
 
-    def solve(self, b: Array) -> Array:
-        """Return K^-1 b."""
-        x = b.copy()
+    def solve(self, b: Array, out: Array | None = None) -> Array:
+        """Return K^-1 b, in ``out`` if given."""
+        x = np.empty_like(b) if out is None else out
+        x[:] = b
         fronts_solve(self.fronts, self.values, x)
         return x
 
@@ -166,7 +168,7 @@ class GeneralBand:
         swaps = int((self.piv != np.arange(len(self.piv))).sum())
         return Pivots(bad, (int((pivots < 0).sum()) + swaps) % 2, float(ratio.min()))
 
-    def solve(self, b: Array) -> Array:
+    def solve(self, b: Array, out: Array | None = None) -> Array:
         """Return K^-1 b."""
         from scipy.linalg.lapack import dgbtrs
 
@@ -233,7 +235,7 @@ class GeneralSparse:
         bad = int(self.lu.perm_c.argsort()[k]) if not ratio[k] > SINGULAR else -1
         return Pivots(bad, int((u < 0).sum()), float(ratio[k]))
 
-    def solve(self, b: Array) -> Array:
+    def solve(self, b: Array, out: Array | None = None) -> Array:
         """Return K^-1 b."""
         return self.lu.solve(b)
 

@@ -52,10 +52,16 @@ class Start:
 
 @dataclass
 class NewtonResult:
-    """A converged state of Newton's method; ``uncertainty`` [m] where round-off ended it, else 0."""
+    """A converged state of Newton's method, with the largest residual [N, N m].
+
+    ``uncertainty`` [m] is where round-off ended it, else 0.
+    """
 
     d: Array
-    balance: Balance
+    Q: Array
+    F: Array
+    energy: float
+    residual: float
     iterations: int
     increments: list[float]
     negative_pivots: int
@@ -101,14 +107,13 @@ def solve_linear(model: Model) -> Iterator[State]:
 
 
 def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium at t from the state d of t_old. Raises ComputationError when it does not converge.
+    """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
 
     Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
     displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
-    stopped falling while the residual is no more than round-off.
+    stopped falling while the residual is no more than round-off. Raises ComputationError when it does not converge.
     """
-    num = system.model.numbering
-    d = d.copy()
+    num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
     at = {"factor": float(f"{t:.6g}")}
     increments: list[float] = []
     residuals: list[float] = []
@@ -116,26 +121,36 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         if iteration == 1 and system.model.moves and t != t_old:
             balance = _with_motion(system, d, t_old, t)
         else:
-            balance = system.assemble(d, t)
+            balance = system.assemble(d, t, out=system.room)
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
         pivots = system.factor(at)
-        z = system.matrix.solve(balance.R)
+        z = system.matrix.solve(balance.R, out=z)
         np.negative(z, out=z)
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
         if stalled and at_floor(balance.R, system.noise(d, t)):
-            negative = pivots.negative - num.n_multipliers
-            return NewtonResult(d, balance, iteration, increments, negative, min(increments[-2:]))
-        d = _advance(system, d, z, t)
-        if has_converged(increments, system.norm(d[num.where]), tolerance):
-            balance = system.forces(d, t)
-            if system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t)):
-                negative = pivots.negative - num.n_multipliers
-                return NewtonResult(d, balance, iteration, increments, negative, 0.0)
-    raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at, history=residuals)
+            uncertainty = min(increments[-2:])
+            break
+        np.add(d[num.where], z, out=z)
+        system.model.displacements(z, t, out=d)
+        if has_converged(increments, system.norm(z), tolerance):
+            balance = system.forces(d, t, out=system.room)
+            if balanced(system, balance, d, t):
+                uncertainty = 0.0
+                break
+    else:
+        raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at,
+                               history=residuals)
+    return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
+                        pivots.negative - num.n_multipliers, uncertainty)
+
+
+def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
+    """Whether no residual at d exceeds 1e-8 of the largest force, or none what round-off can leave of it."""
+    return system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
 
 
 def at_floor(R: Array, noise: Array) -> bool:
@@ -154,10 +169,6 @@ def _with_motion(system: System, d: Array, t_old: float, t: float) -> Balance:
     loads = system.forces(d, t)
     R = model.numbering.reduce(loads.Q - loads.F + system.action(d, moved - d, t))
     return Balance(loads.Q, loads.F, R, loads.energy)
-
-
-def _advance(system: System, d: Array, z: Array, t: float) -> Array:
-    return system.model.displacements(d[system.model.numbering.where] + z, t)
 
 
 def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
@@ -189,13 +200,11 @@ class _Path:
         """Return the polynomial through the last states (at most quadratic) at t."""
         k = min(3, len(self.t))
         ts, ds = self.t[-k:], self.d[-k:]
-        out = np.zeros_like(ds[0])
-        for i in range(k):
-            weight = 1.0
-            for j in range(k):
-                if j != i:
-                    weight *= (t - ts[j]) / (ts[i] - ts[j])
-            out += weight * ds[i]
+        weights = [float(np.prod([(t - b) / (a - b) for b in ts if b != a])) for a in ts]
+        out = weights[0] * ds[0]
+        for part in pieces(len(out)):
+            for weight, d in zip(weights[1:], ds[1:], strict=True):
+                out[part] += weight * d[part]
         return out
 
     def push(self, t: float, d: Array) -> None:
@@ -230,7 +239,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             check_ends(model.constraints, result.d)
             check_facing(model.constraints, result.d, target)
             check_inverted(model, result.d, path.d[-1], target)
-            rate = system.norm((result.d - path.d[-1])[model.numbering.where]) / (target - t)
+            rate = system.distance(result.d, path.d[-1]) / (target - t)
             if rate > JUMP * (moved if number else result.increments[0] / target):
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
         except ComputationError as error:
@@ -257,13 +266,13 @@ def _near(system: System, start: Start, t: float, tolerance: float, max_iteratio
     free = system.model.numbering.free
     guess = system.model.displacements(start.d[free], t)
     try:
-        result = newton(system, guess, t, t, tolerance, max_iterations)
+        result = newton(system, guess.copy(), t, t, tolerance, max_iterations)
         check_ends(system.model.constraints, result.d)
         check_facing(system.model.constraints, result.d, t)
         check_inverted(system.model, result.d, None, t)
     except ComputationError:
         return None
-    strayed = system.norm((result.d - guess)[free]) > NEAR * system.norm(guess[free])
+    strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
     crossed = system.knows_inertia and _confirmed_pivots(system, result, t) != start.negative_pivots
     return None if strayed or crossed else result
 
@@ -275,10 +284,9 @@ def _confirmed_pivots(system: System, result: NewtonResult, t: float) -> int:
 
 
 def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, negative: int) -> State:
-    residual = float(np.max(np.abs(result.balance.R), initial=0.0))
-    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": residual,
+    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
-               "energy": result.balance.energy, "negative_pivots": result.negative_pivots}
+               "energy": result.energy, "negative_pivots": result.negative_pivots}
     warnings = []
     if result.negative_pivots != negative and system.knows_inertia:
         warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
@@ -287,8 +295,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
     if result.uncertainty > POOR * size:
         warnings.append(f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                         f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more")
-    return State(t, result.d, result.balance.Q, result.balance.F, result.balance.energy, history=history,
-                 warnings=warnings)
+    return State(t, result.d, result.Q, result.F, result.energy, history=history, warnings=warnings)
 
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from .crew import Crew
 from .linear import Pivots, make_matrix
-from .pieces import largest
+from .pieces import largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -54,6 +55,23 @@ class System:
             self._dead[1].flags.writeable = False
         return self._dead[1]
 
+    @cached_property
+    def room(self) -> Balance:
+        """Return arrays for forces that are gone with the next ones: fresh pages for long ones take time each time."""
+        num = self.model.numbering
+        return Balance(np.zeros(len(num.place)), np.zeros(0), np.zeros(num.n_unknowns), 0.0)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.zeros(len(self.model.numbering.place))
+
+    def _no_forces(self, out: Balance | None) -> tuple[Array, Array | None]:
+        """Return zeros for the forces (n_full,), and where the residual goes."""
+        if out is None:
+            return np.zeros(len(self.model.numbering.place)), None
+        out.Q.fill(0.0)
+        return out.Q, out.R
+
     def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Index]]:
         """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
         model, n_q = self.model, self.model.n_q
@@ -75,15 +93,15 @@ class System:
             out.append((0.0, Q, K, np.append(constraint.dofs, n_q + k)[None, :]))
         return out
 
-    def assemble(self, d: Array, t: float, load_stiffness: bool = True) -> Balance:
-        """Return the forces at d (n_full,) and fill the tangent matrix.
+    def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
+        """Return the forces at d (n_full,), in arrays of ``out`` if given, and fill the tangent matrix.
 
         ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory).
         """
         model = self.model
         self.evaluations += 1
         self.matrix.clear()
-        Q = np.zeros(len(d))
+        Q, R = self._no_forces(out)
         energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, *self.tables))
         for u, q, K, dofs in self.patches(d, t, elastic=not load_stiffness):
             energy += u
@@ -93,16 +111,18 @@ class System:
         if not load_stiffness:
             self._add_loads(Q, d, t)
         F = self._dead_loads(t)
-        return Balance(Q, F, model.numbering.reduce(Q, F), float(energy))
+        return Balance(Q, F, model.numbering.reduce(Q, F, R), float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
-        """Return what round-off alone can leave of the residual at d (n_unknowns,)."""
-        n = self.model.numbering
-        out = np.abs(self._dead_loads(t))
+        """Return what round-off alone can leave of the residual at d (n_unknowns,), until it is asked for again."""
+        n, out = self.model.numbering, self._sizes
+        np.abs(self._dead_loads(t), out=out)
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
-        return UNIT_ROUNDOFF * n.reduce_sizes(out)
+        sizes = n.reduce_sizes(out)
+        sizes *= UNIT_ROUNDOFF
+        return sizes
 
     def rigid_forces(self) -> Array:
         """Return what round-off makes of no force: those of elements in unit rigid motions (3, n_unknowns).
@@ -130,16 +150,16 @@ class System:
         for patch in self.model.loads.patches:
             np.add.at(Q, patch.dofs, patch.evaluate(e, d, t)[1])
 
-    def forces(self, d: Array, t: float) -> Balance:
-        """Return the forces at d without a tangent."""
+    def forces(self, d: Array, t: float, out: Balance | None = None) -> Balance:
+        """Return the forces at d without a tangent, in arrays of ``out`` if given."""
         model = self.model
-        Q = np.zeros(len(d))
+        Q, R = self._no_forces(out)
         energy = self.crew.total(lambda g: force(g, d, Q))
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
         F = self._dead_loads(t)
-        return Balance(Q, F, model.numbering.reduce(Q, F), float(energy))
+        return Balance(Q, F, model.numbering.reduce(Q, F, R), float(energy))
 
     def action(self, d: Array, v: Array, t: float) -> Array:
         """Return K(d) v of elements, springs and constraints in full coordinates."""
@@ -171,14 +191,20 @@ class System:
         """Return the largest displacement that a change of the unknowns stands for [m]."""
         return largest(z, self.weights)
 
+    def distance(self, d: Array, other: Array) -> float:
+        """Return the largest displacement between two states (n_full,) [m]."""
+        where = self.model.numbering.where
+        a, b = d[where], other[where]
+        return max((largest(a[p] - b[p], self.weights[p]) for p in pieces(len(a))), default=0.0)
+
     def imbalance(self, balance: Balance) -> float:
         """Return the largest residual beside the largest force, both as forces [N] through the coordinates' weights."""
-        n_q = self.model.n_q
-        w = self.model.weights
-        scale = max(float(np.max(np.abs(balance.Q[:n_q]) / w)), float(np.max(np.abs(balance.F[:n_q]) / w)))
-        used = self.weights > 0
-        worst = float(np.max(np.abs(balance.R[used]) / self.weights[used], initial=0.0))
-        return worst / scale if scale > 0.0 else 0.0
+        scale = self._largest_force(balance)
+        return largest_share(balance.R, self.weights) / scale if scale > 0.0 else 0.0
+
+    def _largest_force(self, balance: Balance) -> float:
+        n_q, w = self.model.n_q, self.model.weights
+        return max(largest_share(balance.Q[:n_q], w), largest_share(balance.F[:n_q], w))
 
     def describe(self, unknown: int) -> str:
         """Return the name of an unknown: coordinate, body and place."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.solve.static import TOLERANCE, has_converged
+from ancf2d.solve.static import TOLERANCE, has_converged, solve_static
 from ancf2d.solve.system import System
 
 STEEL_EI = 2.07e11 * 0.1**4 / 12
@@ -52,6 +52,17 @@ def increments(system, most: int) -> list[float]:
         d = model.displacements(d[model.numbering.free] + z, 1.0)
         out.append(system.norm(z))
     return out
+
+
+def test_a_state_keeps_its_forces_while_the_next_one_is_found():
+    model = helpers.build(beam("vallejo"), bc=CLAMP, loads=helpers.tip(0.0, -STEEL_EI))
+    system, seen = System(model), []
+    for state in solve_static(model, 4):
+        seen.append((state, state.d.copy(), state.Q.copy()))
+    for state, d, Q in seen:
+        np.testing.assert_array_equal(state.d, d)
+        np.testing.assert_array_equal(state.Q, Q)
+        np.testing.assert_array_equal(Q, system.forces(d, state.t).Q)
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6, TOLERANCE])
