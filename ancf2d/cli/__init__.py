@@ -1,5 +1,11 @@
 """The command line: parse, call one function, map what happens to exit codes."""
 
+import os
+
+# elements are shared out to threads here; those of OpenBLAS, which would come on top, wait for work by spinning. It
+# looks for this once, when it is loaded with NumPy
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from .app import app as main
 
 __all__ = ["main"]

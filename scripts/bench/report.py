@@ -57,7 +57,8 @@ the ratios more than the seconds.
   that changes with the sources, so that they are never stale.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
   band. Statics of 8000 elements and more shares them out to threads, one for each processor or as `OMP_NUM_THREADS`
-  says, with the same bits.
+  says, with the same bits. The command line lets OpenBLAS have one thread, as those of its own take more time than
+  they save here; scripts do well to set `OPENBLAS_NUM_THREADS=1` before they import NumPy. What is set already stays.
 * Motion is integrated by high order (`radau5`, `radau9`): smooth motion takes few steps, and wanted digits cost little
   more. Fixed steps with `estimate: false` do without the coarser runs beside, which tell how far the result is right. A
   state that is stored costs about 0.1 ms on top, whatever the step.

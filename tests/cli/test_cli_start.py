@@ -44,6 +44,22 @@ def test_help_imports_no_library(arguments: list[str]) -> None:
     assert modules_after(arguments) == set()
 
 
+@pytest.mark.parametrize("wanted", [None, "3"])
+def test_products_of_matrices_take_one_thread_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch,
+                                                                    wanted: str | None) -> None:
+    """OpenBLAS reads how many it may have as NumPy loads it: the command line has said so by then."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if wanted is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", wanted)
+    found = run_python("""
+import os, sys
+import ancf2d.cli
+assert "numpy" not in sys.modules
+print(os.environ["OPENBLAS_NUM_THREADS"])
+""")
+    assert found.stdout.split() == [wanted or "1"], found.stderr
+
+
 def test_validate_imports_no_compiler_and_no_file_format(folder: Path) -> None:
     assert modules_after(["validate", "beam.yaml"]) == {"numpy", "yaml"}
 
