@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..elements.shape import Array
@@ -13,12 +11,10 @@ from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
 from ..kernels.laws import law_address
 from ..kernels.tangents import fill_products
-from .mesh import BodyMesh, ElementClass, Index
-from .model import Model
+from .mesh import Index
+from .pools import Pool
 from .translations import first_and_others, following, made
 
-# a body of so many elements is a group of its own
-MANY = 8192
 # products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond
 KEPT = 4_000_000
 # matrices of up to so many entries are made whole, though with zeros: one product costs less than several small ones
@@ -27,32 +23,10 @@ WHOLE = 2000
 ALONE = 200_000
 
 
-def make_pools(model: Model) -> list[list[BodyMesh]]:
-    """Return the bodies that deform, those together whose elements one group can hold.
-
-    They have the same element, formulation, quadrature and damping time. A body with many elements stays alone, so that
-    threads can share it out.
-    """
-    pools: list[list[BodyMesh]] = []
-    found: dict[Any, list[BodyMesh]] = {}
-    for name, mesh in model.meshes.items():
-        plan = mesh.plan
-        if plan.rigid:
-            continue
-        key = id(plan.element), plan.formulation.name, plan.rule, damping_time(model, name)
-        if plan.count >= MANY or key not in found:
-            pools.append([])
-        if plan.count >= MANY:
-            pools[-1].append(mesh)
-        else:
-            found.setdefault(key, pools[-1]).append(mesh)
-    return pools
-
-
-def make_group(pool: list[BodyMesh]) -> Group:
+def make_group(pool: Pool) -> Group:
     """Return the kernel group of bodies alike, their elements one body after another."""
-    plan, classes = pool[0].plan, _classes(pool)
-    samples = [plan.formulation.sample(c.sampler, plan.rule) for c in classes.values()]
+    plan = pool.plan
+    samples = [plan.formulation.sample(c.sampler, plan.rule) for c in pool.classes]
     B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
     nc = plan.element.components
     n, positions = B.shape[3], [k for k, (_, name) in enumerate(plan.element.functionals) if name == "r"]
@@ -63,24 +37,8 @@ def make_group(pool: list[BodyMesh]) -> Group:
     law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    number = {key: k for k, key in enumerate(classes)}
-    cls = [np.array([number[c.key] for c in mesh.classes])[mesh.cls] for mesh in pool]
-    turn = [mesh.turn if len(pool) == 1 else np.broadcast_to(mesh.turn, (len(mesh.dofs), 2)) for mesh in pool]
-    return Group(law, _joined(cls), _joined(turn), _joined([mesh.dofs for mesh in pool]), nc, batches)
-
-
-def _classes(pool: list[BodyMesh]) -> dict[Any, ElementClass]:
-    """Return the classes of all bodies, each once."""
-    out: dict[Any, ElementClass] = {}
-    for mesh in pool:
-        for one in mesh.classes:
-            out.setdefault(one.key, one)
-    return out
-
-
-def _joined(parts: list[Any]) -> Any:
-    dtype = np.float64 if parts[0].dtype.kind == "f" else np.int64
-    return np.ascontiguousarray(np.concatenate(parts) if len(parts) > 1 else parts[0], dtype=dtype)
+    return Group(law, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
+                 np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches)
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:
@@ -157,26 +115,3 @@ def _vectors(law: Law, nc: int) -> Index:
             found.append((i, same[0]))
             left -= {i, same[0]}
     return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def element_group(model: Model, mesh: BodyMesh) -> tuple[Group, int]:
-    """Return the group that holds a body's elements, and the number of the first of them in it."""
-    for pool, group in zip(model.pools, model.groups, strict=True):
-        first = 0
-        for other in pool:
-            if other is mesh:
-                return group, first
-            first += len(other.dofs)
-    raise KeyError(mesh.plan.name)
-
-
-def damping_time(model: Model, name: str) -> float:
-    """Return tau [s] of a body in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
-    damping, material = model.case.damping, model.case.bodies[name].material
-    beta = damping.rayleigh.beta if damping else 0.0
-    return beta + (material.damping.kelvin_voigt if material and material.damping else 0.0)
-
-
-def damping_times(model: Model) -> Array:
-    """Return tau [s] of each group."""
-    return np.array([damping_time(model, pool[0].plan.name) for pool in model.pools])

@@ -6,44 +6,45 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .mesh import STATIONS, BodyMesh
+from .mesh import STATIONS
 from .model import Model
+from .pools import Pool
 
 # elements are looked at in blocks that the caches hold
 BLOCK = 2048
 
 
-def _orientation(mesh: BodyMesh, some: slice, e: Array, before: Array | None) -> Array:
+def _orientation(pool: Pool, some: slice, e: Array, before: Array | None) -> Array:
     """Return what must stay positive along the axis of some elements (elements, stations), from their coordinates.
 
     The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
     them, and for sections normal to the axis its direction beside that of the state ``before`` (or None).
     """
-    kind = mesh.plan.element.section_kind
-    S_x, S_y, S = zip(*mesh.axis_rows, strict=True)
+    kind = pool.plan.element.section_kind
+    S_x, S_y, S = zip(*pool.axis_rows, strict=True)
     if kind == "interpolated":
-        x, y, nx, ny = _fields(mesh, some, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
+        x, y, nx, ny = _fields(pool, some, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
         return x * ny - y * nx
-    x, y = _fields(mesh, some, e, [(S_x, 0), (S_x, 1)])
+    x, y = _fields(pool, some, e, [(S_x, 0), (S_x, 1)])
     if kind == "theta":
-        (theta,) = _fields(mesh, some, e, [(S, 2)])
+        (theta,) = _fields(pool, some, e, [(S, 2)])
         return x * np.cos(theta) + y * np.sin(theta)
     if before is not None:
-        old_x, old_y = _fields(mesh, some, before, [(S_x, 0), (S_x, 1)])
+        old_x, old_y = _fields(pool, some, before, [(S_x, 0), (S_x, 1)])
         return x * old_x + y * old_y
     return np.ones_like(x)
 
 
-def _fields(mesh: BodyMesh, some: slice, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
+def _fields(pool: Pool, some: slice, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
     """Return fields (elements, stations) each, given by their rows (stations, shapes) of each class and a component.
 
     All of them are one product of matrices with the coordinates q (elements, n_dof).
     """
-    nc, stations = mesh.plan.element.components, len(STATIONS)
-    rows = np.zeros((len(mesh.axis_rows), len(wanted) * stations, mesh.dofs.shape[1]))
+    nc, stations = pool.plan.element.components, len(STATIONS)
+    rows = np.zeros((len(pool.axis_rows), len(wanted) * stations, pool.dofs.shape[1]))
     for k, (of, component) in enumerate(wanted):
         rows[:, k * stations:(k + 1) * stations, component::nc] = np.stack(of)
-    values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[mesh.cls[some]], q)
+    values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[pool.cls[some]], q)
     return [values[:, k * stations:(k + 1) * stations] for k in range(len(wanted))]
 
 
@@ -52,20 +53,25 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
 
     ``before`` is the state one step before, from which no axis turns by more than a right angle.
     """
-    for name, mesh in model.meshes.items():
-        for first in range(0, 0 if mesh.plan.rigid else len(mesh.dofs), BLOCK):
+    for pool in model.pools:
+        for first in range(0, len(pool.dofs), BLOCK):
             some = slice(first, first + BLOCK)
-            dofs = mesh.dofs[some]
+            dofs = pool.dofs[some]
             at = model.e0[dofs]
-            sign = _orientation(mesh, some, at + d[dofs], None if before is None else at + before[dofs])
-            if (sign > 0.0).all():
-                continue
-            ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
-            ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in mesh.plan.pieces])
-            length = np.repeat([p.l for p in mesh.plan.pieces], [p.count for p in mesh.plan.pieces])
-            place = (ends[ie] + STATIONS[s] * length[ie]) / mesh.plan.length
-            return f"{name} has turned inside out at S = {place:.4g}"
+            sign = _orientation(pool, some, at + d[dofs], None if before is None else at + before[dofs])
+            if not (sign > 0.0).all():
+                ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
+                return _told(pool, int(ie), float(STATIONS[s]))
     return None
+
+
+def _told(pool: Pool, ie: int, station: float) -> str:
+    """Return which place of which body has turned inside out."""
+    k = int(np.searchsorted(pool.first, ie, side="right")) - 1
+    plan, ie = pool.meshes[k].plan, ie - int(pool.first[k])
+    ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in plan.pieces])
+    length = np.repeat([p.l for p in plan.pieces], [p.count for p in plan.pieces])
+    return f"{plan.name} has turned inside out at S = {(ends[ie] + station * length[ie]) / plan.length:.4g}"
 
 
 def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> None:

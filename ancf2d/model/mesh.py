@@ -131,13 +131,6 @@ class BodyMesh:
         return np.concatenate(parts)
 
     @cached_property
-    def axis_rows(self) -> list[tuple[Array, Array, Array]]:
-        """dS/dx, dS/dy and S (stations, n_shape) at ``STATIONS`` on the axis, for each class of elements."""
-        axis = np.zeros(len(STATIONS))
-        return [(c.shape(STATIONS, axis, 1, 0), c.shape(STATIONS, axis, 0, 1), c.shape(STATIONS, axis))
-                for c in self.classes]
-
-    @cached_property
     def gradients(self) -> Array:
         """Rotation or strain that a unit of each coordinate stands for (n_dofs,): 0 for r; 1 for r_x, r_y and theta."""
         element, half = self.plan.element, self.plan.section.height / 2

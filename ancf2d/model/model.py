@@ -16,6 +16,7 @@ from .elimination import Elimination
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
+from .pools import Pool
 from .sliding import OnAxis
 from .timing import Timing
 
@@ -146,9 +147,9 @@ class Model:
         return [make_group(pool) for pool in self.pools]
 
     @cached_property
-    def pools(self) -> list[list[BodyMesh]]:
+    def pools(self) -> list[Pool]:
         """The bodies of each group."""
-        from .groups import make_pools
+        from .pools import make_pools
 
         return make_pools(self)
 

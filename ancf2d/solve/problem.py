@@ -10,7 +10,6 @@ from ..elements.shape import Array
 from ..kernels.bodies import addresses, make_bodies
 from ..kernels.dynamics import Problem
 from ..kernels.tree import entries
-from ..model.groups import damping_times
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.point_table import point_table, points_of
@@ -144,7 +143,7 @@ def _points(model: Model, signals: Signals) -> Any:
 def element_calls(model: Model) -> Any:
     """Return the addresses of the elements' forces that a motion calls (``kernels.bodies.addresses``)."""
     conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
-    return addresses(bool(damping_times(model).any()), conserving, model.numbering.fronts is not None)
+    return addresses(any(pool.tau for pool in model.pools), conserving, model.numbering.fronts is not None)
 
 
 def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
@@ -155,7 +154,7 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     weights = np.zeros(num.n_unknowns)
     weights[own] = model.weights[num.free[own]]
     pairs, turns = _pairs(model)
-    tau, bodies = damping_times(model), make_bodies(model.groups)
+    tau, bodies = np.array([pool.tau for pool in model.pools]), make_bodies(model.groups)
     damping = model.case.damping
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {

@@ -9,11 +9,11 @@ import numpy as np
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices, viscous_force
-from ..model.groups import damping_time, element_group
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
+from ..model.pools import damping_time, place_of
 from .mass import inertia_rates
 from .state import State
 
@@ -182,7 +182,8 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        group, first = element_group(body.model, body.mesh)
+        pool, first = place_of(body.model, body.mesh)
+        group = body.model.groups[pool]
         m, n = self.dofs.shape
         # each element with coordinates of its own, so that nothing is summed
         chosen = first + np.asarray(self.chosen)

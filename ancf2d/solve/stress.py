@@ -11,9 +11,9 @@ from ..elements.formulations.base import Sampler, cross
 from ..elements.formulations.green import elasticity
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
-from ..model.groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
+from ..model.pools import damping_time
 from .section import SectionForces
 from .sections import element_velocities, interpolation
 from .state import State

@@ -10,8 +10,8 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.kernels.elements import element_matrices, force, viscous_force
 from ancf2d.kernels.matrix import Csr
 from ancf2d.kernels.mean import mean_force, mean_force_tangent
-from ancf2d.model.groups import damping_times
 from ancf2d.model.mesh import mass_matrix
+from ancf2d.model.pools import damping_time
 
 CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].law.mean is not None]
 SIZE = 0.05 * helpers.SECTION["height"]
@@ -242,6 +242,7 @@ def test_damping_times_are_the_materials_and_rayleighs():
         "c": helpers.body(helpers.line(1.0), helpers.element("reissner2", 1), stiff),
     }
     solver = {"type": "dynamic", "t_end": 1, "dt": 0.1}
-    assert damping_times(helpers.build(bodies, solver)).tolist() == [0.25, 0.0, 0.0]
+    assert [damping_time(helpers.build(bodies, solver), name) for name in bodies] == [0.25, 0.0, 0.0]
     damped = helpers.build(bodies, solver, damping={"rayleigh": {"beta": 0.5}})
-    assert damping_times(damped).tolist() == [0.75, 0.5, 0.5]
+    assert [damping_time(damped, name) for name in bodies] == [0.75, 0.5, 0.5]
+    assert [pool.tau for pool in damped.pools] == [0.75, 0.5, 0.5]

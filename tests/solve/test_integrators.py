@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import helpers as h
 import pytest
-from motions import GRAVITY, rigid, rod
+from motions import GRAVITY, Ride, rigid, rod
 
+from ancf2d.solve import stepping
 from ancf2d.solve.methods import MAKERS
 from ancf2d.solve.schemes import INTEGRATORS, SCHEMES, method_problems
 
@@ -57,3 +58,17 @@ def test_spectral_radii_that_a_method_cannot_have(solver, part):
     ((key, message, _),) = refusals(FREE, **solver)
     assert key == "spectral_radius"
     assert part in message
+
+
+@pytest.mark.parametrize("room", [2, 3, 7])
+def test_a_step_may_pass_more_states_than_there_is_room_for(monkeypatch, room):
+    """Long steps, states close together, and many unknowns: the same states, to the bit, whatever the room."""
+    scene = {"bodies": {"a": rod("reissner2", 2)}, "loads": GRAVITY, "bc": [{"type": "pin", "at": "a@0"}]}
+    trips = []
+    for some in (10**6, room):
+        monkeypatch.setattr(stepping, "STATE_BYTES", 24 * 9 * some)
+        trips.append(Ride(scene, 0.1, states=50, method="radau5", dt=0.05).start().on())
+    assert len(trips[1].stepper.rows.t) < 10 <= len(trips[0].stepper.rows.t)
+    whole, parts = ([(r.t, *r.z, *r.v, *r.a) for r in trip.rows] for trip in trips)
+    assert len(whole) == 51
+    assert parts == whole

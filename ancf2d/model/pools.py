@@ -1,0 +1,112 @@
+"""Bodies alike: what is done element by element is done for all of them at once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..elements.shape import Array
+from .mesh import STATIONS, BodyMesh, ElementClass, Index
+
+if TYPE_CHECKING:
+    from .model import Model
+
+# a body of so many elements is alone, so that threads can share it out
+MANY = 8192
+
+
+class Pool:
+    """Bodies with the same element, formulation, quadrature and damping time ``tau`` [s], their elements in a row.
+
+    ``classes`` are those of all bodies, each once; ``cls`` (ne,), ``dofs`` (ne, n_dof), ``turn`` (ne or 1, 2) as of
+    ``BodyMesh``.
+    """
+
+    def __init__(self, meshes: list[BodyMesh], tau: float) -> None:
+        self.meshes, self.tau = meshes, tau
+        self.plan = meshes[0].plan
+
+    @cached_property
+    def _classes(self) -> dict[Any, ElementClass]:
+        out: dict[Any, ElementClass] = {}
+        for mesh in self.meshes:
+            for one in mesh.classes:
+                out.setdefault(one.key, one)
+        return out
+
+    @property
+    def classes(self) -> list[ElementClass]:
+        """The classes of all bodies, each once."""
+        return list(self._classes.values())
+
+    @cached_property
+    def cls(self) -> Index:
+        """The class of each element (ne,)."""
+        number = {key: k for k, key in enumerate(self._classes)}
+        parts = [np.array([number[c.key] for c in mesh.classes], dtype=np.int64)[mesh.cls] for mesh in self.meshes]
+        return np.concatenate(parts)
+
+    @cached_property
+    def dofs(self) -> Index:
+        """The coordinates of each element (ne, n_dof)."""
+        return _joined([mesh.dofs for mesh in self.meshes])
+
+    @cached_property
+    def turn(self) -> Array:
+        """Cosine and sine of each element's direction (ne, 2), or of that of all (1, 2)."""
+        if len(self.meshes) == 1:
+            return self.meshes[0].turn
+        return np.concatenate([np.broadcast_to(mesh.turn, (len(mesh.dofs), 2)) for mesh in self.meshes])
+
+    @cached_property
+    def first(self) -> Index:
+        """The number of the first element of each body."""
+        return np.concatenate([[0], np.cumsum([len(mesh.dofs) for mesh in self.meshes])])[:-1]
+
+    @cached_property
+    def axis_rows(self) -> list[tuple[Array, Array, Array]]:
+        """dS/dx, dS/dy and S (stations, n_shape) at ``STATIONS`` on the axis, for each class of elements."""
+        axis = np.zeros(len(STATIONS))
+        return [(c.shape(STATIONS, axis, 1, 0), c.shape(STATIONS, axis, 0, 1), c.shape(STATIONS, axis))
+                for c in self.classes]
+
+
+def _joined(parts: list[Any]) -> Any:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def damping_time(model: Model, name: str) -> float:
+    """Return tau [s] of a body in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
+    damping, material = model.case.damping, model.case.bodies[name].material
+    beta = damping.rayleigh.beta if damping else 0.0
+    return beta + (material.damping.kelvin_voigt if material and material.damping else 0.0)
+
+
+def make_pools(model: Model) -> list[Pool]:
+    """Return the bodies that deform, alike ones together."""
+    pools: list[Pool] = []
+    found: dict[Any, Pool] = {}
+    for name, mesh in model.meshes.items():
+        plan = mesh.plan
+        if plan.rigid:
+            continue
+        tau = damping_time(model, name)
+        key = id(plan.element), plan.formulation.name, plan.rule, tau
+        if plan.count < MANY and key in found:
+            found[key].meshes.append(mesh)
+            continue
+        pools.append(Pool([mesh], tau))
+        if plan.count < MANY:
+            found[key] = pools[-1]
+    return pools
+
+
+def place_of(model: Model, mesh: BodyMesh) -> tuple[int, int]:
+    """Return the number of a body's pool, and that of the body's first element in it."""
+    for k, pool in enumerate(model.pools):
+        for other, first in zip(pool.meshes, pool.first.tolist(), strict=True):
+            if other is mesh:
+                return k, first
+    raise KeyError(mesh.plan.name)
