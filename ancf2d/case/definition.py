@@ -52,6 +52,8 @@ class ElementDefinition:
                           default=None, example=[3, 2])
     shear_factor: float | str | None = key(SHEAR_FACTOR, "Shear correction: a number, timoshenko "
                                            "or none", default=None)
+    lobatto: float = key(Number("", ge=0, le=1), "Share of the mass that Gauss-Lobatto points along the "
+                         "axis integrate", default=0.0, example=0.8)
 
     def check(self) -> Iterator[Issue]:
         """Yield nodes that are not in order, and functions that are given twice."""

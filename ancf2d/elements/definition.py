@@ -39,7 +39,8 @@ class ElementType:
     (formulations know a rule for every type; an entry here overrides it). ``shear_factor`` is
     ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or a number. ``preset`` maps the option
     ``preset: paper`` to the seed paper's choices; empty where the paper has none. ``slender`` is the element
-    length over height up to which bending does not lock (measured: docs/accuracy.md).
+    length over height up to which bending does not lock (measured: docs/accuracy.md). ``lobatto`` is the share of the
+    mass that as many Gauss-Lobatto points along the axis integrate as determine the polynomial (the rest is exact).
     """
 
     name: str
@@ -52,6 +53,7 @@ class ElementType:
     preset: dict[str, object] = field(default_factory=dict)
     note: str = ""
     slender: float = math.inf
+    lobatto: float = 0.0
 
     @cached_property
     def polynomials(self) -> tuple[Polynomial, ...]:

@@ -95,17 +95,6 @@ def _only_lower(matrix):  # type: ignore[no-untyped-def]
     return lambda matrix: lower
 
 
-def runs_along(matrix: Any) -> bool:
-    """Return whether entries that lie alike in a matrix are stored equally far apart."""
-    return isinstance(matrix, SymBand)
-
-
-@overload(runs_along, inline="always")
-def _runs_along(matrix):  # type: ignore[no-untyped-def]
-    runs = matrix.instance_class is SymBand
-    return lambda matrix: runs
-
-
 @inner
 def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
     """Return whether no coordinate of element m is a combination of unknowns."""
@@ -179,23 +168,23 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
 
     ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
     """
-    lower, along, n = only_lower(matrix), runs_along(matrix), dofs.shape[1]
+    lower, n = only_lower(matrix), dofs.shape[1]
     K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
     m = 0
     while m < Ks.shape[1]:
-        run = _chain(dofs, first + m, Ks.shape[1] - m, place) if along else 0
+        run = _chain(dofs, first + m, Ks.shape[1] - m, place) if lower else 0
         if run > 0:
             _add_chain(matrix, Ks, m, run, scale, entries, dofs, first, place, starts, sources)
             m += run
             continue
-        if not along and _is_plain(place, dofs, first + m):
+        if not lower and _is_plain(place, dofs, first + m):
             for x in range(len(entries)):
                 i, j = place[dofs[first + m, entries[x, 0]]], place[dofs[first + m, entries[x, 1]]]
                 if i >= 0 and j >= 0:
                     v = scale * Ks[x, m]
-                    add(matrix, max(i, j), min(i, j), v)
-                    if not lower and i != j:
-                        add(matrix, min(i, j), max(i, j), v)
+                    add(matrix, i, j, v)
+                    if entries[x, 0] != entries[x, 1]:
+                        add(matrix, j, i, v)
         else:
             for x in range(len(entries)):
                 K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]
@@ -248,6 +237,18 @@ def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place
             array_at(matrix.values, starts[x] + m * step, (1,))[0] += scale * _at(Ks, sources[x] + m)
 
 
+def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+    n = dofs.shape[1]
+    d = array_at(dofs, (first + at) * n, (count * n,))
+    step = _at(place, _at(d, n)) - _at(place, d[0]) if count > 1 else 0
+    for x in range(len(entries)):
+        i, j = _at(place, _at(d, entries[x, 0])), _at(place, _at(d, entries[x, 1]))
+        if i >= 0 and j >= 0:
+            high, low = max(i, j), min(i, j)
+            for m in range(count):
+                matrix.values[entry(matrix.fronts, high + m * step, low + m * step)] += scale * Ks[x, at + m]
+
+
 def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
     return
 
@@ -258,4 +259,4 @@ def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts
 
 @overload(_add_chain, inline="always")
 def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
-    return _add_chain_symband if matrix.instance_class is SymBand else _no_chain
+    return {SymBand: _add_chain_symband, Nested: _add_chain_nested}.get(matrix.instance_class, _no_chain)

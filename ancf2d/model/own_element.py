@@ -38,10 +38,14 @@ def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
     default = definition.formulation or ("geometrically_exact" if theta else "cable" if curve else "continuum")
     nodes = tuple(NodeSpec(float(n.at), tuple(n.coordinates)) for n in definition.nodes)
     element = ElementType(definition.name, tuple(str(b) for b in definition.basis), nodes, default, source=source,
-                          shear_factor=definition.shear_factor or "timoshenko")
+                          shear_factor=definition.shear_factor or "timoshenko", lobatto=definition.lobatto)
     if len(polynomials) != element.n_shape:
         raise DefinitionError([(("basis",), f"{len(polynomials)} basis functions for {element.n_shape} nodal "
                                 "coordinates", "as many functions as coordinates at all nodes together")])
+    if element.lobatto and element.degree_x < 2:
+        raise DefinitionError([(("lobatto",), f"two Gauss-Lobatto points give a bar that turns more mass than it has, "
+                                f"got lobatto {element.lobatto:g} for a basis of degree {element.degree_x} in x",
+                                "no lobatto, or a basis of higher degree")])
     return element
 
 

@@ -205,7 +205,6 @@ def test_a_file_that_is_missing_or_no_result_is_refused(bent):
 def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_is_held():
     from ancf2d.solve.linear import make_matrix
     from ancf2d.solve.mass import assemble_mass
-    from ancf2d.solve.pencil import product
 
     for name in ("2d2n", "cable", "reissner3"):
         model = h.build({"b": h.body(h.ARC, h.element(name, 3))}, DYNAMIC,
@@ -214,5 +213,5 @@ def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_i
         assemble_mass(model, matrix)
         x = np.random.default_rng(1).standard_normal(model.n_q)
         out = np.zeros(model.n_q)
-        out[model.numbering.free] = product(matrix.target.values, matrix, x[model.numbering.free])
+        out[model.numbering.free] = matrix.product(matrix.values, x[model.numbering.free])
         np.testing.assert_allclose(full_mass(model) @ x, out, atol=1e-12)

@@ -118,8 +118,12 @@ def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, A
 
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
     """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest."""
-    x, wx = gauss(rule[0])
-    y, wy = gauss(rule[1])
+    return product_points(gauss(rule[0]), gauss(rule[1]))
+
+
+def product_points(along: tuple[Array, Array], across: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    """Return the points and weights of two rules on [0, 1] together, as ``rule_points`` does."""
+    (x, wx), (y, wy) = along, across
     return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
 
 
