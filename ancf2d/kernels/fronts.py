@@ -17,9 +17,8 @@ from .stack import numbers, vector
 
 
 @inner
-def entry(fronts, i, j):  # type: ignore[no-untyped-def]
-    """Return where entry (i, j), j <= i, is stored, its row found by bisection."""
-    q = fronts.owner[j]
+def _row(fronts, q, i):  # type: ignore[no-untyped-def]
+    """Return where row i of front q starts, less what the front's first column is: beyond the pivots by bisection."""
     first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
     row, apart = i - first, pivots + fronts.start[q + 1] - fronts.start[q] - 1
     if row >= pivots:
@@ -31,7 +30,39 @@ def entry(fronts, i, j):  # type: ignore[no-untyped-def]
             else:
                 low = middle
         row = pivots + low - fronts.start[q]
-    return fronts.at[q] + (row + 1) * apart + j - first
+    return fronts.at[q] + (row + 1) * apart - first
+
+
+@inner
+def entry(fronts, i, j):  # type: ignore[no-untyped-def]
+    """Return where entry (i, j), j <= i, is stored."""
+    return _row(fronts, fronts.owner[j], i) + j
+
+
+@inner
+def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def]
+    """Fill where the entries of an element are, of coordinates a and b, b being taken out first.
+
+    It is ``table[table[n n + b] n + a]`` and the unknown of b, for coordinates d (n,) whose unknowns are ``shift``
+    beyond place[d]: each front that takes out one of them is looked through once.
+    """
+    known = 0
+    for b in range(n):
+        j = place[d[b]]
+        if j < 0:
+            continue
+        q, c = fronts.owner[j + shift], 0
+        while c < b and (place[d[c]] < 0 or fronts.owner[place[d[c]] + shift] != q):
+            c += 1
+        if c < b:
+            table[n * n + b] = table[n * n + c]
+            continue
+        for a in range(n):
+            i = place[d[a]] + shift
+            if place[d[a]] >= 0 and i >= fronts.first[q]:
+                table[known * n + a] = _row(fronts, q, i)
+        table[n * n + b] = known
+        known += 1
 
 
 @kernel

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from .fronts import entry
+from .fronts import entry, fill_rows
 from .jit import inner, kernel
 from .lanes import array_at
 from .stack import array, numbers
@@ -170,11 +170,12 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
     """
     lower, n = only_lower(matrix), dofs.shape[1]
     K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
+    table = numbers(dofs, n * n + n)
     m = 0
     while m < Ks.shape[1]:
         run = _chain(dofs, first + m, Ks.shape[1] - m, place) if lower else 0
         if run > 0:
-            _add_chain(matrix, Ks, m, run, scale, entries, dofs, first, place, starts, sources)
+            _add_chain(matrix, Ks, m, run, scale, entries, dofs, first, place, starts, sources, table)
             m += run
             continue
         if not lower and _is_plain(place, dofs, first + m):
@@ -222,7 +223,7 @@ def _chain(dofs, first, most, place):  # type: ignore[no-untyped-def]
     return count
 
 
-def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
     # elements at, at + 1, ... of the batch
     width, n = matrix.values.shape[1], dofs.shape[1]
     size, used = len(entries), 0
@@ -237,26 +238,32 @@ def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place
             array_at(matrix.values, starts[x] + m * step, (1,))[0] += scale * _at(Ks, sources[x] + m)
 
 
-def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
     n = dofs.shape[1]
     d = array_at(dofs, (first + at) * n, (count * n,))
     step = _at(place, _at(d, n)) - _at(place, d[0]) if count > 1 else 0
     for x in range(len(entries)):
         i, j = _at(place, _at(d, entries[x, 0])), _at(place, _at(d, entries[x, 1]))
-        if i >= 0 and j >= 0:
-            high, low = max(i, j), min(i, j)
-            for m in range(count):
-                matrix.values[entry(matrix.fronts, high + m * step, low + m * step)] += scale * Ks[x, at + m]
+        starts[x], sources[x] = (entries[x, 0], entries[x, 1]) if i > j else (entries[x, 1], entries[x, 0])
+        if min(i, j) < 0:
+            starts[x] = -1
+    for m in range(count):
+        fill_rows(matrix.fronts, d, place, m * step, n, table)
+        for x in range(len(entries)):
+            if starts[x] >= 0:
+                low = _at(d, sources[x])
+                k = _at(table, _at(table, n * n + sources[x]) * n + starts[x]) + _at(place, low) + m * step
+                array_at(matrix.values, k, (1,))[0] += scale * Ks[x, at + m]
 
 
-def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
     return
 
 
-def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
     raise NotImplementedError
 
 
 @overload(_add_chain, inline="always")
-def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources):  # type: ignore[no-untyped-def]
+def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
     return {SymBand: _add_chain_symband, Nested: _add_chain_nested}.get(matrix.instance_class, _no_chain)

@@ -265,7 +265,7 @@ def matrix_of_one(kind: type) -> TangentMatrix:
     return SymmetricBand(1, 0) if kind is SymmetricBand else GeneralBand(1, 0)
 
 
-def _pattern(model: Model) -> tuple[Array, Array]:
+def pattern(model: Model) -> tuple[Array, Array]:
     """Return the row and column of every entry that an element or patch can touch."""
     num = model.numbering
     rows, columns = [], []
@@ -303,4 +303,4 @@ def make_matrix(model: Model) -> TangentMatrix:
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
         return SymmetricBand(n, bw) if model.symmetric and not model.exchanges else GeneralBand(n, bw)
-    return GeneralSparse(n, *_pattern(model), exchange=model.exchanges)
+    return GeneralSparse(n, *pattern(model), exchange=model.exchanges)

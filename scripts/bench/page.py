@@ -93,6 +93,19 @@ def iteration_table(found: Found) -> str:
                                     for r in found["arithmetic"]["iterations"]])
 
 
+def frames_table(found: Found) -> str:
+    """Return the table of frames."""
+    def us(seconds: float) -> str:
+        return f"{seconds:.2f}"
+
+    return table(["frame", "type", "elements", "unknowns", "fronts, largest", "forces, tangent, assembly", "factor",
+                  "solve", "all", "factor and solve: band", "SuperLU"],
+                 [[r["frame"], r["element"], r["elements"], r["unknowns"],
+                   f"{r['fronts']}, {r['largest']}" if r["fronts"] else f"band of {r['half_bandwidth']}",
+                   us(r["assembly"]), us(r["factor"]), us(r["solve"]), us(r["assembly"] + r["factor"] + r["solve"]),
+                   us(r["band"]), us(r["superlu"])] for r in found["frames"]])
+
+
 def sampling_table(found: Found) -> str:
     """Return the quadratures of the element types beside fewer and more points."""
     def error(x: float | None) -> str:

@@ -21,6 +21,7 @@ import aims
 import arithmetic
 import dynamics
 import eigen
+import frames
 import page
 import sampling
 import scaling
@@ -36,6 +37,7 @@ PARTS: dict[str, Callable[[int], Any]] = {
     "static": lambda repeat: {str(n): static_cantilever.compare(n, TYPES, repeat) for n in SIZES},
     "scaling": lambda repeat: scaling.collect(scaling.TYPES, scaling.SIZES[-1], repeat),
     "arithmetic": lambda repeat: arithmetic.measure(arithmetic.TYPES, 3 * repeat),
+    "frames": lambda repeat: frames.measure(3 * repeat),
     "sampling": lambda repeat: sampling.measure(),
     "modes": lambda repeat: eigen.compare(["reissner2", "vallejo"], 100_000),
     "motion": dynamics.collect}
@@ -56,9 +58,10 @@ the ratios more than the seconds.
   compiler. The first run of a formulation compiles its kernels; they are kept in the user's cache folder under a name
   that changes with the sources, so that they are never stale.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
-  band. Statics of 8000 elements and more shares them out to threads, one for each processor or as `OMP_NUM_THREADS`
-  says, with the same bits. The command line lets OpenBLAS have one thread, as those of its own take more time than
-  they save here; scripts do well to set `OPENBLAS_NUM_THREADS=1` before they import NumPy. What is set already stays.
+  band, frames that branch or close in loops front by front. Statics of 8000 elements and more shares them out to
+  threads, one for each processor or as `OMP_NUM_THREADS` says, with the same bits. The command line lets OpenBLAS have
+  one thread, as those of its own take more time than they save here; scripts do well to set `OPENBLAS_NUM_THREADS=1`
+  before they import NumPy. What is set already stays.
 * Motion is integrated by high order (`radau5`, `radau9`): smooth motion takes few steps, and wanted digits cost little
   more. Fixed steps with `estimate: false` do without the coarser runs beside, which tell how far the result is right. A
   state that is stored costs about 0.1 ms on top, whatever the step.
@@ -109,6 +112,14 @@ One Newton iteration of {arithmetic.MANY} elements, per element, on one core:
 
 {page.iteration_table(found)}
 
+## Frames
+
+One Newton iteration of frames that are no chain beside a chain of as many elements, microseconds per element on one
+core. They are factored front by front where that costs less than a band; beside it what factors and solution take with
+the band of reverse Cuthill-McKee, and with general sparse factors (SuperLU). `scripts/bench/frames.py` has the scenes.
+
+{page.frames_table(found)}
+
 ## Sampling points
 
 How few points keep each type's accuracy: its own quadrature beside one point fewer and one more along and across. A
@@ -136,7 +147,8 @@ Exudyn steps by generalized alpha with modified Newton, at a tolerance of 1e-5 (
 pendulum (1)). OpenSees steps by HHT with alpha 0.95 and starts from the accelerations of the fall; its beams hang when
 they are built and are turned up, because its corotational frames turn by no more than half a turn. PyElastica steps
 explicitly by position Verlet. `quartic` is a geometrically exact beam of five nodes, [an element in a
-file](adding-an-element.md#an-element-in-a-file), `scripts/bench/quartic.yaml`. The fine solution is the last of each
+file](adding-an-element.md#an-element-in-a-file), `scripts/bench/quartic.yaml`, 0.8 of whose mass Gauss-Lobatto points
+integrate. The fine solution is the last of each
 tool's ladder; Exudyn's geometrically exact beam and `quartic` have that of `reissner3`.
 
 {page.errors_table(found)}

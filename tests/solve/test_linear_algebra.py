@@ -13,8 +13,8 @@ from ancf2d.solve.linear import (
     GeneralSparse,
     SymmetricBand,
     SymmetricFronts,
-    _pattern,
     make_matrix,
+    pattern,
 )
 from ancf2d.solve.static import FLOOR
 from ancf2d.solve.system import System
@@ -76,7 +76,7 @@ KINDS = {
     "symmetric band": lambda m, n, bw: SymmetricBand(n, bw),
     "fronts": lambda m, n, bw: SymmetricFronts(m.numbering.fronts),
     "general band": lambda m, n, bw: GeneralBand(n, bw),
-    "compressed rows": lambda m, n, bw: GeneralSparse(n, *_pattern(m)),
+    "compressed rows": lambda m, n, bw: GeneralSparse(n, *pattern(m)),
 }
 
 
