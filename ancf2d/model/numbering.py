@@ -12,8 +12,9 @@ from .mesh import BodyMesh, Index
 from .model import Numbering
 from .order import half_bandwidth, order_unknowns
 
-# fronts are tried where a band is wider than so many times an element's
-LOOSE = 1.5
+# fronts are tried where there are so many unknowns and a band is wider than so many times an element's; they are taken
+# where the band costs so much more, in statics and in motion, whose kernels are compiled anew for them
+FEW, LOOSE, WORTH = 200, 1.5, (1.2, 3.0)
 
 
 def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
@@ -79,10 +80,10 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     final = _after_coordinates(position, multipliers, len(free), behind) if constraints else position
     together = sets + [np.array([[*reached, len(free) + k]], dtype=np.int64) for k, reached in enumerate(multipliers)]
     width, fronts = half_bandwidth(final, together), None
-    if nested and width > LOOSE * largest:
+    if nested and len(final) >= FEW and width > LOOSE * largest:
         order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free), behind)
         tree, positions = make_fronts(order, together)
-        if fronts_cost(tree) < band_cost(len(final), width):
+        if WORTH[inertia] * fronts_cost(tree) < band_cost(len(final), width):
             final, fronts, width = positions, tree, half_bandwidth(positions, together)
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)
     place[free] = final[:len(free)]

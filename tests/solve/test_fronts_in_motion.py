@@ -37,6 +37,7 @@ def moved(nested: bool, scene: dict[str, Any], **how: Any) -> tuple[np.ndarray, 
     """Return displacements and rates at the end, by coordinate, with fronts or a band."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numbering, "LOOSE", 0.0)
+        patch.setattr(numbering, "FEW", 0)
         patch.setattr(numbering, "band_cost", lambda n, width: np.inf if nested else 0.0)
         trip = ride(scene, 2e-2, dt=5e-4, **how)
     num = trip.model.numbering
@@ -81,6 +82,7 @@ def test_scipys_methods_move_fronts(method: str) -> None:
     for nested in (False, True):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(numbering, "LOOSE", 0.0)
+            patch.setattr(numbering, "FEW", 0)
             patch.setattr(numbering, "band_cost", lambda n, width, nested=nested: np.inf if nested else 0.0)
             scene = fork("reissner2", "weld", False)
             bodies = scene.pop("bodies")

@@ -85,6 +85,7 @@ def built(kind: str | None, **scene):
     with pytest.MonkeyPatch.context() as patch:
         if kind is not None:
             patch.setattr(numbering, "LOOSE", 0.0)
+            patch.setattr(numbering, "FEW", 0)
             patch.setattr(numbering, "band_cost", lambda n, width: np.inf if kind == "fronts" else 0.0)
         return helpers.build(**scene)
 
@@ -239,6 +240,22 @@ def test_the_matrix_suits_the_scene():
     assert isinstance(make_matrix(model), SymmetricFronts)
     # as stiff a scene with a load that follows a body has no symmetric tangent, and a point that slides none of fronts
     assert not isinstance(make_matrix(built("fronts", **scene, loads=follower)), SymmetricFronts)
+
+
+def test_small_frames_and_chains_keep_their_band_and_motions_where_it_costs_little_more(monkeypatch):
+    """Kernels for fronts are compiled anew: in motion, where they are many, a band may cost three times as much."""
+    def fronts(moves: bool = False, **more) -> bool:
+        solver = {"solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1}} if moves else {}
+        return helpers.build(**(star() | solver | more)).numbering.fronts is not None
+
+    assert not fronts()
+    monkeypatch.setattr(numbering, "FEW", 0)
+    monkeypatch.setattr(numbering, "fronts_cost", lambda tree: 1.0)
+    for share, taken in ((1.1, (False, False)), (2.0, (True, False)), (3.5, (True, True))):
+        monkeypatch.setattr(numbering, "band_cost", lambda n, width, share=share: share)
+        assert (fronts(), fronts(moves=True)) == taken
+    monkeypatch.setattr(numbering, "LOOSE", 1e3)
+    assert not fronts()
 
 
 def test_long_chains_have_the_band_of_one_element():

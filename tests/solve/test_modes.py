@@ -35,7 +35,7 @@ def pencil_of(model: Any) -> Pencil:
 
 
 def star(count: int) -> dict[str, Any]:
-    """Return many bars that end at one point: no chain, so that the tangent is stored in compressed rows."""
+    """Return many bars that end at one point: no chain, so that the tangent is stored as fronts."""
     spec = h.element("reissner2", 6)
     bodies = {f"m{k}": h.body(h.line(1.0 + 0.01 * k, 0.7 * k), spec, h.SECTION) for k in range(count)}
     joint = {"type": "weld", "between": [f"m{k}@0" for k in range(count)]}
