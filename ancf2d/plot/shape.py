@@ -28,16 +28,18 @@ from ancf2d.plot.body import (
 from ancf2d.plot.picture import Kind, Source, common_title
 
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
+MAX_ENTRIES = 16  # bodies of a file that are told apart; more have one colour and one entry in the legend
 
 
 @dataclass
 class Part:
-    """One body of one file (numbered from 0) in the picture."""
+    """One body of one file (numbered from 0) in the picture; ``entry`` is what the legend calls it."""
 
     name: str
     file: int
     reference: Outline
     deformed: Outline | None
+    entry: str
 
 
 @dataclass
@@ -60,7 +62,7 @@ class Shape:
     def size(self) -> tuple[float, float]:
         width, height = np.ptp(self._bounds(), axis=0)
         ratio = height / width if width > 0 else 10.0
-        rows = style.legend_rows(6.4, [*(p.name for p in self.parts if p.deformed), "nodes", "reference"])
+        rows = style.legend_rows(6.4, [*dict.fromkeys(p.entry for p in self.parts if p.deformed), "nodes", "reference"])
         return (6.4, float(np.clip(5.6 * ratio, 1.6, 5.4)) + 1.4 + 0.2 * rows)
 
     def render(self, figure: Figure) -> None:
@@ -72,8 +74,9 @@ class Shape:
         for i, part in enumerate(self.parts):
             self._reference(axes, part)
             if part.deformed is not None:
-                handles[part.name] = self._deformed(axes, part, i, fill, 1.3 + step * (last - part.file))
-        if any(p.deformed is not None and _marked(p.deformed).size for p in self.parts):
+                look = i if part.entry == part.name else part.file
+                handles[part.entry] = self._deformed(axes, part, look, fill, 1.3 + step * (last - part.file))
+        if any(_marked(p).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
         handles["reference"] = Patch(facecolor="none", edgecolor=style.REFERENCE, linestyle="--")
         bounds = self._bounds()
@@ -103,7 +106,7 @@ class Shape:
                         linestyle=style.DASHES[part.file % len(style.DASHES)], joinstyle="round",
                         zorder=2.5, label=part.name)
         axes.add_patch(patch)
-        nodes = _marked(shape)
+        nodes = _marked(part)
         if nodes.size:
             axes.plot(*nodes.T, linestyle="", color=color, zorder=3, markersize=4,
                       marker=style.MARKERS[i % len(style.MARKERS)], markeredgecolor="white",
@@ -124,8 +127,11 @@ class Shape:
                         yield part.name, state, *row
 
 
-def _marked(shape: Outline) -> np.ndarray:
-    return shape.nodes if len(shape.nodes) <= MAX_NODES else np.empty((0, 2))
+def _marked(part: Part) -> np.ndarray:
+    """Return the nodes that are marked: none where they would hide the body."""
+    shape = part.deformed
+    few = shape is not None and len(shape.nodes) <= MAX_NODES and part.entry == part.name
+    return shape.nodes if shape is not None and few else np.empty((0, 2))
 
 
 def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int = -1) -> Shape:
@@ -142,11 +148,16 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
     for file, source in enumerate(sources):
         results = source.results
         for name, body in results.bodies.items():
-            label = source.name(name if len(results.bodies) > 1 or not source.label else "")
             deformed = outline(results, body, state, factor) if results.nt else None
-            parts.append(Part(label, file, outline(results, body, None, 1.0), deformed))
+            parts.append(_part(source, file, name, outline(results, body, None, 1.0), deformed))
     first = sources[0].results
     return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts)
+
+
+def _part(source: Source, file: int, name: str, reference: Outline, deformed: Outline | None) -> Part:
+    count = len(source.results.bodies)
+    label = source.name(name if count > 1 or not source.label else "")
+    return Part(label, file, reference, deformed, label if count <= MAX_ENTRIES else source.name(f"{count} bodies"))
 
 
 def _note(sources: Sequence[Source], state: int, factor: float) -> str:
@@ -172,8 +183,8 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
             results = source.results
             k = i if results is first else int(np.abs(results.t - first.t[i]).argmin())
             for name, body in results.bodies.items():
-                label = source.name(name if len(results.bodies) > 1 or not source.label else "")
-                parts.append(Part(label, file, outline(results, body, None, 1.0), outline(results, body, k, factor)))
+                parts.append(_part(source, file, name, outline(results, body, None, 1.0),
+                                   outline(results, body, k, factor)))
         yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, box)
 
 

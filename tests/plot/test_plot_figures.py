@@ -62,6 +62,15 @@ def test_everything_drawn_lies_within_the_axes_and_units_are_named(tmp_path: Pat
     assert legend_texts(figure) == ["beam", "nodes", "reference"]
 
 
+def test_many_bodies_share_a_colour_and_an_entry_in_the_legend(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ancf2d.plot.shape.MAX_ENTRIES", 0)
+    a, b = (opened(bent_beam(tmp_path / f"{name}.h5")) for name in "ab")
+    figure = draw(a, "shape")
+    assert legend_texts(figure) == ["1 bodies", "reference"]
+    assert list(bodies(figure)) == ["beam"]
+    assert legend_texts(draw({"ours": a, "theirs": b}, "shape")) == ["ours: 1 bodies", "theirs: 1 bodies", "reference"]
+
+
 def test_labels_of_axes_of_one_scale_are_not_cut(tmp_path: Path) -> None:
     for length in (0.325, 0.675):
         figure = draw(opened(bent_beam(tmp_path / "a.h5", angle=0.7, length=length, height=0.02)), "shape")
