@@ -169,7 +169,7 @@ def built_report(model: Any) -> str:
 _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
              "SymmetricFronts": "symmetric, LDL^T front by front",
              "GeneralBand": "band, LU with pivoting (LAPACK): follower loads or rigid bodies",
-             "GeneralSparse": "sparse, LU (SuperLU): the mesh is no chain"}
+             "GeneralSparse": "sparse, LU (SuperLU): follower loads or rigid bodies, and the mesh is no chain"}
 
 
 def matrix_text(model: Any) -> str:

@@ -19,7 +19,7 @@ from ..model.model import Model, Numbering
 
 # a pivot below this share of the terms it is the difference of is round-off
 SINGULAR = 4e-16
-# beyond this multiple of an element's own width, general sparse factors are cheaper than a band
+# beyond this multiple of an element's own width, general sparse factors are cheaper than a general band
 WIDE_BAND = 4
 
 
@@ -193,7 +193,7 @@ class GeneralBand:
 
 
 class GeneralSparse:
-    """Compressed rows with SuperLU, for wide bands; ``exchange`` rows for large pivots, or only where it must be."""
+    """Compressed rows with SuperLU, for wide general bands; ``exchange`` rows for large pivots, or where it must be."""
 
     def __init__(self, n: int, rows: Array, columns: Array, exchange: bool = False) -> None:
         from scipy.sparse import coo_matrix
@@ -298,9 +298,9 @@ def make_matrix(model: Model) -> TangentMatrix:
     Where rows must be exchanged it is a general one, symmetric or not.
     """
     num = model.numbering
-    if num.fronts is not None and model.symmetric and not model.exchanges:
-        return SymmetricFronts(num.fronts)
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
+    if model.symmetric and not model.exchanges:
+        return SymmetricBand(n, bw) if num.fronts is None else SymmetricFronts(num.fronts)
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
-        return SymmetricBand(n, bw) if model.symmetric and not model.exchanges else GeneralBand(n, bw)
+        return GeneralBand(n, bw)
     return GeneralSparse(n, *pattern(model), exchange=model.exchanges)

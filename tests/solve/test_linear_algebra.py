@@ -238,6 +238,12 @@ def test_the_matrix_suits_the_scene():
     joints = [pin(*(f"b{k}@0" for k in range(30)), kind="weld")]
     model = helpers.build(spokes, bc=[{"type": "clamp", "at": f"b{k}@1"} for k in range(30)], joints=joints)
     assert isinstance(make_matrix(model), SymmetricFronts)
+    # where fronts are not worth it a band is, however wide
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numbering, "FEW", 10**6)
+        model = helpers.build(spokes, bc=[{"type": "clamp", "at": f"b{k}@1"} for k in range(30)], joints=joints)
+        assert model.numbering.half_bandwidth > 60
+        assert isinstance(make_matrix(model), SymmetricBand)
     # as stiff a scene with a load that follows a body has no symmetric tangent, and a point that slides none of fronts
     assert not isinstance(make_matrix(built("fronts", **scene, loads=follower)), SymmetricFronts)
 
