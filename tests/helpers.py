@@ -42,8 +42,11 @@ def ids(variants: list[tuple[str, str]]) -> list[str]:
 
 
 def element(name: str, count: int, formulation: str | None = None, **more: Any) -> dict[str, Any]:
-    """Return the ``element`` of a body; family members are named ancf[p,q]."""
-    out: dict[str, Any] = {"type": name, "count": count}
+    """Return the ``element`` of a body, of equal elements, between whose nodes a scene may act.
+
+    Family members are named ancf[p,q].
+    """
+    out: dict[str, Any] = {"type": name, "count": count, "nodes": "regular"}
     if name.startswith(FAMILY + "["):
         p, q = name[len(FAMILY) + 1 : -1].split(",")
         out.update(type=FAMILY, order=[int(p), int(q)])

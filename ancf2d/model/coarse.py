@@ -25,7 +25,7 @@ def _warning(mesh: BodyMesh, e0: Array, e: Array) -> str | None:
     plan = mesh.plan
     if plan.rigid or not math.isfinite(plan.element.slender):
         return None
-    length = np.repeat([p.l for p in plan.pieces], [p.count for p in plan.pieces])
+    length = mesh.lengths
     turn = np.abs(np.angle(np.exp(1j * (_bend(mesh, e) - _bend(mesh, e0)))))
     k = int(np.argmax(turn * length))
     slender = float(turn[k] * length[k] / plan.section.height)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +14,20 @@ from ..case import Arc, Line, Polyline
 
 Array = NDArray[np.float64]
 
+# of an element: a point that is closer to a node is at the node
+AT_NODE = 1e-9
+# of a body's length: points that are closer share one node, as a shorter element would spoil the arithmetic
+TOGETHER = 1e-5
+# of an element: shares of a count that differ by less are equal, whatever round-off says
+ALIKE = 1e-6
+
 
 @dataclass(frozen=True)
 class Piece:
     """A stretch of constant curvature: ``start`` and ``angle`` of its first point, its length and count.
 
-    ``kappa`` is dtheta/ds [1/m], 0 for a straight piece; ``s0`` the arclength where it begins.
+    ``kappa`` is dtheta/ds [1/m], 0 for a straight piece; ``s0`` the arclength where it begins; ``continues``: whether
+    its first node is the last one of the piece before, which it follows smoothly.
     """
 
     start: tuple[float, float]
@@ -27,6 +36,7 @@ class Piece:
     kappa: float
     s0: float
     count: int
+    continues: bool = False
 
     @property
     def l(self) -> float:
@@ -56,48 +66,106 @@ class Piece:
         return np.stack([z.real, z.imag], axis=-1)
 
 
-def share_count(lengths: list[float], count: int) -> list[int]:
+def share_count(lengths: Sequence[float], count: int) -> list[int]:
     """Share ``count`` elements among pieces in proportion to their lengths, at least one each.
 
-    Raises OverflowError where the lengths together are no number.
+    What rounding down leaves goes to the largest remainders. Of pieces that are alike to round-off those in the middle
+    come first, in pairs from there on, so that shares are symmetric wherever they can be. Raises OverflowError where
+    the lengths together are no number.
     """
     total = sum(lengths)
     if not math.isfinite(count * total):
         raise OverflowError("the length is no number")
     ideal = [count * length / total for length in lengths]
-    shares = [max(1, math.floor(i)) for i in ideal]
-    while sum(shares) < count:
-        k = max(range(len(shares)), key=lambda m: ideal[m] - shares[m])
-        shares[k] += 1
-    while sum(shares) > count:
-        k = max((m for m in range(len(shares)) if shares[m] > 1), key=lambda m: shares[m] - ideal[m])
-        shares[k] -= 1
+    shares = [max(1, math.floor(i + ALIKE)) for i in ideal]
+    while (missing := count - sum(shares)) != 0:
+        sign = 1 if missing > 0 else -1
+        wants = {k: sign * (ideal[k] - n) for k, n in enumerate(shares) if sign > 0 or n > 1}
+        most = max(wants.values())
+        for k in _from_the_middle([k for k, want in wants.items() if want >= most - ALIKE], abs(missing)):
+            shares[k] += sign
     return shares
 
 
-def _straight_pieces(points: list[tuple[float, float]], count: int) -> tuple[Piece, ...]:
-    pairs = list(pairwise(points))
-    lengths = [math.dist(a, b) for a, b in pairs]
+def _from_the_middle(places: list[int], number: int) -> list[int]:
+    """Return up to ``number`` of the places, the ones in the middle, symmetric where that can be."""
+    m = len(places)
+    if number >= m:
+        return places
+    middle = [places[m // 2]] if m % 2 and number % 2 else []
+    half = m // 2
+    pairs = [k for i in range(half) for k in (places[half - 1 - i], places[m - half + i])]
+    return (middle + pairs)[:number]
+
+
+def _straight_pieces(points: list[tuple[float, float]]) -> list[Piece]:
     pieces, s0 = [], 0.0
     previous: float | None = None
-    for (a, b), length, n in zip(pairs, lengths, share_count(lengths, count), strict=True):
+    for a, b in pairwise(points):
         angle = math.atan2(b[1] - a[1], b[0] - a[0])
         if previous is not None:
             angle = previous + math.remainder(angle - previous, 2 * math.pi)
-        pieces.append(Piece(a, angle, length, 0.0, s0, n))
+        length = math.dist(a, b)
+        pieces.append(Piece(a, angle, length, 0.0, s0, 1))
         previous, s0 = angle, s0 + length
-    return tuple(pieces)
+    return pieces
 
 
-def pieces_of(geometry: Line | Arc | Polyline, count: int) -> tuple[Piece, ...]:
-    """Return the pieces of a body's geometry with ``count`` elements in all."""
+def _undivided(geometry: Line | Arc | Polyline) -> list[Piece]:
+    """Return the pieces of a body's geometry, one element each."""
     if isinstance(geometry, Line):
-        return _straight_pieces([geometry.start, geometry.end], count)
+        return _straight_pieces([geometry.start, geometry.end])
     if isinstance(geometry, Polyline):
-        return _straight_pieces(list(geometry.points), count)
+        return _straight_pieces(list(geometry.points))
     sweep = geometry.to - geometry.from_
     sign = math.copysign(1.0, sweep)
     start = (geometry.center[0] + geometry.radius * math.cos(geometry.from_),
              geometry.center[1] + geometry.radius * math.sin(geometry.from_))
-    return (Piece(start, geometry.from_ + sign * math.pi / 2, geometry.radius * abs(sweep),
-                  sign / geometry.radius, 0.0, count),)
+    return [Piece(start, geometry.from_ + sign * math.pi / 2, geometry.radius * abs(sweep),
+                  sign / geometry.radius, 0.0, 1)]
+
+
+def _split(piece: Piece, places: list[float]) -> list[Piece]:
+    """Return a piece as several that continue one another, from one of its places (arclengths) to the next."""
+    out = []
+    for a, b in pairwise([0.0, *places, piece.length]):
+        r, angle = piece.position(a)
+        start = piece.start if a == 0.0 else (float(r[0]), float(r[1]))
+        out.append(replace(piece, start=start, angle=float(angle), length=b - a, s0=piece.s0 + a,
+                           continues=piece.continues if a == 0.0 else True))
+    return out
+
+
+def _inside(pieces: list[Piece], nodes: Sequence[float]) -> list[list[float]]:
+    """Return for each piece the arclengths within it of nodes, given as fractions S of the body's arclength.
+
+    A node that is closer than ``TOGETHER`` to an end of a piece, or to the one before it, is that one.
+    """
+    length = pieces[-1].s0 + pieces[-1].length
+    out: list[list[float]] = []
+    for piece in pieces:
+        found: list[float] = []
+        for sigma in sorted(s * length - piece.s0 for s in nodes):
+            if (sigma - (found[-1] if found else 0.0) > TOGETHER * length
+                    and piece.length - sigma > TOGETHER * length):
+                found.append(sigma)
+        out.append(found)
+    return out
+
+
+def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float] = ()) -> tuple[Piece, ...]:
+    """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
+
+    A piece is split at each of ``nodes`` (fractions S of the body's arclength), unless all of them are ends of the
+    equal elements that the pieces have without.
+    """
+    whole = _undivided(geometry)
+    regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
+                                                        strict=True))
+    inside = _inside(whole, nodes)
+    if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE for p, found in zip(regular, inside, strict=True)
+           for sigma in found):
+        return regular
+    parts = [part for p, found in zip(whole, inside, strict=True) for part in _split(p, found)]
+    shares = share_count([p.length for p in parts], max(count, len(parts)))
+    return tuple(replace(p, count=n) for p, n in zip(parts, shares, strict=True))

@@ -68,10 +68,9 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
 def _told(pool: Pool, ie: int, station: float) -> str:
     """Return which place of which body has turned inside out."""
     k = int(np.searchsorted(pool.first, ie, side="right")) - 1
-    plan, ie = pool.meshes[k].plan, ie - int(pool.first[k])
-    ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in plan.pieces])
-    length = np.repeat([p.l for p in plan.pieces], [p.count for p in plan.pieces])
-    return f"{plan.name} has turned inside out at S = {(ends[ie] + station * length[ie]) / plan.length:.4g}"
+    mesh, ie = pool.meshes[k], ie - int(pool.first[k])
+    s = (mesh.starts[ie] + station * mesh.lengths[ie]) / mesh.plan.length
+    return f"{mesh.plan.name} has turned inside out at S = {s:.4g}"
 
 
 def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> None:

@@ -142,11 +142,10 @@ def _prismatic(joint: PrismaticJoint, context: JointContext, owner: str, out: Eq
 def weld_corners(mesh: BodyMesh, out: Equations) -> None:
     """Weld the pieces of a polyline at its corners."""
     last = len(mesh.plan.element.nodes) - 1
-    for k, (before, after, _) in enumerate(mesh.corners):
-        pieces = mesh.plan.pieces
-        s = pieces[k + 1].s0 / mesh.plan.length
-        a = PointRef(mesh, s, before, 1.0, pieces[k].angle, last)
-        b = PointRef(mesh, s, after, 0.0, pieces[k + 1].angle, 0)
+    for k, after in enumerate(mesh.corners):
+        s = float(mesh.starts[after]) / mesh.plan.length
+        a = PointRef(mesh, s, after - 1, 1.0, float(mesh.end_angles[after - 1]), last)
+        b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
         _weld_points(a, b, f"corner {k + 1} of {mesh.plan.name}", out)
 
 

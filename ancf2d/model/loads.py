@@ -85,11 +85,10 @@ class FollowerLine:
         mesh, out = self.mesh, []
         for elements, xi, w in self.cover:
             for ie in elements.tolist():
-                piece = max(k for k, first in enumerate(mesh.piece_first) if first <= ie)
-                p = mesh.plan.pieces[piece]
+                start, l, angle, kappa = (float(a[ie]) for a in
+                                          (mesh.starts, mesh.lengths, mesh.angles, mesh.curvatures))
                 for x, weight in zip(xi.tolist(), w.tolist(), strict=True):
-                    s = p.l * (ie - mesh.piece_first[piece] + x)
-                    point = PointRef(mesh, (p.s0 + s) / mesh.plan.length, ie, x, p.angle + p.kappa * s, None)
+                    point = PointRef(mesh, (start + l * x) / mesh.plan.length, ie, x, angle + kappa * l * x, None)
                     ft, fn = weight * self.value
                     out.append(follower_force(point, (ft, fn), self.amplitude, angle=self._angle(point)))
         return out

@@ -16,7 +16,7 @@ from ..elements.formulations.base import cross, product_points
 from ..elements.rigid import RIGID_TYPE
 from ..elements.section import Section
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
-from .curve import Piece
+from .curve import AT_NODE, Piece
 from .plan import BodyPlan
 
 Index = NDArray[np.int64]
@@ -55,9 +55,9 @@ def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool
 class BodyMesh:
     """The mesh of one body.
 
-    Elements of a piece share end nodes; each piece of a polyline has nodes of its own, welded at the
-    corners. Coordinates run node by node. ``dofs`` is (ne, n_dof), ``cls`` (ne,), ``turn`` (ne or 1, 2),
-    ``e0`` the reference values (n_dofs,) of the coordinates first_dof, first_dof + 1, ...
+    Elements of a piece share end nodes, and so do pieces that continue one another; at the corners of a polyline each
+    piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof), ``cls``
+    (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof, first_dof + 1, ...
     """
 
     def __init__(self, plan: BodyPlan, first_dof: int, first_node: int) -> None:
@@ -73,6 +73,8 @@ class BodyMesh:
         self.piece_first: list[int] = []
         count = 0
         for piece in plan.pieces:
+            if piece.continues:
+                dof, node = dof - self.node_sizes[-1], node - 1
             key = (float(f"{piece.l:.13e}"), piece.kappa)
             if key not in keys:
                 keys[key] = len(self.classes)
@@ -85,14 +87,15 @@ class BodyMesh:
             cls.append(np.full(n, keys[key]))
             angle = piece.angle + piece.kappa * piece.l * np.arange(n)
             turn.append(np.stack([np.cos(angle), np.sin(angle)], axis=1))
-            e0.append(self._reference_values(piece))
+            values = self._reference_values(piece)
+            e0.append(values[self.node_sizes[0]:] if piece.continues else values)
             dof += self.stride * n + self.node_sizes[-1]
             node += (len(element.nodes) - 1) * n + 1
         self.dofs: Index = np.concatenate(dofs)
         self.nodes: Index = np.concatenate(nodes)
         self.cls: Index = np.concatenate(cls)
         directions = np.concatenate(turn)
-        straight = len(plan.pieces) == 1 and plan.pieces[0].kappa == 0.0
+        straight = all(p.kappa == 0.0 and (p.continues or p is plan.pieces[0]) for p in plan.pieces)
         self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
@@ -125,8 +128,10 @@ class BodyMesh:
 
     def tile(self, pattern: Sequence[float]) -> Array:
         """Repeat a value per element coordinate over the body's coordinates (n_dofs,), shared nodes once."""
-        parts = []
+        parts: list[Array] = []
         for piece in self.plan.pieces:
+            if piece.continues:
+                parts.pop()
             parts += [np.tile(pattern[:self.stride], piece.count), np.asarray(pattern[-self.node_sizes[-1]:])]
         return np.concatenate(parts)
 
@@ -153,6 +158,36 @@ class BodyMesh:
         return tuple(tuple(name for c in n.coordinates if c != "theta"
                            for name in coordinate_components(c, element.has_theta)) for n in element.nodes)
 
+    @cached_property
+    def starts(self) -> Array:
+        """Arclength at which each element starts (ne,)."""
+        return np.concatenate([p.s0 + p.l * np.arange(p.count) for p in self.plan.pieces])
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Reference length of each element (ne,)."""
+        return np.repeat([p.l for p in self.plan.pieces], [p.count for p in self.plan.pieces])
+
+    @cached_property
+    def angles(self) -> Array:
+        """Angle of the reference tangent at which each element starts (ne,)."""
+        return np.concatenate([p.angle + p.kappa * p.l * np.arange(p.count) for p in self.plan.pieces])
+
+    @cached_property
+    def curvatures(self) -> Array:
+        """Curvature of the reference of each element (ne,)."""
+        return np.repeat([p.kappa for p in self.plan.pieces], [p.count for p in self.plan.pieces])
+
+    @property
+    def end_angles(self) -> Array:
+        """Angle of the reference tangent at which each element ends (ne,)."""
+        return self.angles + self.curvatures * self.lengths
+
+    @cached_property
+    def shares_start(self) -> NDArray[np.bool_]:
+        """Whether each element shares its first node with the last one of the element before (ne,)."""
+        return np.concatenate([[False], self.nodes[1:, 0] == self.nodes[:-1, -1]])
+
     def element_at(self, s: float) -> tuple[int, float, float]:
         """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arclength."""
         k, sigma = self.plan.locate(s)
@@ -160,7 +195,7 @@ class BodyMesh:
         ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)
         xi = min(max(sigma / piece.l - ie, 0.0), 1.0)
         for spec in self.plan.element.nodes:
-            if abs(xi - spec.at) < 1e-9:
+            if abs(xi - spec.at) < AT_NODE:
                 xi = spec.at
         return self.piece_first[k] + ie, xi, float(piece.angle + piece.kappa * sigma)
 
@@ -170,11 +205,9 @@ class BodyMesh:
         return self.dofs[ie, start:start + self.node_sizes[k]]
 
     @property
-    def corners(self) -> list[tuple[int, int, float]]:
-        """Return (element before, element after, turn of the reference) of each corner of a polyline."""
-        pieces = self.plan.pieces
-        return [(self.piece_first[k + 1] - 1, self.piece_first[k + 1], pieces[k + 1].angle - pieces[k].angle)
-                for k in range(len(pieces) - 1)]
+    def corners(self) -> list[int]:
+        """The first element behind each corner of a polyline."""
+        return [first for first, p in zip(self.piece_first[1:], self.plan.pieces[1:], strict=True) if not p.continues]
 
 
 def shape_weights(mesh: BodyMesh) -> Array:

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from ..case import Arc, Body, Element, ElementDefinition, LoadedCase, Polyline, Selective
+from ..case import (
+    Arc,
+    Body,
+    Case,
+    Distributed,
+    Element,
+    ElementDefinition,
+    LoadedCase,
+    Point,
+    Polyline,
+    Selective,
+)
 from ..elements import registry
 from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.rigid import RIGID, RIGID_TYPE
 from ..elements.section import Section
 from ..errors import CaseError, Problem
-from .curve import Array, Piece, pieces_of
+from .curve import AT_NODE, TOGETHER, Array, Piece, pieces_of
 from .own_element import DefinitionError, own_element, undetermined
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
@@ -24,7 +36,10 @@ MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of mo
 
 @dataclass(frozen=True)
 class BodyPlan:
-    """A body with everything chosen that a mesh needs."""
+    """A body with everything chosen that a mesh needs.
+
+    ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it.
+    """
 
     name: str
     element: ElementType
@@ -32,6 +47,8 @@ class BodyPlan:
     rule: Rule
     section: Section
     pieces: tuple[Piece, ...]
+    asked: int = 0
+    acting: tuple[float, ...] = ()
 
     @property
     def length(self) -> float:
@@ -54,13 +71,33 @@ class BodyPlan:
         sizes = [sum(self.element.components for c in n.coordinates if c != "theta") for n in self.element.nodes]
         return self.count * sum(sizes[:-1])
 
+    @property
+    def split(self) -> list[float]:
+        """Places S where unequal elements meet, for something acts there."""
+        return [p.s0 / self.length for p in self.pieces if p.continues]
+
     def locate(self, s: float) -> tuple[int, float]:
-        """Return (piece, arclength within it) of the point at fraction s of the body's arclength."""
+        """Return (piece, arclength within it) of the point at fraction s of the body's arclength.
+
+        Where two pieces meet it is the second one that continues the first, and the first one of a corner.
+        """
         sigma = s * self.length
-        for k, piece in enumerate(self.pieces):
-            if sigma <= piece.s0 + piece.length * (1 + 1e-12) or k == len(self.pieces) - 1:
-                return k, min(max(sigma - piece.s0, 0.0), piece.length)
-        raise AssertionError("a body has at least one piece")
+        found = self.pieces[0]
+        for piece in self.pieces[1:]:
+            if sigma - piece.s0 > (-1 if piece.continues else 1) * 1e-12 * self.length:
+                found = piece
+        return self.pieces.index(found), min(max(sigma - found.s0, 0.0), found.length)
+
+    def inside(self) -> list[float]:
+        """Return the places S where something acts inside an element, mid-nodes included."""
+        out = []
+        for s in self.acting:
+            k, sigma = self.locate(s)
+            x, piece = sigma / self.pieces[k].l, self.pieces[k]
+            off = abs(x - round(x))
+            if off > AT_NODE and off * piece.l > TOGETHER * self.length:
+                out.append(s)
+        return out
 
     def position(self, s: float) -> tuple[Array, float]:
         """Return the reference point (2,) and tangent angle at fraction s of the arclength."""
@@ -123,8 +160,34 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
     return Rule((nx, ny), (nx, ny))
 
 
-def plan_body(name: str, body: Body, definition: ElementDefinition | None = None) -> BodyPlan:
-    """Resolve one body. Raises RefusedError, SectionError or CaseError with the reason."""
+def acting_points(case: Case) -> dict[str, list[float]]:
+    """Return the places S of each body where something acts, in order.
+
+    They are all points that supports, joints, springs, masses and loads name, and the ends of line loads. Those of
+    probes are none; nor is where a point slides along the body.
+    """
+    found: dict[str, set[float]] = {name: set() for name in case.bodies}
+    for thing in (*case.boundary_conditions, *case.joints, *case.springs, *case.masses, *case.loads):
+        for value in (getattr(thing, f.name) for f in fields(thing)):
+            for point in value if isinstance(value, tuple) else (value,):
+                if isinstance(point, Point):
+                    found[point.body].add(point.s)
+        if isinstance(thing, Distributed):
+            found[thing.on] |= {thing.from_, thing.to}
+    return {name: sorted(places) for name, places in found.items()}
+
+
+def has_regular_nodes(spec: Element) -> bool:
+    """Whether the elements of a body are equally long, wherever something acts; so they are in the paper."""
+    return spec.nodes == "regular" if spec.nodes is not None else spec.preset == "paper"
+
+
+def plan_body(name: str, body: Body, definition: ElementDefinition | None = None,
+              acting: Sequence[float] = ()) -> BodyPlan:
+    """Resolve one body, on which something acts at the places S ``acting``.
+
+    Raises RefusedError, SectionError or CaseError with the reason.
+    """
     spec = body.element
     if spec.type == RIGID_TYPE.name:
         return _plan_rigid(name, body)
@@ -136,7 +199,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
     # a flexible body without one is refused
     assert spec.count is not None
-    pieces = pieces_of(body.geometry, spec.count)
+    pieces = pieces_of(body.geometry, spec.count, () if has_regular_nodes(spec) else acting)
     curved = any(p.kappa != 0.0 for p in pieces)
     own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
@@ -145,7 +208,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
-    return BodyPlan(name, element, formulation, rule, section, pieces)
+    return BodyPlan(name, element, formulation, rule, section, pieces, spec.count, tuple(acting))
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
@@ -153,7 +216,7 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
     if isinstance(body.geometry, Arc):
         raise RefusedError(("geometry", "type"), f"bodies.{name}: a rigid body is straight, or of straight pieces",
                            "line or polyline")
-    for key in ("formulation", "quadrature", "shear_factor", "preset"):
+    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain: {key} means nothing",
                                f"no {key}")
@@ -165,12 +228,13 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
 def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:
     """Resolve every body of a case; return the plans that could be made and all problems found."""
     plans, problems = {}, []
+    acting = acting_points(loaded.case)
     if len(loaded.case.bodies) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
                                           f"at most {MAX_BODIES}")]
     for name, body in loaded.case.bodies.items():
         try:
-            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name)))
+            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name), acting[name]))
         except ArithmeticError:
             problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
         except (RefusedError, SectionError) as error:
@@ -206,6 +270,14 @@ def _incomputable(name: str) -> str:
 def warnings_of(plan: BodyPlan) -> list[str]:
     """Return what a user of this body should know but need not change."""
     out = []
+    if plan.count > plan.asked > 0:
+        out.append(f"bodies.{plan.name}: count {plan.asked} is less than the number of stretches between corners and "
+                   f"places where something acts: {plan.count} elements are used, one for each")
+    inside = plan.inside()
+    if inside:
+        places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
+        out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
+                   "has no kink: finer meshes then gain little; nodes: acting puts a node there")
     if is_axis_type(plan.element) or plan.formulation.name == "structural":
         ny = {plan.rule.normal[1], plan.rule.shear[1]}
         if ny != {1}:

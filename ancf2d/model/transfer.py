@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..elements.definition import derivative_order
@@ -29,20 +31,29 @@ def transferred(d: Array, old: Model, new: Model) -> Array | None:
 
 
 def _alike(old: BodyMesh, new: BodyMesh) -> bool:
-    return old.plan.element == new.plan.element and len(old.plan.pieces) == len(new.plan.pieces)
+    return old.plan.element == new.plan.element and len(old.corners) == len(new.corners)
 
 
 def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:
-    """Fill in the coordinates of a body, piece by piece: displacements and their derivatives at its nodes."""
+    """Fill in the coordinates of a body, corner by corner: displacements and their derivatives at its nodes."""
     element = new.plan.element
     nc = element.components
-    for k, (coarse, fine) in enumerate(zip(old.plan.pieces, new.plan.pieces, strict=True)):
-        rows = new.piece_first[k] + np.arange(fine.count)
-        shape = old.classes[old.cls[old.piece_first[k]]].shape
+    for before, after in zip(_between_corners(old), _between_corners(new), strict=True):
+        rows = np.arange(after.start, after.stop)
         for c, (node, name) in enumerate(element.functionals):
-            along = (np.arange(fine.count) + element.nodes[node].at) * (coarse.count / fine.count)
-            ie = np.minimum((along * (1 + 1e-12)).astype(int), coarse.count - 1)
-            xi = np.clip(along - ie, 0.0, 1.0)
-            S = shape(xi, np.zeros(len(xi)), *derivative_order(name))
-            nodal = d[old.dofs[old.piece_first[k] + ie]].reshape(len(xi), -1, nc)
-            out[new.dofs[rows, nc * c:nc * (c + 1)]] = np.einsum("ns,nsc->nc", S, nodal)
+            s = new.starts[rows] + element.nodes[node].at * new.lengths[rows]
+            # the small share keeps a node from the element before the one that it begins
+            ie = np.searchsorted(old.starts, s + 1e-12 * old.plan.length, side="right") - 1
+            ie = np.clip(ie, before.start, before.stop - 1)
+            xi = np.clip((s - old.starts[ie]) / old.lengths[ie], 0.0, 1.0)
+            nodal = d[old.dofs[ie]].reshape(len(ie), -1, nc)
+            for k in np.unique(old.cls[ie]):
+                here = old.cls[ie] == k
+                S = old.classes[k].shape(xi[here], np.zeros(here.sum()), *derivative_order(name))
+                out[new.dofs[rows[here], nc * c:nc * (c + 1)]] = np.einsum("ns,nsc->nc", S, nodal[here])
+
+
+def _between_corners(mesh: BodyMesh) -> list[slice]:
+    """Return the elements between the corners of a body."""
+    ends = [0, *mesh.corners, mesh.plan.count]
+    return [slice(a, b) for a, b in pairwise(ends)]

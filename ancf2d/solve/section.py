@@ -50,13 +50,6 @@ class SectionForces:
         self.masses = [mass_matrix(c.sampler) for c in mesh.classes]
         self.volumes = [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in mesh.classes]
         self.inner = list(_inner_loads(model, mesh))
-        pieces = mesh.plan.pieces
-        piece = np.repeat(np.arange(len(pieces)), [p.count for p in pieces])
-        within = np.arange(len(piece)) - np.array(mesh.piece_first)[piece]
-        self.length = np.array([p.l for p in pieces])[piece]
-        self.start = np.array([p.s0 for p in pieces])[piece] + within * self.length
-        self.kappa = np.array([p.kappa for p in pieces])[piece]
-        self.angle = np.array([p.angle for p in pieces])[piece] + self.kappa * within * self.length
 
     def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
@@ -145,7 +138,7 @@ class _Part:
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
         """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
         body = self.body
-        start, l = body.start[self.chosen], body.length[self.chosen]
+        start, l = body.mesh.starts[self.chosen], body.mesh.lengths[self.chosen]
         whole = body.mesh.plan.length
         x, w = gauss(POINTS)
         for load, f in self.lines:
@@ -166,7 +159,8 @@ class _Part:
     def _axes(self, xi: Array) -> tuple[Array, Array]:
         """Return cosine and sine (m, g) of the sections' angles at xi (m, g)."""
         body = self.body
-        angle = body.angle[self.chosen, None] + (body.kappa * body.length)[self.chosen, None] * xi
+        mesh = body.mesh
+        angle = mesh.angles[self.chosen, None] + (mesh.curvatures * mesh.lengths)[self.chosen, None] * xi
         kind = body.mesh.plan.element.section_kind
         if kind == "theta":
             angle = angle + np.einsum("mgk,mk->mg", self._rows(xi), self.d[..., 2])

@@ -135,19 +135,21 @@ class Energies:
 
 
 def _gaps(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> float:
-    """Return int rho |half the jump|^2 dA l, summed over the places where elements of a piece meet."""
+    """Return int rho |half the jump|^2 dA l, summed over the places where elements share a node."""
     element = mesh.plan.element
     if classes[0].conforming:
         return 0.0
     total = 0.0
-    last = [*mesh.piece_first[1:], mesh.plan.count]
     local = v[mesh.dofs].reshape(len(mesh.dofs), element.n_shape, -1)
-    for first, end in zip(mesh.piece_first, last, strict=True):
-        c = classes[int(mesh.cls[first])]
-        shape = mesh.classes[int(mesh.cls[first])].shape
-        jump = np.einsum("yk,ekc->eyc", c.ends[1], local[first:end - 1]) - np.einsum("yk,ekc->eyc", c.ends[0],
-                                                                                   local[first + 1:end])
-        total += shape.l * 0.25 * float(np.einsum("eyc,y->", jump**2, c.end_weight))
+    second = np.flatnonzero(mesh.shares_start)
+    meeting = np.stack([mesh.cls[second - 1], mesh.cls[second]], axis=1)
+    for i, k in np.unique(meeting, axis=0).tolist():
+        here = second[np.all(meeting == [i, k], axis=1)]
+        a, b = classes[i], classes[k]
+        l = 0.5 * (mesh.classes[i].shape.l + mesh.classes[k].shape.l)
+        jump = (np.einsum("yk,ekc->eyc", a.ends[1], local[here - 1])
+                - np.einsum("yk,ekc->eyc", b.ends[0], local[here]))
+        total += l * 0.25 * float(np.einsum("eyc,y->", jump**2, a.end_weight))
     return total
 
 

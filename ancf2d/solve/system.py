@@ -222,8 +222,6 @@ def describe_coordinate(model: Model, full: int) -> str:
             ie, local = np.argwhere(mesh.dofs == full)[0]
             labels = [c for node in mesh.coordinate_names for c in node]
             node = int(np.searchsorted(np.cumsum(mesh.node_sizes), local, side="right"))
-            piece = max(k for k, first in enumerate(mesh.piece_first) if first <= ie)
-            p = mesh.plan.pieces[piece]
-            s = p.s0 + (ie - mesh.piece_first[piece] + mesh.plan.element.nodes[node].at) * p.l
+            s = float(mesh.starts[ie] + mesh.plan.element.nodes[node].at * mesh.lengths[ie])
             return f"{labels[local]} of {name} at S = {s / mesh.plan.length:.4g}"
     raise IndexError(full)

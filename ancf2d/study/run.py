@@ -283,7 +283,7 @@ def body_record(mesh: Any) -> BodyRecord:
     S_x = np.array([c.shape(SAMPLES, np.zeros(len(SAMPLES)), 1, 0) for c in mesh.classes])
     node_shape = [next(k for k, (i, name) in enumerate(element.functionals) if i == node and name == "r")
                   for node in range(len(element.nodes))]
-    ends = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in plan.pieces] + [[plan.length]])
+    ends = np.append(mesh.starts, plan.length)
     return BodyRecord(plan.name, element.name, plan.formulation.name, plan.section.height, plan.section.width,
                       element.section_kind, mesh.dofs, mesh.nodes, np.array(node_shape), mesh.cls,
                       np.array([c.shape.l for c in mesh.classes]), SAMPLES, S, S_x, ends / plan.length)

@@ -68,9 +68,7 @@ def overlap(mesh: BodyMesh, shapes: Array, mode: ExactMode) -> Array:
     a type has no inertia for (rotation of the cable, stretch of sections that are rigid).
     """
     classes = [class_motions(c.sampler) for c in mesh.classes]
-    starts = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in mesh.plan.pieces])
-    lengths = np.array([c.shape.l for c in mesh.classes])[mesh.cls]
-    exact = mode.motions(starts[:, None] + lengths[:, None] * classes[0].xi)
+    exact = mode.motions(mesh.starts[:, None] + mesh.lengths[:, None] * classes[0].xi)
     inertia = np.array([c.inertia for c in classes])[mesh.cls].transpose(1, 0, 2)
     masses = np.array([c.mass for c in classes])[mesh.cls]
     size = float((inertia * exact**2).sum())

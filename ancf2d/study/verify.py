@@ -50,14 +50,13 @@ class Fields:
     def _places(self, name: str) -> list[tuple[Array, int, Array]]:
         """Return (fine elements, class, table) that lie alike in the model's elements, and in which element each."""
         coarse, fine = self.model.meshes[name], self.fine.meshes[name]
-        x, first = self.finer[name][0].xi, fine.piece_first
+        x = self.finer[name][0].xi
         found: dict[tuple[int, float, float], list[tuple[int, int]]] = {}
         for ie in range(fine.plan.count):
-            k = int(np.searchsorted(first, ie, side="right")) - 1
-            piece = fine.plan.pieces[k]
-            ic, xi, _ = coarse.element_at((piece.s0 + (ie - first[k] + 0.5) * piece.l) / fine.plan.length)
+            l = float(fine.lengths[ie])
+            ic, xi, _ = coarse.element_at((float(fine.starts[ie]) + 0.5 * l) / fine.plan.length)
             c = int(coarse.cls[ic])
-            ratio = piece.l / coarse.classes[c].shape.l
+            ratio = l / coarse.classes[c].shape.l
             found.setdefault((c, round(xi, 9), round(ratio, 9)), []).append((ie, ic))
         return [(np.array(pairs), c, interpolation(self.classes[name][c].xi, xi + (x - 0.5) * ratio))
                 for (c, xi, ratio), pairs in found.items()]

@@ -1,5 +1,7 @@
 """Reference curves and meshes: arclength, tangents, derivatives, sharing of elements, nodes shared once."""
 
+import itertools
+
 import helpers
 import numpy as np
 import pytest
@@ -58,6 +60,52 @@ def test_elements_are_shared_in_proportion_with_one_per_piece(lengths, extra):
     assert min(shares) >= 1
     for n, length in zip(shares, lengths, strict=True):
         assert n <= max(1, np.ceil(count * length / sum(lengths)))
+
+
+@pytest.mark.parametrize(("lengths", "count", "shares"), [
+    ([1, 1, 1], 4, [1, 2, 1]), ([1, 1, 1], 5, [2, 1, 2]), ([1, 1, 1, 1], 6, [1, 2, 2, 1]), ([1, 1], 3, [2, 1]),
+    ([2, 1, 1, 2], 8, [3, 1, 1, 3]), ([1, 2, 1], 5, [1, 3, 1]), ([1, 1e-3, 1], 4, [2, 1, 1])])
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1 / 3, 0.7])
+def test_pieces_alike_to_round_off_share_an_odd_count_from_the_middle(lengths, count, shares, unit):
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        noisy = [unit * length * (1 + 1e-15 * rng.integers(-3, 4)) for length in lengths]
+        assert share_count(noisy, count) == shares
+
+
+def test_the_shares_of_a_polyline_do_not_depend_on_where_it_points():
+    corners = np.array([[0, 0], [1, 0], [1, 1], [2, 1], [2, 2]])
+    counts = set()
+    for angle in np.linspace(0, 6, 25):
+        R = 0.1 * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        points = tuple(tuple(r) for r in (corners @ R.T + [0.3, -0.7]).tolist())
+        counts.add(tuple(p.count for p in pieces_of(Polyline(points=points), 7)))
+    assert counts == {(2, 2, 2, 1)}
+
+
+SPLIT = {"line": Line(start=(0.0, 1.0), end=(3.0, 5.0)), "arc": Arc(center=(1.0, 2.0), radius=2.0, from_=0.5, to=3.0),
+         "polyline": Polyline(points=((0.0, 0.0), (1.0, 0.0), (1.0, 3.0)))}
+
+
+@pytest.mark.parametrize("geometry", SPLIT)
+def test_pieces_are_split_where_nodes_must_be_and_stay_on_the_curve(geometry):
+    (whole, *_), pieces = pieces_of(SPLIT[geometry], 7), pieces_of(SPLIT[geometry], 7, (0.0, 0.3, 0.77, 1.0))
+    length = pieces[-1].s0 + pieces[-1].length
+    starts = [p.s0 / length for p in pieces]
+    np.testing.assert_allclose([s for s, p in zip(starts, pieces, strict=True) if p.continues], [0.3, 0.77])
+    assert sum(p.count for p in pieces) == 7
+    assert whole.s0 == 0.0
+    for a, b in itertools.pairwise(pieces):
+        end, angle = a.position(a.length)
+        np.testing.assert_allclose(end, b.start, atol=1e-14)
+        assert not b.continues or angle == pytest.approx(b.angle, abs=1e-14)
+
+
+def test_nodes_of_equal_elements_split_nothing_and_those_too_close_share_one():
+    line = SPLIT["line"]
+    assert pieces_of(line, 8, (0.0, 0.25, 0.625, 1 - 1e-7)) == pieces_of(line, 8)
+    assert [p.count for p in pieces_of(line, 8, (0.3, 0.300001, 0.3 + 1e-13))] == [2, 6]
+    assert [p.count for p in pieces_of(line, 2, (0.1, 0.2, 0.9))] == [1, 1, 1, 1]
 
 
 def test_a_polyline_keeps_its_turns_continuous():

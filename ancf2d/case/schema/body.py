@@ -164,6 +164,12 @@ class Element:
                              "0.5, 2 x 2 Gauss points)", default=None)
     definition: str | None = key(Text("the name of a file"), "File that describes an own element, "
                                  "relative to the case", default=None)
+    nodes: str | None = key(Choice("acting", "regular"), "Where nodes stand. acting: wherever a "
+                            "support, joint, spring, mass or load acts, and at the ends of line loads; "
+                            "the elements between are equally long in each stretch, and count is shared "
+                            "among stretches in proportion to their lengths, one each at least. regular: "
+                            "all elements of a straight piece or arc are equally long (default: acting; "
+                            "regular with preset paper)", default=None)
     mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body, where it is not the "
                              "section's", default=None)
     inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about "
@@ -181,7 +187,7 @@ class Element:
             yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
                         "other", "type user, or no type, beside 'definition'")
         if self.type == "auto":
-            given = [k for k in ("count", "order", "formulation", "quadrature", "shear_factor",
+            given = [k for k in ("count", "nodes", "order", "formulation", "quadrature", "shear_factor",
                                  "preset") if getattr(self, k) is not None]
             if given:
                 yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which "
