@@ -49,6 +49,7 @@ class BodyPlan:
     pieces: tuple[Piece, ...]
     asked: int = 0
     acting: tuple[float, ...] = ()
+    preset: str | None = None
 
     @property
     def length(self) -> float:
@@ -208,7 +209,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
-    return BodyPlan(name, element, formulation, rule, section, pieces, spec.count, tuple(acting))
+    return BodyPlan(name, element, formulation, rule, section, pieces, spec.count, tuple(acting), spec.preset)
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:

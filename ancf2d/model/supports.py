@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..case import Clamp, Fix, Pin, Prescribed, Roller
+from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from .constraints import Equations, Row, along, combine, hold_rotation, prescribe_rotation
 from .mesh import Index
@@ -42,33 +43,41 @@ def _roller(support: Roller, point: PointRef, owner: str, timing: Timing, out: E
         out.rows.append(Row(*combine((1.0, columns["xy".index(support.fixed)])), owner, support.fixed))
 
 
-def default_hold(point: PointRef) -> str:
-    """Return the clamp that a type is held with: ``section`` for the cable, else ``all``."""
-    return "section" if point.mesh.plan.element.section_kind == "tangent" else "all"
-
-
 def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
-    hold = support.hold or default_hold(point)
+    hold = support.hold or ("all" if point.mesh.plan.preset == "paper" else None)
     element = point.mesh.plan.element
     if hold == "breathe":
         _breathe(support, point, owner, out)
-    elif hold == "section" or element.has_theta or point.mesh.plan.rigid:
+    elif hold == "section" or element.section_kind != "interpolated" or point.mesh.plan.rigid:
         out.rows += _position_rows(point, owner)
         hold_rotation(point, owner, out)
         if element.degree_y > 1 and not element.common_coefficients:
             out.warnings.append(f"{owner}: hold: section leaves the warping coordinates of {element.name} free there, "
                                 "which can soften the clamp; hold: breathe or all holds them")
-    elif point.node is not None:
+    elif hold == "all" and point.node is not None:
         names = point.mesh.coordinate_names[point.node]
         for dof, name in zip(point.dofs().tolist(), names, strict=True):
             out.rows.append(Row(*_single(dof), owner, name))
     else:
-        out.rows += _position_rows(point, owner)
-        if element.section_kind == "tangent":
-            hold_rotation(point, owner, out)
-        else:
-            columns, _ = point.director()
-            out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("ry_x", "ry_y"), strict=True)]
+        _hold_strain_free(point, owner, out)
+
+
+def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
+    """Hold what a clamped beam holds: position, the section's vector r_y, and its warping.
+
+    Derivatives along the axis (r_x, r_xy) are strains and curvatures, which a clamp leaves free; so it does the
+    components of r_yy, r_yyy, ... across the axis, in which a section thins and swells where it is bent.
+    """
+    out.rows += _position_rows(point, owner)
+    columns, _ = point.director()
+    out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("ry_x", "ry_y"), strict=True)]
+    tx, ty = math.cos(point.angle), math.sin(point.angle)
+    for name in dict.fromkeys(name for _, name in point.mesh.plan.element.functionals):
+        i, j = derivative_order(name)
+        if i == 0 and j > 1:
+            row = point.shape_row(0, j)
+            columns = [point.columns(row, 0), point.columns(row, 1)]
+            out.rows.append(Row(*along(columns, tx, ty), owner, "section warping"))
 
 
 def _single(dof: int) -> tuple[Index, Array]:

@@ -63,7 +63,8 @@ class Clamp:
     hold: str | None = key(
         Choice("all", "section", "breathe"),
         "all: every nodal coordinate; section: position and section rotation; breathe: position "
-        "in the mean, section straight and in direction, free to stretch (default: the type's)",
+        "in the mean, section straight and in direction, free to stretch (default: position, r_y and warping where a "
+        "type has such coordinates, and no strain; section for the others; all with preset paper)",
         default=None)
     name: str | None = key(NAME, "Name, for its reaction", default=None)
 
