@@ -1,0 +1,84 @@
+"""Amplitudes: random ones, their values, and how they look on another scale of time."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+
+import numpy as np
+
+from .shapes import Data
+
+
+def random_amplitude(rng: random.Random, end: float, moves: bool = False) -> Data:
+    """Return an amplitude of order one over times (or load factors) from 0 to ``end``."""
+    kind = rng.choice(("constant", "ramp", "table", "smooth", "sine", "expression"))
+    if not moves and kind == "constant":
+        kind = "ramp"
+    if kind == "constant":
+        return {"type": "constant"}
+    if kind == "ramp":
+        return {"type": "ramp", "t0": 0.0, "t1": end * rng.choice((0.5, 1.0, 2.0))}
+    if kind == "table":
+        return {"type": "table", "t": [0.0, 0.4 * end, end], "value": [0.0, rng.uniform(0.2, 0.8), 1.0]}
+    if kind == "smooth":
+        return {"type": "table", "t": [0.0, 0.5 * end, end], "value": [0.0, rng.uniform(0.2, 0.8), 1.0],
+                "smooth": True}
+    if kind == "sine":
+        return {"type": "sine", "frequency": rng.uniform(0.1, 0.3) / end}
+    texts = ("t^2", "sin(1.3*t)", "t if t < 0.5 else 0.5", "1 - exp(-2*t)", "abs(t)*sqrt(t)")
+    return {"type": "expression", "value": rng.choice(texts) if end == 1.0 else
+            stretched_text(rng.choice(texts), end)}
+
+
+def stretched_text(text: str, by: float) -> str:
+    """Return an expression of t/by."""
+    return re.sub(r"\bt\b", f"(t/{by!r})", text)
+
+
+def stretched(amplitude: Data, by: float) -> Data:
+    """Return an amplitude that takes ``by`` times as long."""
+    out = dict(amplitude)
+    for key in ("t0", "t1"):
+        if key in out:
+            out[key] = out[key] * by
+    if amplitude["type"] == "ramp":
+        out["t0"], out["t1"] = out.get("t0", 0.0), out.get("t1", by)
+    if amplitude["type"] == "table":
+        out["t"] = [t * by for t in out["t"]]
+    if amplitude["type"] == "sine":
+        out["frequency"] = out["frequency"] / by
+    if amplitude["type"] == "expression":
+        out["value"] = stretched_text(out["value"], by)
+    return out
+
+
+def scaled(amplitude: Data | float, by: float) -> Data | float:
+    """Return an amplitude times a number."""
+    if by == 1.0 or not isinstance(amplitude, dict):
+        return amplitude if by == 1.0 else amplitude * by
+    return {**amplitude, "scale": amplitude.get("scale", 1.0) * by}
+
+
+def value(amplitude: Data | float | None, t: float, static: bool) -> float:
+    """Return the value of an amplitude; where there is none, that of the default."""
+    if amplitude is None:
+        return min(max(t, 0.0), 1.0) if static else 1.0
+    if not isinstance(amplitude, dict):
+        return amplitude
+    kind, scale = amplitude["type"], amplitude.get("scale", 1.0)
+    if kind == "ramp":
+        t0, t1 = amplitude.get("t0", 0.0), amplitude.get("t1", 1.0)
+        return scale * min(max((t - t0) / (t1 - t0), 0.0), 1.0)
+    if kind == "table":
+        if t not in amplitude["t"] and amplitude.get("smooth"):
+            raise ValueError("a smooth table is known at its points alone")
+        return scale * float(np.interp(t, amplitude["t"], amplitude["value"]))
+    if kind == "sine":
+        return scale * math.sin(2 * math.pi * amplitude["frequency"] * t + amplitude.get("phase", 0.0))
+    if kind == "expression":
+        names = {k: getattr(math, k) for k in ("sin", "cos", "exp", "sqrt", "pi")}
+        return scale * float(eval(amplitude["value"].replace("^", "**"), {"__builtins__": {}},
+                                  {**names, "abs": abs, "t": t}))
+    return float(scale)

@@ -1,0 +1,172 @@
+"""Many scenes, in several processes, and what came of them."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import signal
+import traceback
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import yaml
+
+from .answer import kind_of_message
+from .checks import CHECKS, Check, Scene, checks_for
+from .generate import scene
+from .shapes import Data
+from .shrink import shrunk
+from .similar import UnfitError
+
+# checks per scene, drawn by lot from those that it is fit for
+DRAWN = 5
+# for a scene with all its checks [s]
+PATIENCE = 120
+
+
+@dataclass
+class Record:
+    """What came of one scene: for each check its outcome, and what was violated."""
+
+    number: int
+    solver: str
+    refusal: str = ""
+    outcomes: dict[str, str] = field(default_factory=dict)
+    violations: dict[str, str] = field(default_factory=dict)
+
+
+class TooLongError(Exception):
+    """A scene that takes longer than its patience."""
+
+
+def too_long(number: int, frame: FrameType | None) -> None:
+    """Give up."""
+    raise TooLongError
+
+
+def outcome(item: Scene, check: Check) -> tuple[str, str]:
+    """Return what a check found in a word, and what is wrong: '' unless the word is violated."""
+    try:
+        found = item.find(check)
+    except UnfitError:
+        return "unfit", ""
+    except TooLongError:
+        raise
+    except Exception:
+        return "violated", f"the examination itself failed: {traceback.format_exc(limit=-3)}"
+    if found.violated:
+        return "violated", f"{found.ratio:.2g} times what is allowed: {found.what}"
+    if found.refusal:
+        return ("blunt" if found.refusal.startswith("ill-conditioned") else "refused"), ""
+    return ("held" if found.ratio <= 1.0 else "announced"), ""
+
+
+def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAWN) -> Record:
+    """Try one scene."""
+    case = scene(seed, number, solver)
+    item = Scene(case, (seed, number))
+    record = Record(number, item.solver)
+    rng = random.Random(f"draw {seed} {number}")
+    signal.signal(signal.SIGALRM, too_long)
+    signal.alarm(PATIENCE)
+    try:
+        if item.base.refusal:
+            record.refusal = kind_of_message(item.base.refusal)
+        fit = checks_for(item)
+        for check in rng.sample(fit, min(drawn, len(fit))):
+            word, what = outcome(item, check)
+            record.outcomes[check.name] = word
+            if what:
+                record.violations[check.name] = what
+    except TooLongError:
+        record.refusal = f"given up after {PATIENCE} s"
+    finally:
+        signal.alarm(0)
+    return record
+
+
+def examined(jobs: Iterable[tuple[int, int, str | None, int]], processes: int) -> Iterator[Record]:
+    """Yield what came of scenes, in the order in which they are done."""
+    if processes == 1:
+        yield from (examine(*job) for job in jobs)
+        return
+    with get_context("spawn").Pool(processes) as pool:
+        yield from pool.imap_unordered(examine_job, jobs)
+
+
+def examine_job(job: tuple[int, int, str | None, int]) -> Record:
+    """Try one scene, told in one value."""
+    return examine(*job)
+
+
+# ---------------------------------------------------------------------- kept
+
+
+def kept(log: Path) -> dict[int, Record]:
+    """Return the records of a log, by number."""
+    if not log.exists():
+        return {}
+    lines = log.read_text(encoding="utf-8").splitlines()
+    found = [Record(**json.loads(line)) for line in lines if line.endswith("}")]
+    return {record.number: record for record in found}
+
+
+def keep(log: Path, record: Record) -> None:
+    """Add a record to a log."""
+    with log.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(asdict(record)) + "\n")
+
+
+def counterexample(seed: int, number: int, solver: str | None, name: str) -> Data:
+    """Return the smallest scene found that violates a check as a scene does."""
+    check = next(c for c in CHECKS if c.name == name)
+    case = scene(seed, number, solver)
+
+    def finding(case: Data) -> Any:
+        try:
+            return Scene(case, (seed, number)).find(check)
+        except UnfitError:
+            return None
+
+    first = finding(case)
+
+    def violates(smaller: Data) -> bool:
+        found = finding(smaller)
+        return found is not None and found.violated and math.isinf(found.ratio) == math.isinf(first.ratio)
+
+    return shrunk(case, violates)
+
+
+def write_case(path: Path, case: Data, text: str) -> None:
+    """Write a case with a comment."""
+    comment = "".join(f"# {line}\n" for line in text.splitlines())
+    path.write_text(comment + yaml.safe_dump(case, sort_keys=False, default_flow_style=None, width=110),
+                    encoding="utf-8")
+
+
+# ---------------------------------------------------------------------- told
+
+WORDS = ("held", "announced", "refused", "blunt", "unfit", "violated")
+
+
+def table(records: Iterable[Record]) -> list[list[Any]]:
+    """Return rows: check, solver, and the numbers of scenes by outcome (``WORDS``)."""
+    counts: Counter[tuple[str, str, str]] = Counter()
+    for record in records:
+        for name, word in record.outcomes.items():
+            counts[name, record.solver, word] += 1
+    pairs = [(c.name, s) for c in CHECKS for s in c.solvers]
+    return [[name, solver, *(counts[name, solver, word] for word in WORDS)] for name, solver in pairs
+            if any(counts[name, solver, word] for word in WORDS)]
+
+
+def refusals(records: Iterable[Record]) -> list[tuple[str, str, int]]:
+    """Return (message, solver, scenes), the most frequent first."""
+    counts = Counter((r.refusal, r.solver) for r in records if r.refusal)
+    return [(message, solver, n) for (message, solver), n in counts.most_common()]

@@ -1,0 +1,185 @@
+"""The same scene in other words: bodies in another order, a body reversed, a body split and welded again."""
+
+from __future__ import annotations
+
+import copy
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ancf2d.elements.definition import ElementType
+
+from .generate import type_of
+from .shapes import Data, at, is_rigid, position, split_point
+from .similar import UnfitError
+
+
+def reordered(case: Data, rng: random.Random) -> Data:
+    """Return a case with its bodies, and everything that is listed, in another order."""
+    out = copy.deepcopy(case)
+    for key in ("joints", "springs", "masses", "loads", "boundary_conditions"):
+        if key in out:
+            rng.shuffle(out[key])
+    for joint in out.get("joints", ()):
+        if "between" in joint:
+            rng.shuffle(joint["between"])
+    for spring in out.get("springs", ()):
+        if rng.random() < 0.5:
+            spring["between"].reverse()
+            if "angle" in spring:
+                spring["angle"] = -spring["angle"]
+    names = list(case["bodies"])
+    while len(names) > 1 and names == list(case["bodies"]):
+        rng.shuffle(names)
+    out["bodies"] = {name: out["bodies"][name] for name in names}
+    return out
+
+
+# ---------------------------------------------------------------------- points
+
+
+def with_points(case: Data, change: Callable[[str], str]) -> Data:
+    """Return a case with every BODY@S in it changed."""
+    out = copy.deepcopy(case)
+    for item in (*out.get("boundary_conditions", ()), *out.get("loads", ()), *out.get("masses", ()),
+                 *out.get("joints", ())):
+        for key in ("at", "point"):
+            if key in item:
+                item[key] = change(item[key])
+    for item in (*out.get("joints", ()), *out.get("springs", ())):
+        if "between" in item:
+            item["between"] = [change(p) if isinstance(p, str) else p for p in item["between"]]
+    probes = out["output"]["probes"]
+    for name, p in probes.items():
+        probes[name] = change(p) if isinstance(p, str) else {**p, "at": change(p["at"])}
+    return out
+
+
+# ---------------------------------------------------------------------- reversed
+
+
+def symmetric_under_reversal(kind: ElementType) -> bool:
+    """Return whether a basis spans the same polynomials when seen from the other end: (x, y) -> (1 - x, -y).
+
+    Judged at points: with these functions' values as columns, those of the reversed ones add no rank.
+    """
+    x, y = np.meshgrid(np.linspace(0.1, 0.85, 12), np.linspace(-0.4, 0.3, 9))
+
+    def values(x: Any, y: Any) -> Any:
+        return np.array([sum(term_value(t, x, y) for t in p.terms) for p in kind.polynomials]).reshape(
+            len(kind.basis), -1).T
+
+    A = values(x, y)
+    both = np.hstack([A, values(1.0 - x, -y)])
+    return bool(np.linalg.matrix_rank(both, 1e-10) == np.linalg.matrix_rank(A, 1e-10))
+
+
+def term_value(term: Any, x: Any, y: Any) -> Any:
+    """Return the values of a term, Poisson's ratio being 0.3."""
+    return term.coefficient * 0.3**term.nu * x**term.i * y**term.j
+
+
+def reversed_body(case: Data, name: str) -> Data:
+    """Return a case with one body written from its other end."""
+    body = case["bodies"][name]
+    if not is_rigid(body) and not symmetric_under_reversal(type_of(body["element"])):
+        raise UnfitError("the element is not symmetric under reversal")
+    out = with_points(case, lambda p: at(name, 1.0 - split_point(p)[1]) if split_point(p)[0] == name else p)
+    geometry = out["bodies"][name]["geometry"]
+    first, last = {"line": ("start", "end"), "arc": ("from", "to")}.get(geometry["type"], ("", ""))
+    if geometry["type"] == "polyline":
+        geometry["points"] = geometry["points"][::-1]
+    else:
+        geometry[first], geometry[last] = geometry[last], geometry[first]
+    for load in out.get("loads", ()):
+        own = load.get("on") == name or split_point(load.get("at", "@0"))[0] == name
+        if own and (load["type"] == "follower_force" or load.get("follower")):
+            load["value"] = [-v for v in load["value"]]
+        if load.get("on") == name and ("from" in load or "to" in load):
+            load["from"], load["to"] = 1.0 - load.get("to", 1.0), 1.0 - load.get("from", 0.0)
+    for p in out["output"]["probes"].values():
+        if isinstance(p, dict) and split_point(p["at"])[0] == name:
+            p["y"] = -p["y"]
+    return out
+
+
+# ---------------------------------------------------------------------- split
+
+
+def points_on(case: Data, name: str) -> list[float]:
+    """Return S of all points of a body where something acts."""
+    found: list[float] = []
+
+    def seen(p: str) -> str:
+        if split_point(p)[0] == name:
+            found.append(split_point(p)[1])
+        return p
+
+    with_points({**case, "output": {"probes": {}}}, seen)
+    return found + [load.get(key, 0.0) for load in case.get("loads", ()) if load.get("on") == name
+                    for key in ("from", "to") if key in load]
+
+
+def splits(case: Data, name: str) -> list[tuple[float, int]]:
+    """Return where a body may be split without another mesh: S and the number of elements before."""
+    body = case["bodies"][name]
+    geometry, spec = body["geometry"], body["element"]
+    slid_on = any(j.get("on") == name for j in case.get("joints", ()))
+    if geometry["type"] == "polyline" or slid_on:
+        return []
+    if is_rigid(body):
+        return [] if "mass" in spec else [(0.4, 0)]
+    n = spec["count"]
+    if any(abs(s * n - round(s * n)) > 1e-9 for s in points_on(case, name)):
+        return []
+    return [(k / n, k) for k in range(1, n)]
+
+
+def split_body(case: Data, name: str, s: float, k: int) -> Data:
+    """Return a case with one body cut at S, after k elements, and welded again."""
+    other = name + name
+    body, out = case["bodies"][name], {}
+
+    def moved(p: str) -> str:
+        owner, at_s = split_point(p)
+        if owner != name:
+            return p
+        return at(name, min(at_s / s, 1.0)) if at_s <= s + 1e-12 else at(other, (at_s - s) / (1.0 - s))
+
+    out = with_points(case, moved)
+    out["bodies"] = {}
+    for key, value in case["bodies"].items():
+        out["bodies"][key] = copy.deepcopy(value)
+        if key == name:
+            out["bodies"][other] = copy.deepcopy(value)
+    first, last = out["bodies"][name], out["bodies"][other]
+    geometry = body["geometry"]
+    if geometry["type"] == "arc":
+        cut = geometry["from"] + s * (geometry["to"] - geometry["from"])
+        first["geometry"]["to"] = last["geometry"]["from"] = cut
+    else:
+        cut = [float(v) for v in position(geometry, s)]
+        first["geometry"]["end"], last["geometry"]["start"] = cut, list(cut)
+    if not is_rigid(body):
+        first["element"]["count"], last["element"]["count"] = k, body["element"]["count"] - k
+    weld = {"name": "cut", "type": "weld", "between": [at(name, 1.0), at(other, 0.0)]}
+    out["joints"] = [*out.get("joints", []), weld]
+    out["loads"] = [part for load in out.get("loads", ()) for part in split_load(load, name, other, s)]
+    start = out.get("initial", {}).get("bodies", {})
+    if name in start:
+        start[other] = copy.deepcopy(start[name])
+    return out
+
+
+def split_load(load: Data, name: str, other: str, s: float) -> list[Data]:
+    """Return a load on a body as loads on its two parts."""
+    if load.get("on") != name:
+        return [load]
+    a, b = load.get("from", 0.0), load.get("to", 1.0)
+    parts = [{**load, "from": a / s, "to": min(b / s, 1.0)}] if a < s else []
+    return parts + ([{**load, "on": other, "from": max((a - s) / (1 - s), 0.0), "to": (b - s) / (1 - s)}]
+                    if b > s else [])
+
+

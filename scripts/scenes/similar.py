@@ -1,0 +1,189 @@
+"""A scene elsewhere: turned, mirrored, shifted and in other units, and what its answer must then be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .amplitudes import scaled, stretched
+from .shapes import Array, Data
+
+# powers of length, force and time in what a case holds as numbers, by key; what is not here has no dimension, or is a
+# place or vector that is treated by name
+DIMENSIONS = {
+    "height": (1, 0, 0), "width": (1, 0, 0), "A": (2, 0, 0), "I": (4, 0, 0), "EA": (0, 1, 0), "kGA": (0, 1, 0),
+    "EI": (2, 1, 0), "rhoA": (-2, 1, 2), "rhoI": (0, 1, 2), "E": (-2, 1, 0), "rho": (-4, 1, 2), "radius": (1, 0, 0),
+    "kelvin_voigt": (0, 0, 1), "mass": (-1, 1, 2), "inertia": (1, 1, 2), "length": (1, 0, 0), "alpha": (0, 0, -1),
+    "beta": (0, 0, 1), "omega": (0, 0, -1), "t_end": (0, 0, 1), "dt": (0, 0, 1), "interval": (0, 0, 1)}
+# of springs, by type
+SPRINGS = {"translational": {"stiffness": (-1, 1, 0), "damping": (-1, 1, 1)},
+           "rotational": {"stiffness": (1, 1, 0), "damping": (1, 1, 1)}}
+# of loads, by type: dimension of the value
+LOADS = {"force": (0, 1, 0), "follower_force": (0, 1, 0), "moment": (1, 1, 0), "gravity": (1, 0, -2),
+         "distributed": (-1, 1, 0)}
+PLACES = ("start", "end", "center", "through", "about")
+DIRECTIONS = ("normal", "along")
+
+
+class UnfitError(ValueError):
+    """A scene that cannot be written in the way a transformation wants it."""
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """x -> length (turned and mirrored x) + shift, force and time in other units.
+
+    ``angle`` turns counter-clockwise [rad]; ``mirrored`` changes the sign of y first.
+    """
+
+    angle: float = 0.0
+    mirrored: bool = False
+    shift: tuple[float, float] = (0.0, 0.0)
+    length: float = 1.0
+    force: float = 1.0
+    time: float = 1.0
+
+    # ------------------------------------------------------------------ numbers
+
+    @property
+    def sense(self) -> float:
+        """Return -1 where rotations change their sense."""
+        return -1.0 if self.mirrored else 1.0
+
+    @property
+    def R(self) -> Array:
+        """Return the orthogonal matrix (2, 2); quarter turns are exact."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        if self.quarters is not None:
+            c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[self.quarters % 4]
+        return np.array([[c, -s], [s, c]]) @ np.diag([1.0, self.sense])
+
+    @property
+    def quarters(self) -> int | None:
+        """Return the number of quarter turns, None where the angle is no multiple of one."""
+        turns = self.angle / (0.5 * math.pi)
+        return round(turns) if abs(turns - round(turns)) < 1e-12 else None
+
+    def unit(self, dimension: tuple[int, int, int]) -> float:
+        """Return the factor of a number with powers of length, force and time."""
+        a, b, c = dimension
+        return self.length**a * self.force**b * self.time**c
+
+    def place(self, p: Any) -> list[float]:
+        """Return where a place goes."""
+        return [float(v) for v in self.length * (self.R @ np.array(p)) + np.array(self.shift)]
+
+    def vector(self, v: Any, dimension: tuple[int, int, int] = (0, 0, 0)) -> list[float]:
+        """Return what a vector becomes."""
+        return [float(x) for x in self.unit(dimension) * (self.R @ np.array(v))]
+
+    # ------------------------------------------------------------------ cases
+
+    def case(self, case: Data) -> Data:
+        """Return the scene as it is elsewhere. Raises UnfitError where the format has no words for it."""
+        return _Case(self, case["solver"]["type"] == "dynamic").everything(case)
+
+
+class _Case:
+    """A case while it is moved."""
+
+    def __init__(self, to: Similarity, moves: bool) -> None:
+        self.to, self.moves = to, moves
+
+    def everything(self, case: Data) -> Data:
+        out = {key: self.general(value) for key, value in case.items() if key not in (
+            "boundary_conditions", "loads", "springs")}
+        out["bodies"] = {name: self.body(body) for name, body in case["bodies"].items()}
+        for key, one in (("boundary_conditions", self.support), ("loads", self.load), ("springs", self.spring)):
+            if key in case:
+                out[key] = [one(item) for item in case[key]]
+        return {key: out[key] for key in case}
+
+    def general(self, value: Any, key: str = "") -> Any:
+        """Return anything whose keys say what it is."""
+        to = self.to
+        if isinstance(value, dict):
+            return {k: self.general(v, k) for k, v in value.items()}
+        if key in PLACES:
+            return to.place(value)
+        if key in DIRECTIONS:
+            return to.vector(value)
+        if key == "velocity":
+            return to.vector(value, (1, 0, -1))
+        if key == "points":
+            return [to.place(p) for p in value]
+        if isinstance(value, list):
+            return [self.general(v) if isinstance(v, dict) else v for v in value]
+        if key == "y":
+            return to.sense * to.length * value
+        if key == "omega":
+            return to.sense * to.unit((0, 0, -1)) * value
+        return value * to.unit(DIMENSIONS[key]) if key in DIMENSIONS and not isinstance(value, str) else value
+
+    def body(self, body: Data) -> Data:
+        out = {key: value if key == "element" else self.general(value) for key, value in body.items()}
+        # of an element, a rigid body's mass and inertia alone have dimensions
+        out["element"] = {k: v * self.to.unit(DIMENSIONS[k]) if k in ("mass", "inertia") else v
+                          for k, v in body["element"].items()}
+        geometry = out["geometry"]
+        if geometry["type"] == "arc":
+            for key in ("from", "to"):
+                geometry[key] = self.to.sense * geometry[key] + self.to.angle
+        return out
+
+    def amplitude(self, amplitude: Any, by: float = 1.0) -> Any:
+        """Return an amplitude times a number, in other units of time where it is one of time."""
+        if isinstance(amplitude, dict) and self.moves:
+            amplitude = stretched(amplitude, self.to.time)
+        return scaled(amplitude, by)
+
+    def with_amplitude(self, item: Data) -> Data:
+        return {**item, "amplitude": self.amplitude(item["amplitude"])} if "amplitude" in item else item
+
+    def load(self, load: Data) -> Data:
+        to, unit, value = self.to, LOADS[load["type"]], load["value"]
+        if load["type"] == "moment":
+            new: Any = to.sense * to.unit(unit) * value
+        elif load["type"] == "follower_force" or load.get("follower"):
+            new = [to.unit(unit) * value[0], to.sense * to.unit(unit) * value[1]]
+        else:
+            new = to.vector(value, unit)
+        return self.with_amplitude({**load, "value": new})
+
+    def spring(self, spring: Data) -> Data:
+        out = {**spring, **{k: self.to.unit(unit) * spring[k] for k, unit in SPRINGS[spring["type"]].items()
+                            if k in spring}}
+        out["between"] = [p if isinstance(p, str) else self.to.place(p) for p in spring["between"]]
+        if "angle" in out:
+            out["angle"] = self.to.sense * out["angle"]
+        if "length" in out:
+            out["length"] = self.to.length * out["length"]
+        return out
+
+    def support(self, support: Data) -> Data:
+        out, to = dict(support), self.to
+        if "normal" in out:
+            out["normal"] = to.vector(out["normal"])
+        if support.get("fixed") is not None:
+            axis = {"x": [1.0, 0.0], "y": [0.0, 1.0]}[out["fixed"]]
+            new = to.vector(axis)
+            if to.quarters is None:
+                del out["fixed"]
+                out["normal"] = new
+            else:
+                out["fixed"] = "x" if abs(new[0]) > 0.5 else "y"
+        if support["type"] == "prescribed":
+            out.update(self.motion(support))
+        return out
+
+    def motion(self, support: Data) -> Data:
+        """Return prescribed motion: both displacements are of one shape."""
+        out, (ux, uy) = {}, (support["ux"], support["uy"])
+        new = self.to.vector([ux["scale"], uy["scale"]], (1, 0, 0))
+        for key, was, scale in (("ux", ux, new[0]), ("uy", uy, new[1])):
+            out[key] = {**self.amplitude(was), "scale": scale}
+        out["angle"] = self.amplitude(support["angle"], self.to.sense)
+        return out
