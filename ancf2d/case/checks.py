@@ -44,7 +44,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.sections()
         checker.goals()
         checker.masses()
-        checker.steps()
+        checker.aims()
 
 
 class _Checker:
@@ -218,14 +218,9 @@ class _Checker:
                       f"needed because {why}",
                       f"a number > 0 {self.binder.unit('kg/m^3')}")
 
-    def steps(self) -> None:
-        """Check what the solver needs of the rest: a time step, something to be accurate about."""
+    def aims(self) -> None:
+        """Check what the solver needs of the rest: something to be accurate about."""
         case = self.case
-        solver: Any = case.solver
-        if ("solver",) not in self.failed and self.solver == "dynamic" and case.accuracy is None \
-                and solver.dt is None and solver.tolerance is None:
-            self.fail(("solver",), "solver: neither dt nor tolerance is given",
-                      "dt for fixed steps, tolerance for adaptive ones, or accuracy in the case")
         if case.goal is not None:
             return
         if isinstance(case.accuracy, float):

@@ -173,3 +173,9 @@ def test_reference_names_every_key(vocabulary):
                .replace(" ", "-") for line in text.split("\n") if line.startswith("#")}
     links = {part.split(")")[0] for part in text.split("](#")[1:]}
     assert links <= anchors
+
+
+def test_a_motion_without_steps_has_those_that_are_documented(vocabulary):
+    solver = load_case(Path(__file__).parent / "valid" / "motion_without_steps.yaml", vocabulary=vocabulary).case.solver
+    assert (solver.dt, solver.tolerance, solver.local_error) == (None, None, 1e-6)
+    assert "default 1e-06" in markdown_reference(vocabulary)

@@ -136,7 +136,8 @@ class Output:
     probes: dict[str, Probe] = key(MapOf(PROBE, "points by name"), "Points whose motion is "
                                    "recorded: BODY@S, or {at: BODY@S, y: distance from the axis}",
                                    default={}, example={"mid": "beam@0.5"})
-    every: int | None = key(Integer(), "Steps between stored states", default=None)
+    every: int | None = key(Integer(), "Steps between stored states (default in motion: about 200 states, fixed steps "
+                            "as they end)", default=None)
     interval: float | None = key(Number("s", gt=0), "Time between stored states", default=None)
     fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
                                   "Fields to store over the bodies: N, Q, M (at the probes too), stress, strain, "

@@ -11,6 +11,8 @@ from ..records import ByKeys
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
 SHORTEST = 1e-12
+# relative error of adaptive steps where the case says nothing of steps
+STEP_TOLERANCE = 1e-6
 MOTIONS = ("x", "y", "ux", "uy", "theta")
 
 
@@ -103,8 +105,8 @@ class Dynamic:
     tag = "dynamic"
     t_end: float = key(Number("s", gt=0), "End of the motion", example=1)
     dt: float | None = key(Number("s", gt=0), "Fixed time step", default=None, example=1e-3)
-    tolerance: float | None = key(Number("", gt=0, lt=1), "Relative error for adaptive time steps",
-                                  default=None, example=1e-6)
+    tolerance: float | None = key(Number("", gt=0, lt=1), "Relative error for adaptive time steps (without dt: "
+                                  f"default {STEP_TOLERANCE:g})", default=None, example=1e-6)
     method: str | None = key(Known("integrators"), "Time integrator (default: the recommended "
                              "one)", default=None)
     max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
@@ -116,6 +118,11 @@ class Dynamic:
                       "serves (reuse)", default="reuse")
     estimate: bool = key(Flag(), "An error estimate, by runs beside with steps of 2 dt and 4 dt, or 10 and 100 times "
                          "the tolerance", default=True)
+
+    @property
+    def local_error(self) -> float:
+        """The relative error that adaptive steps may make."""
+        return STEP_TOLERANCE if self.tolerance is None else self.tolerance
 
     def check(self) -> Iterator[Issue]:
         """Yield a step that is given twice, or is longer than the motion."""

@@ -150,8 +150,7 @@ class Planner:
             return "", (None,)
         key, steps = self.choice.key, self.choice.steps
         if not key:
-            key = "dt" if self.motion.tolerance is None and self.motion.dt is not None else "tolerance"
-            own = getattr(self.motion, key)
+            key, own = ("tolerance", self.motion.local_error) if self.motion.dt is None else ("dt", self.motion.dt)
             steps = tuple(own * factor for factor in LEVELS[key])
         if key == "tolerance":
             steps = tuple(min(x, LOOSEST_TOLERANCE) for x in steps)
