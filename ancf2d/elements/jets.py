@@ -20,15 +20,17 @@ class Programs(NamedTuple):
     """Programs of many functions: function k is the instructions first[k] to first[k + 1].
 
     ``code`` (n,) says what each does, ``arg`` (n,) where it goes on (jumps) or where its numbers begin in ``data``.
-    ``stack`` (3, depth) is room to work in. Jumps count from the beginning of ``code``: JUMP always, BRANCH takes
-    the top of the stack and jumps where it is 0, UNLESS too, and puts 0 in place of what is below. KEEP puts the
-    top below the two topmost, for a chain of comparisons.
+    ``window`` (2,): the times between which functions are evaluated, at its ends for times outside, so that a step up
+    to a break sees nothing of what follows. ``stack`` (3, depth) is room to work in. Jumps count from the beginning of
+    ``code``: JUMP always, BRANCH takes the top of the stack and jumps where it is 0, UNLESS too, and puts 0 in place of
+    what is below. KEEP puts the top below the two topmost, for a chain of comparisons.
     """
 
     first: Any
     code: Any
     arg: Any
     data: Any
+    window: Any
     stack: Any
 
 

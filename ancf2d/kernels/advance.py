@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from .amplitudes import evaluate
-from .arrays import copy
+from .arrays import copy, copy_rows
 from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step
 from .dynamics import forces, lost_to_mass_damping, norm, power_of_loads, to_full, violation
 from .jit import inlined, inner, kernel
@@ -34,6 +34,10 @@ from .sliding import sliding_accept
 
 # why ``advance`` comes back
 REACHED, FULL, FAILED = range(3)
+# what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
+INSIDE, END, CHECK = range(3)
+# of a step: times so near to its end are its end
+NEAR = 1e-9
 _STEP = {Newmark: newmark_step, Conserving: conserving_step, Radau: radau_step}
 _ACCEPT = {Newmark: newmark_accept, Conserving: conserving_accept, Radau: radau_accept}
 _RESTART = {Newmark: newmark_restart, Conserving: conserving_restart, Radau: radau_restart}
@@ -84,18 +88,22 @@ class Plan(NamedTuple):
 class Rows(NamedTuple):
     """What is stored. wanted : times of states, in order; every : steps between states (0: the wanted times).
 
-    t, number (m,), z, v, a (m, n), work (m, 2) : states; log (k, 7) : step, t, dt, iterations, rejected, error,
-    violation of every step.
+    t, number, kind (m,), z, v, a (m, n), work (m, 2) : states (INSIDE, END or CHECK); turns (m, items, memory), feet
+    (m, joints, 2) : what point laws and prismatic joints remembered there; log (k, 7) : step, t, dt, iterations,
+    rejected, error, violation of every step.
     """
 
     wanted: Any
     every: int
     t: Any
     number: Any
+    kind: Any
     z: Any
     v: Any
     a: Any
     work: Any
+    turns: Any
+    feet: Any
     log: Any
 
 
@@ -141,8 +149,17 @@ def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _store(rows, r, t, number, at, work, lost):  # type: ignore[no-untyped-def]
-    rows.t[r], rows.number[r] = t, number
+def _remember(points, sliding, rows, r):  # type: ignore[no-untyped-def]
+    if points is not None:
+        copy_rows(points.mem, rows.turns[r])
+    if sliding is not None:
+        copy_rows(sliding.memory, rows.feet[r])
+
+
+@inner
+def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
+    rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
+    _remember(p.points, p.sliding, rows, r)
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
     copy(at.a, rows.a[r])
@@ -196,12 +213,13 @@ def _target(s, plan):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _passed(rows, first, end):  # type: ignore[no-untyped-def]
-    """Return how many wanted times from the given one on lie up to the end of a step."""
+def _passed(rows, first, end, near):  # type: ignore[no-untyped-def]
+    """Return how many wanted times from the given one on lie inside a step, and whether one is its end."""
     last = first
-    while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end:
+    while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end + near:
         last += 1
-    return last - first
+    at_end = last > first and rows.wanted[last - 1] >= end - near
+    return (last - first - 1, True) if at_end else (last - first, False)
 
 
 @kernel
@@ -238,19 +256,21 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 return FAILED, stored, logged, outcome, iterations
             continue
         end = target if h >= target - t else t + h
-        passed, left = _passed(rows, next_wanted, end), len(rows.t) - stored
-        if passed > left and stored > 0:
+        inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
+        needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
+        if needed > left and stored > 0:
             # done again by the next call, which has room for its states
             return FULL, stored, logged, outcome, iterations
         work, lost = 0.0, 0.0
-        for _ in range(min(passed, left)):
+        for _ in range(min(inside, left)):
             x = (rows.wanted[next_wanted] - t) / h
             if plan.tracks:
                 work, lost = _work(m, p, w, s, at, t, h, x)
             interpolate(m, p, s, h, x, at.z, at.v, at.a)
-            _store(rows, stored, rows.wanted[next_wanted], logged, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
+            _store(p, rows, stored, rows.wanted[next_wanted], logged, INSIDE, at, s.numbers[WORK] + work,
+                   s.numbers[LOST] + lost)
             stored, next_wanted = stored + 1, next_wanted + 1
-        if passed > left:
+        if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
         if plan.tracks:
@@ -276,6 +296,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
         s.numbers[TRIES] = 0.0
         logged += 1
-        if rows.every > 0 and s.numbers[COUNT] % rows.every == 0:
-            _store(rows, stored, end, logged - 1, s, s.numbers[WORK], s.numbers[LOST])
-            stored += 1
+        if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
+            kind = CHECK if needed > 0 and not at_end else END
+            _store(p, rows, stored, rows.wanted[next_wanted] if at_end else end, logged - 1, kind, s, s.numbers[WORK],
+                   s.numbers[LOST])
+            stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

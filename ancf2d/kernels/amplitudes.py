@@ -17,8 +17,9 @@ _run = kernel(jets.run)
 def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
     """Fill out (n, 3) with every signal of ``model.signals.programs`` at t and its two derivatives by t.
 
-    At a corner or jump the values are those to its right. Where there is no finite value the entry is nan; the
-    Python signal says why.
+    At a corner or jump the values are those to its right, but never those of a time outside the programs' window.
+    Where there is no finite value the entry is nan; the Python signal says why.
     """
+    t = min(max(t, programs.window[0]), programs.window[1])
     for k in range(len(programs.first) - 1):
         _run(programs, k, t, out, k)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,8 @@ from ..elements import jets
 from ..elements.shape import Array
 from .signals import Signal, programs
 
-SAMPLES = 20001
+# times that switches are looked for between, ten to a switch, and how many at most
+SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001
 SMOOTH = 3
 CLOSE = 1e-12
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
@@ -34,40 +36,59 @@ class Break(NamedTuple):
     before: float
 
 
-def breakpoints(signal: Signal, t0: float, t1: float) -> list[Break]:
-    """Return the breaks of a signal in (t0, t1], in order, without those that t0 cannot be told from.
+class Piece(NamedTuple):
+    """A time in which signals are smooth: what they are from ``first`` to ``last``, in steps that end at ``stop``.
 
-    Those of ramps and tables are exact. The switches of an expression (comparisons, conditions, abs) are looked for
-    between ``SAMPLES`` times and at every number that it names, and found to the last digit.
+    Where ``stop`` is a break, ``last`` is the float before it and ``first`` of the next piece the one behind it.
     """
-    return [b for b in _breaks(signal, t0, t1) if b.t - t0 > CLOSE * abs(t1)]
+
+    first: float
+    last: float
+    stop: float
 
 
-def all_breakpoints(signals: Iterable[Signal], t0: float, t1: float) -> list[Break]:
-    """Return the breaks of several signals, in order; what coincides is one break, of the lowest order."""
-    return _merged((b for s in dict.fromkeys(signals) for b in breakpoints(s, t0, t1)), t1)
+def pieces(signals: Iterable[Signal], t_end: float) -> list[Piece]:
+    """Return the pieces of a motion from 0 to t_end, between the breaks of any of its signals.
+
+    Breaks that 0 cannot be told from lie before the first piece; one that t_end cannot be told from ends the last.
+    """
+    near, first = CLOSE * t_end, math.nextafter(0.0, 1.0)
+    out: list[Piece] = []
+    for b in _merged((b for s in dict.fromkeys(signals) for b in breakpoints(s, 0.0, t_end)), t_end):
+        if b.t > t_end - near:
+            return [*out, Piece(first, b.before, t_end)]
+        if b.t > near:
+            out.append(Piece(first, b.before, b.t))
+        first = b.t
+    return [*out, Piece(first, math.inf, t_end)]
 
 
 def jumps(signal: Signal, t0: float, t1: float) -> list[float]:
-    """Return the times in (t0, t1] where the value itself jumps, also where it does so just after t0."""
-    return [b.t for b in _breaks(signal, t0, t1) if b.order == 0]
+    """Return the times in (t0, t1] where the value itself jumps."""
+    return [b.t for b in breakpoints(signal, t0, t1) if b.order == 0]
 
 
-def _breaks(signal: Signal, t0: float, t1: float) -> list[Break]:
+@lru_cache(maxsize=256)
+def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
+    """Return the breaks of a signal in (t0, t1], in order.
+
+    Those of ramps and tables are exact. The switches of an expression (comparisons, conditions, abs) are looked for
+    between ``SAMPLES`` times, more where they are many, and at every number that it names, and found to the last digit.
+    """
     amplitude = signal.amplitude
     if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
-        return []
+        return ()
     if isinstance(amplitude, Expression):
         places = _switches(amplitude.tree, t0, t1)
     elif isinstance(amplitude, Ramp | Table):
         times = (amplitude.t0, amplitude.t1) if isinstance(amplitude, Ramp) else amplitude.t
         places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in times if t0 < t <= t1]
     else:
-        return []
+        return ()
     unit = Signal(amplitude)
     size = _size(unit, t0, t1)
     found = [b._replace(order=_order(unit, b.before, b.t, size, t1 - t0)) for b in _merged(places, t1)]
-    return [b for b in found if b.order < SMOOTH]
+    return tuple(b for b in found if b.order < SMOOTH)
 
 
 def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
@@ -111,11 +132,16 @@ def _switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
     """Return neighbouring floats between which a switch of the expression changes, in (t0, t1]."""
     named = [x for x in _traced(tree, np.array([t0])).named if t0 < x < t1]
     near = [math.nextafter(x, way) for x in named for way in (-math.inf, math.inf)]
-    t = np.unique(np.concatenate([np.linspace(t0, t1, SAMPLES), named, near]))
-    pattern = _patterns(tree, t)
-    if not len(pattern):
-        return []
-    changed = np.flatnonzero(np.any(pattern[:, 1:] != pattern[:, :-1], axis=0))
+    samples = SAMPLES
+    while True:
+        t = np.unique(np.concatenate([np.linspace(t0, t1, samples), named, near]))
+        pattern = _patterns(tree, t)
+        if not len(pattern):
+            return []
+        changed = np.flatnonzero(np.any(pattern[:, 1:] != pattern[:, :-1], axis=0))
+        if TO_A_SWITCH * len(changed) <= samples or samples >= MOST_SAMPLES:
+            break
+        samples = min(10 * samples, MOST_SAMPLES)
     low, high = t[changed], t[changed + 1]
     found: list[Break] = []
     while len(low):

@@ -139,4 +139,4 @@ def programs(signals: Sequence[Signal]) -> jets.Programs:
         first.append(len(out.code))
     return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
                          np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
-                         np.zeros((3, max(out.depth, 1))))
+                         np.array([-np.inf, np.inf]), np.zeros((3, max(out.depth, 1))))

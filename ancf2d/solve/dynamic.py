@@ -10,7 +10,7 @@ import numpy as np
 from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..kernels.dynamics import forces
+from ..kernels.advance import CHECK, INSIDE
 from ..kernels.motion import COUNT, REJECTED
 from ..model.inversion import inverted
 from ..model.model import Model
@@ -23,8 +23,6 @@ from .schemes import SCHEMES
 from .state import State
 from .stepping import LOG, Row, Stepper
 
-# of adaptive steps where none is asked for
-TOLERANCE = 1e-6
 # states that are stored where nothing is said
 STATES = 200
 # local errors are relative to the largest displacement so far: of the scene's size to begin with, unless a look ahead
@@ -37,10 +35,19 @@ WOUND = 10.0
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
-    """Return the times of the states to be stored: the start, every ``interval`` (1/200 of the whole), the end."""
-    interval = model.case.output.interval or spec.t_end / STATES
-    count = int(np.floor(spec.t_end / interval * (1.0 + 1e-12)))
-    times = interval * np.arange(1, count + 1, dtype=float)
+    """Return the times of the states to be stored between the start and the end.
+
+    Every ``interval``, or every so many fixed steps; else about 200 states, of fixed steps where some end.
+    """
+    output = model.case.output
+    if output.interval is not None:
+        interval, each = output.interval, 1
+    elif spec.dt is not None:
+        interval, each = spec.dt, output.every or max(1, round(spec.t_end / spec.dt / STATES))
+    else:
+        interval, each = spec.t_end / STATES, 1
+    count = int(np.floor(spec.t_end / (each * interval) * (1.0 + 1e-12)))
+    times = interval * np.arange(each, each * count + 1, each, dtype=float)
     return times[times < spec.t_end * (1.0 - 1e-12)]
 
 
@@ -53,19 +60,20 @@ class Balance:
         self.numbers = np.array([np.nan, 0.0, 0.0, np.nan])  # total at the start, largest change, size, springs' energy
 
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
-        """Return the energies of a state, and note how far the balance is off."""
+        """Return the energies of a state, and note how far the balance is off where a step ends."""
         model, d_q = self.model, d[:self.model.n_q]
         e = model.e0 + d_q
-        kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.t)
-        springs = sum(float(s.evaluate(e, d, row.t)[0]) for s in model.springs)
+        kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
+        springs = sum(float(s.evaluate(e, d, row.side)[0]) for s in model.springs)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
         potential = self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain
         total = kinetic + own - dead - row.work + row.lost
         if np.isnan(self.numbers[0]):
             self.numbers[0], self.numbers[3] = total, springs
-        self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
-        self.numbers[2] = max(self.numbers[2], kinetic + strain)
+        if row.kind != INSIDE:
+            self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
+            self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + (springs - self.numbers[3] if self.stepper.tracks else 0.0) + dead + potential
         return {"kinetic": kinetic, "strain": strain, "potential": potential, "dissipated": row.lost, "work": work}
 
@@ -80,17 +88,18 @@ class Run:
 
     def __init__(self, model: Model, spec: Dynamic) -> None:
         if spec.dt is None and spec.tolerance is None:
-            spec = replace(spec, tolerance=TOLERANCE)
+            spec = replace(spec, tolerance=spec.local_error)
         self.model, self.spec = model, spec
         self.problem, self.signals = make_problem(model)
-        every = model.case.output.every or 0
-        self.times = np.zeros(0) if every else stored_times(model, spec)
         kind = OdeStepper if spec.method in SCHEMES else Stepper
+        fixed = spec.dt is not None and kind is Stepper
+        every = 0 if fixed else model.case.output.every or 0
+        self.times = np.zeros(0) if every else stored_times(model, spec)
         self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
         self.inverted: str | None = None
         self.balance = Balance(model, self.stepper)
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
-        beside = spec.method not in SCHEMES and not (every and spec.dt is None)
+        beside = kind is Stepper and not every
         self.estimate = Estimate(self) if beside and spec.estimate else None
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
@@ -102,17 +111,20 @@ class Run:
                 self.stepper.expect(self._look_ahead(d, v))
             if self.estimate is not None:
                 self.estimate.start(d, v)
-            yield self._state(self.stepper.last(), inside=False)
+            yield self._state(self.stepper.last())
         else:
             self._resume(kept)
         while not self.stepper.done:
-            rows = self.stepper.run()
-            inside = not self.stepper.every
-            ends = self.stepper.done
+            found = self.stepper.run()
+            for row in found:
+                if row.kind == CHECK:
+                    d, v, _ = self.stepper.full(row)
+                    self.balance.take(row, d, v)
+            rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
             for k, row in enumerate(rows):
                 last = k == len(rows) - 1 and not ends
                 if not ends or row.t < self.stepper.t:
-                    yield self._state(row, inside, keep=last)
+                    yield self._state(row, keep=last)
         yield self._end()
 
     def _look_ahead(self, d: Array, v: Array) -> float:
@@ -129,30 +141,24 @@ class Run:
             return 0.0
         return min(size, scout.reached)
 
-    def _state(self, row: Row, inside: bool, keep: bool = False) -> State:
-        d, v, a = self.stepper.full(row, inside)
-        Q, F = self._forces(row)
+    def _state(self, row: Row, keep: bool = False) -> State:
+        d, v, a = self.stepper.full(row)
+        F = self.model.external(row.side)
+        Q = self.stepper.forces(row) + F
         energies = self.balance.take(row, d, v)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
         if self.inverted is None and (found := inverted(self.model, d)) is not None:
             self.inverted = f"{found} at t = {row.t:.6g}: what follows is the motion of no body"
-        state = State(row.t, d, Q, F, energies["strain"], history=energies, v=v, a=a, blocks=blocks)
+        state = State(row.t, d, Q, F, energies["strain"], history=energies, v=v, a=a, blocks=blocks, side=row.side)
         if self.estimate is not None:
             self.estimate.take(row.t, d)
         if keep:
             state.checkpoint = self._checkpoint()
         return state
 
-    def _forces(self, row: Row) -> tuple[Array, Array]:
-        """Return the forces Q, damping and multipliers included, and the dead loads F (n_full,) at a stored state."""
-        w = self.stepper.w
-        forces(self.stepper.p, w, row.z, row.v)
-        F = self.model.external(row.t)
-        return w.Q + F, F
-
     def _end(self) -> State:
         """Return the last state, with what there is to say of the whole."""
-        state = self._state(self.stepper.last(), inside=False)
+        state = self._state(self.stepper.last())
         state.last = True
         numbers = self.stepper.s.numbers
         assert state.v is not None

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..kernels.advance import CHECK
 from ..kernels.motion import COUNT
 from ..model.mesh import Index
 from ..model.points import PointRef
@@ -48,18 +49,14 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(self.columns)))
         self.moved = np.zeros(len(self.columns))
         self.failed = ""
-        self.queues: list[list[Any]] = [[] for _ in range(LEVELS)]
+        self.queues: list[list[tuple[float, Array]]] = [[] for _ in range(LEVELS)]
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
 
     def _level(self, factor: float) -> Stepper:
         """Return the motion with longer steps."""
-        run, times = self.run, self.run.times
-        if run.stepper.every:
-            numbers = np.arange(1, int(run.spec.t_end / run.stepper.dt) + 1, dtype=float)
-            times = numbers * run.stepper.dt * run.stepper.every
-            times = times[times < run.spec.t_end * (1.0 - 1e-12)]
+        run = self.run
         spec = run.spec if run.stepper.dt > 0.0 else replace(run.spec, tolerance=factor * run.stepper.tolerance)
-        return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, times)
+        return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, run.times)
 
     def start(self, d: Array, v: Array) -> None:
         """Begin where the motion begins."""
@@ -89,20 +86,16 @@ class Estimate:
         stepper, queue = self.coarse[level], self.queues[level]
         near = 1e-9 * self.run.stepper.dt or 1e-12 * self.run.spec.t_end
         try:
-            while not queue or queue[-1].t < t - near:
-                if stepper.done:
-                    queue.append(stepper.last())
-                    break
-                queue += stepper.run()
+            while not queue or queue[-1][0] < t - near:
+                rows = [stepper.last()] if stepper.done else stepper.run()
+                queue += [(row.t, self._places(stepper.full(row)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
             self.failed = f"with {how} the motion could not be followed ({error.failure.reason})"
             return None
-        while queue and queue[0].t < t - near:
+        while queue and queue[0][0] < t - near:
             queue.pop(0)
-        if not queue or queue[0].t > t + near:
-            return None
-        return self._places(stepper.full(queue[0], inside=True)[0])
+        return queue[0][1] if queue and queue[0][0] <= t + near else None
 
     def report(self) -> dict[str, Any]:
         """Return the relative estimate, the order seen of fixed steps, and how they were found."""
@@ -156,21 +149,17 @@ class Estimate:
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in stepper.kept().items()})
-            out[f"coarse{k}_queue"] = np.array([[r.t, *r.z, *r.v, *r.a] for r in self.queues[k]])
+            out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]])
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
-        from .stepping import Row
-
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
-            n = len(stepper.s.z)
-            queue = kept[head + "queue"].reshape(-1, 1 + 3 * n)
-            self.queues[k] = [Row(float(r[0]), r[1:1 + n].copy(), r[1 + n:1 + 2 * n].copy(), r[1 + 2 * n:].copy(),
-                                  0.0, 0.0, np.zeros((0, 0))) for r in queue]
+            queue = kept[head + "queue"].reshape(-1, 1 + 2 * len(self.columns))
+            self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in queue]
 
 
 def _rows(point: PointRef) -> list[tuple[Index, Array]]:

@@ -10,6 +10,7 @@ import numpy as np
 from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..kernels.advance import CHECK, END, INSIDE, NEAR
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
 from ..kernels.points import point_accept
@@ -19,8 +20,6 @@ from . import stepping
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
-# relative local error where the case gives dt, the longest step, and no tolerance
-TOLERANCE = 1e-6
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
 
@@ -65,7 +64,7 @@ class OdeStepper(Stepper):
                  every: int = 0) -> None:
         super().__init__(model, problem, signals, spec, dt, wanted, every)
         self.scheme = SCHEMES[self.method.name]
-        self.tolerance = spec.tolerance or TOLERANCE
+        self.tolerance = spec.local_error
         n = len(self.p.coordinate)
         self.free = np.flatnonzero(self.p.coordinate)
         self.constrained = len(self.free) < n
@@ -141,7 +140,7 @@ class OdeStepper(Stepper):
         """Step for about a fifth of a second and append the states."""
         started = time.perf_counter()
         while not self.done:
-            stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
+            stop = self.pieces[self.piece].stop
             if self.solver is None:
                 self.solver = self._begin(stop)
             self._step(found)
@@ -162,22 +161,24 @@ class OdeStepper(Stepper):
         inside = self._inside(t, solver.t)
         path: Any = solver.dense_output() if self.tracks or len(inside) else None
         error = self._local_error(h)
-        states = [(x, path(x), self._work(path, t, x)) for x in inside]
+        at_end = bool(len(inside)) and inside[-1] >= solver.t - NEAR * h
+        states = [(x, path(x), self._work(path, t, x)) for x in inside[:len(inside) - at_end]]
         self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
         worst = self._keep(h)
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y, work in states:
-            self._store(found, x, y, work)
-        self.next_wanted += len(inside) if not self.every else 0
-        if self.every and self.s.numbers[COUNT] % self.every == 0:
-            self._store(found, solver.t, solver.y, self.s.numbers[[WORK, LOST]])
+            self._store(found, x, INSIDE, y, work)
+        self.next_wanted += len(inside)
+        if len(inside) or (self.every and self.s.numbers[COUNT] % self.every == 0):
+            kind = CHECK if len(states) and not at_end else END
+            self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]])
 
     def _inside(self, t: float, end: float) -> Array:
         """Return the wanted times up to the end of a step."""
         if self.every:
             return self.wanted[:0]
-        last = int(np.searchsorted(self.wanted, end, side="right"))
+        last = int(np.searchsorted(self.wanted, end + NEAR * (end - t), side="right"))
         return self.wanted[self.next_wanted:last]
 
     def _keep(self, h: float) -> float:
@@ -221,14 +222,14 @@ class OdeStepper(Stepper):
             out += (x - t) * weight * np.array(rates)
         return out
 
-    def _store(self, found: list[Row], t: float, y: Array, work: Array) -> None:
+    def _store(self, found: list[Row], t: float, kind: int, y: Array, work: Array) -> None:
         at = self.inner
         place(at, self.free, y)
         accelerations(self.p, self.w, self.factors, at, t)
-        done, lost = work.tolist()
-        found.append(Row(float(t), at.z.copy(), at.v.copy(), at.a.copy(), done, lost,
-                         np.array(self.log).reshape(-1, len(LOG))))
-        self.log = []
+        log = [] if kind == CHECK else self.log
+        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, *self._memory(),
+                               np.array(log).reshape(-1, len(LOG))))
+        self.log = self.log[len(log):]
 
     def last(self) -> Row:
         """Return the state at the time reached, with what is left of the log."""

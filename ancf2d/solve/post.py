@@ -159,7 +159,7 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
                 total += value * (row.coefs @ rigid_motion(point.mesh, row.coords, e, centre))
         for k, constraint in enumerate(model.constraints):
             if constraint.owner == name:
-                _, G, _ = constraint.evaluate(e, d, state.t)
+                _, G, _ = constraint.evaluate(e, d, state.side)
                 total -= state.d[model.n_q + k] * (G @ rigid_motion(point.mesh, constraint.dofs, e, centre))
         out[name] = dict(zip(("fx", "fy", "m"), (float(v) for v in total), strict=True))
     return out

@@ -115,7 +115,7 @@ class _Part:
         return out if found else None
 
     def _factor(self, load: Gravity | Distributed) -> float:
-        return float(self.body.model.timing.follow(load.amplitude)(self.state.t))
+        return float(self.body.model.timing.follow(load.amplitude)(self.state.side))
 
     def _line_loads(self) -> Iterator[tuple[Distributed, Array]]:
         for load in self.body.model.case.loads:
@@ -130,9 +130,9 @@ class _Part:
             for m in np.flatnonzero(self.chosen == point.ie):
                 full = np.zeros(model.n_q)
                 for dead in loads.dead:
-                    full[dead.dofs] += dead.amplitude(state.t) * dead.values
+                    full[dead.dofs] += dead.amplitude(state.side) * dead.values
                 for patch in loads.patches:
-                    np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.t)[1])
+                    np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
                 yield int(m), point.xi, full[self.dofs[m]].reshape(-1, self.body.nc)
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:

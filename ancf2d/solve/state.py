@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +16,9 @@ class State:
     ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``report`` is merged into the
     summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
     ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
+
+    ``side`` is the time that amplitudes are taken at: t, where it is not given, but at a break of a motion the float
+    before it.
 
     Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
     statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
@@ -37,3 +41,8 @@ class State:
     a: Array | None = None
     blocks: dict[str, Array] = field(default_factory=dict)
     checkpoint: dict[str, Array] | None = None
+    side: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.side):
+            self.side = self.t

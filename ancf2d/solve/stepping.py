@@ -13,12 +13,12 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels import advance as kernels
 from ..kernels.amplitudes import evaluate
-from ..kernels.consistent import consistent, onto_constraints
-from ..kernels.dynamics import Problem, Scratch, scratch, to_full
+from ..kernels.consistent import consistent, kinetic, onto_constraints
+from ..kernels.dynamics import Problem, Scratch, forces, scratch, to_full
 from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
 from ..kernels.points import point_accept
 from ..kernels.sliding import sliding_check
-from ..model.breakpoints import Break, all_breakpoints
+from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
@@ -40,14 +40,22 @@ LEAST = 1e-9
 
 @dataclass
 class Row:
-    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it."""
+    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
+
+    ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
+    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there.
+    """
 
     t: float
+    side: float
+    kind: int
     z: Array
     v: Array
     a: Array
     work: float
     lost: float
+    turns: Array
+    feet: Array
     log: Array
 
 
@@ -60,11 +68,8 @@ class Stepper:
     def __init__(self, model: Model, problem: Problem, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
-        # tables with a memory are this motion's own
-        self.p: Problem = problem._replace(
-            points=None if problem.points is None else problem.points._replace(mem=problem.points.mem.copy()),
-            sliding=None if problem.sliding is None else problem.sliding._replace(
-                memory=problem.sliding.memory.copy()))
+        # the motion itself, and another one that stored states are evaluated with, as they were
+        self.p, self.past = own(problem), own(problem)
         n = len(problem.coordinate)
         self.w: Scratch = scratch(n, len(problem.place), problem.mass.shape, len(signals))
         self.method = INTEGRATORS[spec.method or DEFAULT]
@@ -72,20 +77,31 @@ class Stepper:
         self.m = make_method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
         self.s: Motion = motion(n, self.method.rows)
         self.s.numbers[STEP_SIZE] = self.dt = dt
-        self.wanted, self.every, self.next_wanted, self.next_break = wanted, every, 0, 0
-        self.breaks: list[Break] = [b for b in all_breakpoints(signals, 0.0, spec.t_end) if b.t < spec.t_end]
+        self.wanted, self.every, self.next_wanted = wanted, every, 0
+        self.pieces: list[Piece] = pieces(signals, spec.t_end)
+        self._enter(0)
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
         self.steps = 64
         self.failed: ComputationError | None = None
         self._at = motion(n, 0)
         self.tracks = tracks(model, problem)
+        self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
     def _rows(self, n: int) -> kernels.Rows:
         m = int(min(max(STATE_BYTES // (24 * n), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
-        return kernels.Rows(self.wanted, self.every, np.zeros(m), np.zeros(m, dtype=np.int64), np.zeros((m, n)),
-                            np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 2)), np.zeros((LOG_ROWS, len(LOG))))
+        number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
+        z, v, a = (np.zeros((m, n)) for _ in range(3))
+        turns, feet = (np.zeros((m, *x.shape)) for x in self._memory())
+        return kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns, feet,
+                            np.zeros((LOG_ROWS, len(LOG))))
+
+    def _memory(self) -> tuple[Array, Array]:
+        """Return what point laws and prismatic joints remember of the state last accepted."""
+        points, sliding = self.p.points, self.p.sliding
+        none = np.zeros((0, 2))
+        return none if points is None else points.mem, none if sliding is None else sliding.memory
 
     @property
     def t(self) -> float:
@@ -103,8 +119,7 @@ class Stepper:
         self.s.numbers[SIZE] = LEAST * self.p.extent
         if self.p.points is not None:
             point_accept(self.p.points, d)
-        # what switches on at 0 is on
-        self._consistent(np.nextafter(0.0, 1.0), np.zeros(len(self.signals)))
+        self._consistent(0.0, np.zeros(len(self.signals)))
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self._first_step()
 
@@ -136,7 +151,7 @@ class Stepper:
         return min(times) * 0.1 * self.tolerance ** (1.0 / order)
 
     def _largest(self) -> float:
-        return self.spec.t_end / (50.0 if self.breaks or self.tracks else 10.0)
+        return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks else 10.0)
 
     def expect(self, size: float) -> None:
         """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
@@ -174,8 +189,7 @@ class Stepper:
         """Step for about a fifth of a second and append the states."""
         started = time.perf_counter()
         while not self.done:
-            stop = self.breaks[self.next_break].t if self.next_break < len(self.breaks) else self.spec.t_end
-            end = self.spec.t_end
+            stop, end = self.pieces[self.piece].stop, self.spec.t_end
             plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
             began = time.perf_counter()
             why, stored, logged, outcome, _ = kernels.advance(
@@ -196,46 +210,86 @@ class Stepper:
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
-        log, first = np.vstack([self.pending, self.rows.log[:logged]]), 0
+        rows = self.rows
+        log, first = np.vstack([self.pending, rows.log[:logged]]), 0
         for k in range(stored):
-            last = len(self.pending) + int(self.rows.number[k]) + 1
-            last = max(min(last, len(log)), first)
-            work, lost = self.rows.work[k].tolist()
-            found.append(Row(float(self.rows.t[k]), self.rows.z[k].copy(), self.rows.v[k].copy(),
-                             self.rows.a[k].copy(), work, lost, log[first:last]))
+            last = len(self.pending) + int(rows.number[k]) + 1
+            last = first if rows.kind[k] == kernels.CHECK else max(min(last, len(log)), first)
+            found.append(self._row(float(rows.t[k]), int(rows.kind[k]), rows.z[k], rows.v[k], rows.a[k], rows.work[k],
+                                   rows.turns[k], rows.feet[k], log[first:last]))
             first = last
         self.pending = log[first:]
-        self.next_wanted += stored if not self.every else 0
+        self.next_wanted += 0 if self.every else int(np.count_nonzero(rows.kind[:stored] != kernels.CHECK))
+
+    def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
+             log: Array) -> Row:
+        """Return a state of the piece that the motion is in."""
+        first, last, _ = self.pieces[self.piece]
+        return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
+                   turns.copy(), feet.copy(), log)
+
+    def _enter(self, piece: int) -> None:
+        """Take signals as they are in a piece of the motion."""
+        self.piece = piece
+        self.p.programs.window[:] = self.pieces[piece][:2]
 
     def _pass_break(self) -> None:
-        """Start anew behind a break of the signals: prescribed rates may jump, and impulses with them."""
-        at = self.breaks[self.next_break]
-        before, after = np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
-        evaluate(self.p.programs, at.before, before)
-        evaluate(self.p.programs, at.t, after)
-        self._consistent(at.t, after[:, 1] - before[:, 1])
-        self.next_break += 1
+        """Start anew behind a break of the signals.
+
+        Prescribed rates may jump, by an impulse that acts on all that is free. Its work is what the kinetic energy
+        gains: the impulse times the mean of the rates before and after.
+        """
+        t, before, after = self.t, np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
+        evaluate(self.p.programs, t, before)
+        self._enter(self.piece + 1)
+        evaluate(self.p.programs, t, after)
+        jump = after[:, 1] - before[:, 1]
+        if jump[self.driving].any():
+            self._enter(self.piece - 1)
+            if self.p.points is not None or self.p.sliding is not None:
+                onto_constraints(self.p, self.w, self.s.z, self.s.v, t)
+            self.s.numbers[WORK] -= kinetic(self.p, self.w, self.s, t)
+            self._enter(self.piece + 1)
+        self._consistent(t, jump)
+        if jump[self.driving].any():
+            self.s.numbers[WORK] += kinetic(self.p, self.w, self.s, t)
         if self.dt > 0.0:
-            self.s.numbers[GRID] = np.floor(at.t / self.dt * (1 + 1e-12))
+            self.s.numbers[GRID] = np.floor(t / self.dt + kernels.NEAR)
         else:
             self.s.numbers[STEP_SIZE] = min(self.s.numbers[STEP_SIZE], 10.0 * self._first_step())
 
     def last(self) -> Row:
         """Return the state at the time reached, with what is left of the log."""
-        row = Row(self.t, self.s.z.copy(), self.s.v.copy(), self.s.a.copy(), float(self.s.numbers[WORK]),
-                  float(self.s.numbers[LOST]), self.pending)
+        s = self.s
+        row = self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), self.pending)
         self.pending = self.pending[:0]
         return row
 
-    def full(self, row: Row, inside: bool) -> tuple[Array, Array, Array]:
-        """Return d, v, a (n_full,) of a stored state; ``inside`` a step it is put onto the constraints first."""
-        if inside and (self.p.points is not None or self.p.sliding is not None):
-            onto_constraints(self.p, self.w, row.z, row.v, row.t)
-        evaluate(self.p.programs, row.t, self.w.amps)
+    def full(self, row: Row) -> tuple[Array, Array, Array]:
+        """Return d, v, a (n_full,) of a stored state; one inside a step is put onto the constraints first."""
+        p = self._at_row(row)
+        if row.kind == kernels.INSIDE and (p.points is not None or p.sliding is not None):
+            onto_constraints(p, self.w, row.z, row.v, row.side)
+        evaluate(p.programs, row.side, self.w.amps)
         out = [np.zeros(len(self.p.place)) for _ in range(3)]
         for order, x in enumerate((row.z, row.v, row.a)):
             to_full(self.p, x, self.w.amps, order, out[order])
         return out[0], out[1], out[2]
+
+    def forces(self, row: Row) -> Array:
+        """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
+        p = self._at_row(row)
+        evaluate(p.programs, row.side, self.w.amps)
+        forces(p, self.w, row.z, row.v)
+        return self.w.Q.copy()
+
+    def _at_row(self, row: Row) -> Problem:
+        """Return the problem with the memory of a stored state."""
+        if self.past.points is not None:
+            self.past.points.mem[:] = row.turns
+        if self.past.sliding is not None:
+            self.past.sliding.memory[:] = row.feet
+        return self.past
 
     # ------------------------------------------------------------------ going on later
 
@@ -247,12 +301,9 @@ class Stepper:
         """Return what is kept of a motion, whatever its method."""
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s, strict=True)}
         out["log"] = np.array(self.pending)
-        out["places"] = np.array([self.next_wanted, self.next_break, self.every])
+        out["places"] = np.array([self.next_wanted, self.piece, self.every])
         out["dt"] = np.array([self.dt, self.tolerance])
-        if self.p.points is not None:
-            out["turns"] = np.array(self.p.points.mem)
-        if self.p.sliding is not None:
-            out["sliding"] = np.array(self.p.sliding.memory)
+        out["turns"], out["feet"] = (x.copy() for x in self._memory())
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -260,11 +311,10 @@ class Stepper:
         for name, value in zip(Motion._fields, self.s, strict=True):
             value[:] = kept[name]
         self.pending = kept["log"].reshape(-1, len(LOG))
-        self.next_wanted, self.next_break = int(kept["places"][0]), int(kept["places"][1])
-        if self.p.points is not None:
-            self.p.points.mem[:] = kept["turns"]
-        if self.p.sliding is not None:
-            self.p.sliding.memory[:] = kept["sliding"]
+        self.next_wanted = int(kept["places"][0])
+        self._enter(int(kept["places"][1]))
+        for own, name in zip(self._memory(), ("turns", "feet"), strict=True):
+            own[:] = kept[name]
 
     # ------------------------------------------------------------------ what can go wrong
 
@@ -303,6 +353,20 @@ class Stepper:
             f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
             advice="an element may have turned inside out, or the motion run into a singular position: look at the "
                    "last states; smaller steps before it, or a tighter tolerance, may lead past")
+
+
+def own(problem: Problem) -> Problem:
+    """Return a problem with tables of its own, where they remember something."""
+    points, sliding, programs = problem.points, problem.sliding, problem.programs
+    return problem._replace(points=None if points is None else points._replace(mem=points.mem.copy()),
+                            sliding=None if sliding is None else sliding._replace(memory=sliding.memory.copy()),
+                            programs=programs._replace(window=programs.window.copy()))
+
+
+def driving(p: Problem) -> list[int]:
+    """Return the signals that positions or angles follow."""
+    fed = [] if p.points is None else p.points.signal[p.points.fed >= 0].tolist()
+    return sorted({*p.motion_signal.tolist(), *fed})
 
 
 def newton_tolerance(method: Integrator, tolerance: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
-from ancf2d.model.breakpoints import all_breakpoints, breakpoints, jumps
+from ancf2d.model.breakpoints import Piece, breakpoints, jumps, pieces
 from ancf2d.model.signals import Signal
 
 THIRD = 1 / 3
@@ -89,9 +89,23 @@ def test_both_sides_of_a_break_are_pieces_of_their_own(text: str) -> None:
 
 
 def test_a_switch_at_the_start_is_a_jump_but_no_place_to_stop() -> None:
-    signal = formula("1 if t > 0 else 0")
-    assert breakpoints(signal, 0.0, 1.0) == []
-    assert jumps(signal, 0.0, 1.0) == [math.nextafter(0.0, 1.0)]
+    for number in (0.0, 1e-13):
+        first = math.nextafter(number, 1.0)
+        assert pieces([formula(f"1 if t > {number} else 0")], 1.0) == [Piece(first, math.inf, 1.0)]
+    assert jumps(formula("1 if t > 0 else 0"), 0.0, 1.0) == [math.nextafter(0.0, 1.0)]
+
+
+def test_signals_end_before_a_switch_at_the_end() -> None:
+    first = math.nextafter(0.0, 1.0)
+    for text in ("1 if t < 2 else 0", "1 if t >= 2 else 0"):
+        assert pieces([formula(text)], 2.0) == [Piece(first, math.nextafter(2.0, 0), 2.0)]
+    assert pieces([formula("1 if t <= 2 else 0")], 2.0) == [Piece(first, math.inf, 2.0)]
+
+
+@pytest.mark.parametrize("switches", [1000, 30000])
+def test_as_many_switches_as_there_are_are_found(switches: int) -> None:
+    found = breakpoints(formula(f"1 if cos({switches}*pi*t) > 0 else 0"), 0.0, 1.0)
+    np.testing.assert_allclose([b.t for b in found], (np.arange(switches) + 0.5) / switches, atol=1e-12)
 
 
 def test_breaks_are_those_of_the_window() -> None:
@@ -103,11 +117,12 @@ def test_what_is_scaled_to_nothing_does_not_break() -> None:
     assert found(formula("t > 1", factor=0.0)) == found(Signal(Ramp(scale=0.0))) == []
 
 
-def test_breaks_of_several_signals_that_coincide_are_one_of_the_lowest_order() -> None:
+def test_breaks_of_several_signals_that_coincide_are_one() -> None:
     signals = [Signal(Ramp(t0=0.5, t1=0.7)), formula("t <= 0.5"), formula("t < 0.5"), formula("abs(t - 0.9)")]
     low, high = math.nextafter(0.5, 0), math.nextafter(0.5, 1)
-    assert all_breakpoints([*signals, *signals], 0.0, 1.0) == [
-        (high, 0, low), (0.7, 1, math.nextafter(0.7, 0)), (0.9, 1, math.nextafter(0.9, 0))]
+    assert pieces([*signals, *signals], 1.0) == [
+        Piece(math.nextafter(0.0, 1.0), low, high), Piece(high, math.nextafter(0.7, 0), 0.7),
+        Piece(0.7, math.nextafter(0.9, 0), 0.9), Piece(0.9, math.inf, 1.0)]
 
 
 @pytest.mark.parametrize("end", [1.7e308, 1e160, 1e-160, 5e-324])

@@ -8,6 +8,7 @@ from typing import Any
 import helpers as h
 import numpy as np
 
+from ancf2d.kernels.advance import CHECK, INSIDE
 from ancf2d.solve.energy import Energies
 from ancf2d.solve.initial import initial_motion
 from ancf2d.solve.problem import make_problem
@@ -61,7 +62,7 @@ class Ride:
             if self.chunk:
                 self.stepper.steps = self.chunk
                 self.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
-            self.rows += self.stepper.run()
+            self.rows += [row for row in self.stepper.run() if row.kind != CHECK]
         self.rows.append(self.stepper.last())
         return self
 
@@ -76,11 +77,12 @@ class Ride:
 
     def full(self, k: int = -1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return d, v, a (n_full,) of a stored state as it is."""
-        return self.stepper.full(self.rows[k], inside=False)
+        return self.stepper.full(self.rows[k])
 
     def end(self) -> np.ndarray:
         """Return displacements and rates at the end, on the constraints (2, n_q), each as a displacement [m]."""
-        d, v, _ = self.stepper.full(replace(self.rows[-1], z=self.rows[-1].z.copy(), v=self.rows[-1].v.copy()), True)
+        row = self.rows[-1]
+        d, v, _ = self.stepper.full(replace(row, z=row.z.copy(), v=row.v.copy(), kind=INSIDE))
         return np.array([d[:self.model.n_q], v[:self.model.n_q]]) * self.model.weights
 
     def place(self, at: str, k: int = -1) -> np.ndarray:

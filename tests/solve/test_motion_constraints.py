@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import helpers as h
 import numpy as np
 import pytest
 from motions import GRAVITY, THIN, ride, rigid, rod
 from scipy.optimize import minimize_scalar
 
+from ancf2d.kernels.advance import INSIDE
 from ancf2d.model.rotation import Rotation
 
 SOFT = {"E": 5e6, "nu": 0.3, "rho": 1000.0}
@@ -54,7 +57,7 @@ def test_welds_and_a_prescribed_angle(method, kinds):
     assert moved.model.numbering.n_multipliers >= len(kinds)
     assert moved.column("violation").max() < 1e-12
     for row in moved.rows[1:]:
-        d, v, _ = moved.stepper.full(row, inside=True)
+        d, v, _ = moved.stepper.full(replace(row, kind=INSIDE))
         swing = 0.4 * (1 - np.cos(9 * row.t))
         turns = [turned(moved, f"b{k}@{s}", d) for k in range(len(kinds)) for s in (0, 1)]
         assert turns[0] == pytest.approx(swing, abs=1e-12)
@@ -90,7 +93,7 @@ def test_a_slider_stays_on_its_line_and_a_sleeve_on_its_bar(method):
     moved = ride(scene, 0.3, method=method, states=11, **METHODS[method])
     assert moved.column("violation").max() < 1e-12
     for k in (4, 11):
-        moved.stepper.full(moved.rows[k], inside=True)
+        moved.stepper.full(replace(moved.rows[k], kind=INSIDE))
         x, y = moved.place("rail@1", k) - [2, 1]
         assert abs(3 * x - y) < 1e-13 * np.sqrt(10)
         bead = moved.place("bead@0.5", k)

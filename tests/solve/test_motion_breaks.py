@@ -1,0 +1,167 @@
+"""Motion over breaks of amplitudes: jumps of loads, of prescribed rates and their work, states stored there."""
+
+from __future__ import annotations
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import OWN, rigid, rod
+
+from ancf2d.solve.dynamic import Run
+from ancf2d.solve.energy import Energies
+from ancf2d.solve.schemes import SCHEMES
+
+CONSTRAINED = [m for m in OWN if m != "newmark"]
+BREAK = 0.0523
+
+
+def told(value):
+    """Return an amplitude: a formula, or what it is given as."""
+    return value if isinstance(value, dict) else {"type": "expression", "value": value}
+
+
+def moved(scene, t_end, output=None, **solver):
+    """Return the run of a scene and its states."""
+    more = {k: v for k, v in scene.items() if k != "bodies"}
+    model = h.build(scene["bodies"], {"type": "dynamic", "t_end": t_end, **solver}, output=output or {}, **more)
+    run = Run(model, model.case.solver)
+    return run, list(run.states())
+
+
+def seen(model, state, at):
+    """Return place and velocity (2,) of BODY@S."""
+    name, s = at.split("@")
+    columns = h.point_ref(model.meshes[name], float(s)).position()
+    e = model.e0 + state.d[:model.n_q]
+    return np.array([h.dot(c, e) for c in columns]), np.array([h.dot(c, state.v) for c in columns])
+
+
+FREE = {"bodies": {"a": rod("cable", 1)}}
+PUSHES = {"<": f"1 if t < {BREAK} else 0", "<=": f"1 if t <= {BREAK} else 0", ">": f"0 if t > {BREAK} else 1",
+          ">=": f"0 if t >= {BREAK} else 1"}
+
+
+@pytest.mark.parametrize("method", [*OWN, *SCHEMES])
+def test_a_force_that_ends_inside_a_step_gives_its_impulse(method):
+    """Whatever bends meanwhile, a free body has the momentum that it was given."""
+    step = {"dt": 1e-3, "estimate": False} if method in OWN else {"tolerance": 1e-8}
+    for name, push in PUSHES.items() if method == "radau5" else [("<", PUSHES["<"])]:
+        scene = {**FREE, "loads": [{"type": "force", "at": "a@1", "value": [1, 0], "amplitude": told(push)}]}
+        run, states = moved(scene, 0.1, method=method, **step)
+        px, *_ = Energies(run.model).momentum(states[-1].d, states[-1].v)
+        assert px == pytest.approx(BREAK, rel=1e-12 if method in OWN else 1e-6), name
+
+
+@pytest.mark.parametrize("method", ["radau5", "energy_momentum"])
+def test_a_force_that_ends_with_the_motion_acts_up_to_its_end(method):
+    table = {"type": "table", "t": [0.0, 0.05], "value": [0.0, 1.0], "smooth": True}
+    for text, impulse in ((f"1 if t < {BREAK} else 0", BREAK), (table, 0.025)):
+        scene = {**FREE, "loads": [{"type": "force", "at": "a@1", "value": [1, 0], "amplitude": told(text)}]}
+        t_end = BREAK if isinstance(text, str) else 0.05
+        run, states = moved(scene, t_end, method=method, dt=1e-3, estimate=False)
+        # both rules integrate a cubic with level ends exactly
+        assert Energies(run.model).momentum(states[-1].d, states[-1].v)[0] == pytest.approx(impulse, rel=1e-12)
+
+
+# ---------------------------------------------------------------------- rates that jump
+
+A, V, LENGTH, MASS, INERTIA, ANGLE = 0.0123, 2.5, 1.0, 2.0, 0.5, 0.7
+RATES = {
+    "ramp": {"type": "ramp", "t0": A, "t1": BREAK, "scale": V * (BREAK - A)},
+    "table": {"type": "table", "t": [0, A, BREAK, 1], "value": [0, 0, V * (BREAK - A), V * (BREAK - A)]},
+    "<": f"{V}*(0 if t < {A} else (t - {A}) if t < {BREAK} else {BREAK - A!r})",
+    "<=": f"{V}*(0 if t <= {A} else (t - {A}) if t <= {BREAK} else {BREAK - A!r})",
+    ">": f"{V}*({BREAK - A!r} if t > {BREAK} else (t - {A}) if t > {A} else 0)",
+    ">=": f"{V}*({BREAK - A!r} if t >= {BREAK} else (t - {A}) if t >= {A} else 0)",
+    "abs": f"{V}*0.5*(abs(t - {A}) - abs(t - {BREAK}) + {BREAK - A!r})",
+    "nested": f"{V}*((t - {A} if (t > {A})*(t < {BREAK}) else {BREAK - A!r}) if t > {A} else 0)",
+    "nonlinear": f"{V}*(0 if t^2 < {A**2!r} else (t - {A}) if exp(t) < {float(np.exp(BREAK))!r} else {BREAK - A!r})",
+}
+
+
+def swung(t_end):
+    """Return place and velocity of the end of a bar whose other end starts to move along x, and stops.
+
+    Between the jumps it turns steadily about the end that is moved; a jump of its speed by V turns it by the impulse
+    there, MASS LENGTH/2 sin(angle) V about it.
+    """
+    about, arm = INERTIA + MASS * LENGTH**2 / 4, MASS * LENGTH / 2
+    omega = arm * np.sin(ANGLE) * V / about
+    angle = ANGLE + omega * (BREAK - A)
+    omega -= arm * np.sin(angle) * V / about
+    angle += omega * (t_end - BREAK)
+    across = np.array([-np.sin(angle), np.cos(angle)])
+    return [V * (BREAK - A), 0] + LENGTH * np.array([np.cos(angle), np.sin(angle)]), omega * LENGTH * across
+
+
+@pytest.mark.parametrize(("method", "spelled"), [*(("radau5", name) for name in RATES), *(
+    (m, "<=") for m in CONSTRAINED if m != "radau5"), ("RK45", "<"), ("DOP853", "ramp")])
+def test_bodies_take_up_a_jump_of_a_prescribed_rate(method, spelled):
+    """Velocities jump by the impulse of what drives, whose work is in the balance of energy."""
+    scene = {"bodies": {"b": rigid([0, 0], LENGTH * np.array([np.cos(ANGLE), np.sin(ANGLE)]), MASS, INERTIA)},
+             "bc": [{"name": "hand", "type": "prescribed", "at": "b@0", "ux": told(RATES[spelled]), "uy": 0}]}
+    step = {"dt": 2e-3} if method in OWN else {"tolerance": 1e-9}
+    run, states = moved(scene, 0.1, method=method, **step)
+    place, velocity = seen(run.model, states[-1], "b@1")
+    want, rate = swung(0.1)
+    second = method in OWN and run.stepper.method.order == 2
+    np.testing.assert_allclose(place, want, atol=1e-6 if second else 1e-9)
+    np.testing.assert_allclose(velocity, rate, atol=1e-6 if second else 1e-8)
+    assert run.balance.drift < (1e-6 if second else 1e-9)
+    assert states[-1].warnings == []
+
+
+def test_states_stored_at_a_jump_are_those_before_it():
+    scene = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, INERTIA)},
+             "bc": [{"name": "hand", "type": "prescribed", "at": "b@0", "ux": told("2*t if t < 0.05 else 0.1"),
+                     "uy": 0}],
+             "loads": [{"type": "force", "at": "b@0.5", "value": [3, 0], "amplitude": told("1 if t < 0.05 else 0")}]}
+    for step in ({"dt": 0.01}, {"tolerance": 1e-6}):
+        run, states = moved(scene, 0.1, {"interval": 0.05}, method="radau5", **step)
+        (state,) = [s for s in states if s.t == pytest.approx(0.05)]
+        for at in ("b@0", "b@0.5", "b@1"):
+            place, velocity = seen(run.model, state, at)
+            assert place[0] == pytest.approx(float(at[2:]) + 0.1, abs=1e-12)
+            assert velocity[0] == pytest.approx(2.0, abs=1e-9)
+        assert state.F[:run.model.n_q].max() > 1.0
+        assert state.history["kinetic"] == pytest.approx(0.5 * MASS * 2.0**2, rel=1e-9)
+
+
+# ---------------------------------------------------------------------- orders
+
+WAVE = "0.005*abs(sin(20*pi*t + 1)) - 0.005*sin(1)"
+BROKEN = {
+    "force": {"loads": [{"type": "force", "at": "a@1", "value": [0, 3], "amplitude": told("sin(22*pi*t + 1) > 0")}]},
+    "follower": {"loads": [{"type": "follower_force", "at": "a@1", "value": [0, 3],
+                            "amplitude": told("sin(22*pi*t + 1) > 0")}]},
+    "moment": {"loads": [{"type": "moment", "at": "a@1", "value": 1, "amplitude": told("sin(22*pi*t + 1) > 0")}]},
+    "gravity": {"loads": [{"type": "gravity", "value": [0, -9], "amplitude": told("abs(sin(22*pi*t + 1))")}]},
+    "shaken": {"bc": [{"name": "hand", "type": "prescribed", "at": "a@0", "ux": told(WAVE), "uy": told(WAVE)}]},
+    "turned": {"bc": [{"name": "hand", "type": "prescribed", "at": "a@0", "ux": 0, "uy": 0, "angle": told(WAVE)}]},
+}
+PINNED = [{"name": "hand", "type": "pin", "at": "a@0"}]
+KNEE = [{"type": "pin", "between": ["a@1", "b@0"]}]
+BARS = {"a": rigid([0, 0], [0.3, 0.1], 1.3, 0.2), "b": rigid([0.3, 0.1], [0.6, -0.6], 0.9, 0.11)}
+
+
+@pytest.fixture(scope="module")
+def references():
+    return {}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+@pytest.mark.parametrize(("method", "steps", "order"), [("generalized_alpha", (160, 320), 2), ("radau5", (10, 40), 3),
+                                                         ("energy_momentum", (160, 320), 2)])
+def test_ten_breaks_leave_the_order_what_it_is(references, what, method, steps, order):
+    """Steps that breaks cut: no order is lost to what is on their other side. Radau's is soon at round-off."""
+    scene = {"bodies": BARS, "joints": KNEE, "bc": PINNED, **BROKEN[what]}
+
+    def end(method, n):
+        run, states = moved(scene, 0.5, method=method, dt=0.5 / n, estimate=False)
+        assert len(run.stepper.pieces) >= 10
+        return np.concatenate([seen(run.model, states[-1], at)[0] for at in ("a@1", "b@1")])
+
+    if what not in references:
+        references[what] = end("radau5", 320)
+    errors = [np.abs(end(method, n) - references[what]).max() for n in steps]
+    assert errors[1] < 1e-8 or np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0]) > order - 0.3
