@@ -171,8 +171,8 @@ def built_report(model: Any) -> str:
 
 _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
              "SymmetricFronts": "symmetric, LDL^T front by front",
-             "GeneralBand": "band, LU with pivoting (LAPACK): follower loads or rigid bodies",
-             "GeneralSparse": "sparse, LU (SuperLU): follower loads or rigid bodies, and the mesh is no chain"}
+             "GeneralBand": "band, LU with pivoting (LAPACK): follower loads",
+             "GeneralSparse": "sparse, LU (SuperLU): follower loads, and the mesh is no chain"}
 
 
 def matrix_text(model: Any) -> str:

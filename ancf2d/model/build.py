@@ -9,20 +9,20 @@ import numpy as np
 from ..case import Buckling, Case, Dynamic, Eigen, Gravity, GroundPoint, LinearStatic, LoadedCase, Point, Static
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError, Problem
-from .constraints import Equations
+from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
-from .joints import JOINTS, JointContext, JointError, weld_corners
+from .joints import JOINTS, JointContext, JointError, weld_corners, welded_ends
 from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
 from .locking import locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
-from .model import Model, exchanges, symmetric
+from .model import Model, symmetric
 from .numbering import number
 from .order import coordinate_weights
 from .plan import plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .prescribed import motions
-from .rigid import drop_held_lengths, keep_lengths
+from .repeated import drop_repeated
 from .spin import centrifugal
 from .springs import SPRINGS
 from .supports import SUPPORTS, SupportError
@@ -106,8 +106,9 @@ class _Builder:
         for mesh in self.meshes.values():
             keep_lengths(mesh, self.equations)
             weld_corners(mesh, self.equations)
+        welded = welded_ends(self.case.joints)
         for i, joint in enumerate(self.case.joints):
-            context = JointContext(self.point, self.meshes, self.extent, f"joints.{i}")
+            context = JointContext(self.point, self.meshes, f"joints.{i}", welded)
             try:
                 JOINTS[type(joint)](joint, context, joint.name or f"joints.{i}", self.equations)
             except JointError as error:
@@ -152,6 +153,14 @@ class _Builder:
             for message, expected in filter(None, found):
                 self.report(("boundary_conditions", names.index(motion.owner), motion.key), message, expected)
 
+    def drop_repeated(self, elimination: Elimination) -> None:
+        """Take off the constraints that repeat others."""
+        names = [n for n, _ in self.supports]
+        for constraint in drop_repeated(elimination, self.equations, set(names)):
+            self.report(("boundary_conditions", names.index(constraint.owner), "angle"),
+                        f"{constraint.owner}: another support holds the {constraint.holds} already",
+                        "one support that holds or moves it")
+
     def check_equations(self, elimination: Elimination) -> None:
         names = [n for n, _ in self.supports]
         end = self.case.solver.t_end if isinstance(self.case.solver, Dynamic) else 1.0
@@ -188,7 +197,7 @@ def build_model(loaded: LoadedCase) -> Model:
         raise CaseError(b.problems)
     weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
     elimination = eliminate(b.equations.rows, lambda c: 1.0 / weights[c])
-    drop_held_lengths(elimination, b.equations)
+    b.drop_repeated(elimination)
     b.check_motions()
     b.check_equations(elimination)
     b.check_mechanism()
@@ -199,8 +208,7 @@ def build_model(loaded: LoadedCase) -> Model:
         constraint.multiplier = len(b.e0) + k
     moving = isinstance(b.case.solver, Dynamic)
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
-                       [*b.springs, *b.loads.patches], len(b.e0), moving,
-                       moving or (symmetric(b.loads) and not exchanges(b.meshes, b.equations.constraints)))
+                       [*b.springs, *b.loads.patches], len(b.e0), moving, moving or symmetric(b.loads))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
 

@@ -9,10 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from ..elements.shape import Array
-from .mesh import Index
-from .point_patch import NOTHING, PointConstraint, turn_fields
+from .mesh import BodyMesh, Index
+from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef
 from .timing import Course
+
+LENGTH = "length"
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,11 @@ class Row:
 
 
 class Constraint(Protocol):
-    """A nonlinear scalar equation g(d, t) = 0, enforced by a multiplier."""
+    """A nonlinear scalar equation g(d, t) = 0, enforced by a multiplier; ``scale`` is the size of its terms."""
 
     owner: str
     holds: str
+    scale: float
     dofs: Index
     multiplier: int
 
@@ -100,6 +103,25 @@ def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointCo
     _, fields = turn_fields(point)
     return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
                            facing=_at_angle)
+
+
+def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
+    """Ask that the pieces of a rigid body keep their lengths."""
+    for dofs in mesh.dofs if mesh.plan.rigid else ():
+        a, b = dofs[:2], dofs[2:]
+        p0 = mesh.e0[b - mesh.first_dof] - mesh.e0[a - mesh.first_dof]
+        L = float(np.hypot(*p0))
+        fields = [Field(np.array([a[k], b[k]]), np.array([-1.0, 1.0]), float(p0[k])) for k in range(2)]
+        out.constraints.append(PointConstraint("fixed_length", fields, [L], mesh.plan.name, LENGTH, L))
+
+
+def share_direction(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
+    """Ask that two rigid bars keep their angle and the ratio of their lengths, which is linear."""
+    (to_a, at_a), (to_b, at_b) = a.director(), b.director()
+    c, s = math.cos(at_a - at_b), math.sin(at_a - at_b)
+    for axis, one, (x, y) in zip("xy", to_a, ((c, -s), (s, c)), strict=True):
+        x, y = (0.0 if abs(v) < 1e-15 else v for v in (x, y))
+        out.rows.append(Row(*combine((1.0, one), (-x, to_b[0]), (-y, to_b[1])), owner, f"direction along {axis}"))
 
 
 def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:

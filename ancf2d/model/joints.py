@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..case import PinJoint, Point, PrismaticJoint, SliderJoint, WeldJoint
+from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from .constraints import Equations, Row, align, along, combine
+from .constraints import Equations, Row, align, along, combine, share_direction
 from .mesh import BodyMesh
 from .points import PointRef
 from .sliding import OnAxis, foot_point
 
-# a gap in the reference beside the extent of the scene that is taken for round-off of the case's numbers
+# a gap in the reference, beside the length of the shortest body joined, or an angle between bodies that go on smoothly
+# that is taken for round-off of the case's numbers
 GAP = 1e-6
+# of coordinates themselves
+ROUND_OFF = 1e-15
 
 
 class JointError(ValueError):
@@ -30,12 +35,12 @@ class JointError(ValueError):
 
 @dataclass(frozen=True)
 class JointContext:
-    """What a joint needs to find its place: points, meshes, the extent of the scene, and how messages name it."""
+    """What a joint needs to find its place: points, meshes, how messages name it, and what is welded to each point."""
 
     point: Callable[[Point], PointRef]
     meshes: dict[str, BodyMesh]
-    extent: float
     label: str
+    welded: Counter[Point] = field(default_factory=Counter)
 
     def place(self, point: PointRef) -> Array:
         """Return where a point is in the reference (2,)."""
@@ -47,8 +52,11 @@ class JointContext:
         x, *others = (self.place(p) for p in points)
         problems: list[tuple[tuple[str | int, ...], str, str]] = []
         for k, r in enumerate(others, start=1):
-            gap = float(np.hypot(*(r - x)))
-            if gap > GAP * self.extent:
+            gap, others_s = float(np.hypot(*(r - x))), [p.s for p in points[:k] if p.mesh is points[k].mesh]
+            if any(abs(points[k].s - s) <= GAP for s in others_s):
+                problems.append((("between", k), f"{self.label}: {points[k].label} is where another point of the same "
+                                 "body is already", "points of different bodies, or apart along one"))
+            elif gap > closable(x, points[0].mesh, points[k].mesh):
                 problems.append((("between", k),
                                  f"{self.label}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
                                  f"{points[0].label} at ({x[0]:.6g}, {x[1]:.6g})",
@@ -56,6 +64,17 @@ class JointContext:
         if problems:
             raise JointError(problems)
         return points
+
+
+def closable(r: Array, *joined: BodyMesh) -> float:
+    """Return the largest gap at r that a joint between bodies may close [m]: small beside each of them."""
+    return GAP * min(m.plan.length for m in joined) + ROUND_OFF * float(np.abs(r).max())
+
+
+def welded_ends(joints: Sequence[object]) -> Counter[Point]:
+    """Return how many other points are welded to each point that some weld names."""
+    return Counter(p for joint in joints if isinstance(joint, WeldJoint)
+                   for p in joint.between for _ in joint.between[1:])
 
 
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -73,49 +92,83 @@ def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
     """Whether two bodies can share all coordinates of a node: same type, form, section and material."""
     pa, pb = a.plan, b.plan
     drop = {"rhoA": 0.0, "rhoI": 0.0}
-    return (pa.element == pb.element and pa.formulation is pb.formulation
+    return (not pa.rigid and pa.element == pb.element and pa.formulation is pb.formulation
             and replace(pa.section, **drop) == replace(pb.section, **drop))
 
 
-def _same_nodes(a: PointRef, b: PointRef) -> bool:
-    if a.node is None or b.node is None or not same_kind(a.mesh, b.mesh) or a.mesh.plan.rigid:
+@dataclass(frozen=True)
+class _End:
+    """An end of a body, or of a piece of one, on a way that runs as its axis does (``way`` 1) or against it (-1)."""
+
+    point: PointRef
+    way: int
+
+    @property
+    def angle(self) -> float:
+        """Direction of the way."""
+        return self.point.angle + (0.0 if self.way > 0 else math.pi)
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the reference along the way [1/m]."""
+        return self.way * float(self.point.mesh.curvatures[self.point.ie])
+
+
+def _end(point: PointRef, into: bool) -> _End | None:
+    """Return the end of its body that a point is, on a way into the body or out of it; None where it is no end."""
+    last = point.mesh.plan.count - 1
+    if point.ie == last and point.xi == 1.0:
+        return _End(point, -1 if into else 1)
+    return _End(point, 1 if into else -1) if point.ie == 0 and point.xi == 0.0 else None
+
+
+def _goes_on(a: _End, b: _End) -> bool:
+    """Whether a way out of one body goes on in another as in one beam: alike, in the same direction and curvature."""
+    if not same_kind(a.point.mesh, b.point.mesh):
         return False
-    nodes = a.mesh.plan.element.nodes
-    return nodes[a.node].coordinates == nodes[b.node].coordinates
+    length = max(a.point.mesh.plan.length, b.point.mesh.plan.length)
+    return (abs(math.remainder(a.angle - b.angle, 2 * math.pi)) <= GAP
+            and abs(a.curvature - b.curvature) * length <= GAP)
 
 
-def share_all(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
-    """Share every coordinate of two nodes, gradients turned by the angle between the references."""
-    element = a.mesh.plan.element
-    nc, beta = element.components, a.angle - b.angle
+def _share_all(a: _End, b: _End, owner: str, out: Equations) -> None:
+    """Share every coordinate of the nodes where one beam goes on; derivatives of odd order turn round with its axis."""
+    element = a.point.mesh.plan.element
+    nc, beta = element.components, math.remainder(a.angle - b.angle, 2 * math.pi)
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
-    da, db = a.dofs(), b.dofs()
-    assert a.node is not None
-    names = [n for n in element.nodes[a.node].coordinates if n != "theta"]
+    da, db = a.point.dofs(), b.point.dofs()
+    assert a.point.node is not None
+    names = [n for n in element.nodes[a.point.node].coordinates if n != "theta"]
     for k, name in enumerate(names):
-        turn = name != "r"
         x, y = db[nc * k], db[nc * k + 1]
-        rows = ((c, -s), (s, c)) if turn else ((1.0, 0.0), (0.0, 1.0))
+        sense = float(a.way * b.way) ** sum(derivative_order(name))
+        rows = ((1.0, 0.0), (0.0, 1.0)) if name == "r" else ((sense * c, -sense * s), (sense * s, sense * c))
         for m, (cx, cy) in enumerate(rows):
             one = (np.array([da[nc * k + m]]), np.ones(1))
             coords, coefs = combine((1.0, one), (-cx, (np.array([x]), np.ones(1))), (-cy, (np.array([y]), np.ones(1))))
-            out.rows.append(Row(coords, coefs, owner, "xy"[m] if not turn else f"{name.replace('_', '')}_{'xy'[m]}"))
+            out.rows.append(Row(coords, coefs, owner, "xy"[m] if name == "r" else f"{name.replace('_', '')}_{'xy'[m]}"))
         if nc == 3:
             out.rows.append(Row(np.array([da[nc * k + 2], db[nc * k + 2]]), np.array([1.0, -1.0]), owner, "theta"))
 
 
 def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
-    if _same_nodes(a, b):
-        share_all(a, b, owner, out)
+    """Share position and section rotation; each body keeps its own axial strain and thickness."""
+    _share_position(a, b, owner, out)
+    if a.mesh.plan.rigid and b.mesh.plan.rigid:
+        share_direction(a, b, owner, out)
     else:
-        _share_position(a, b, owner, out)
         align(a, b, owner, out)
 
 
 def _weld(joint: WeldJoint, context: JointContext, owner: str, out: Equations) -> None:
-    a, *others = context.together(joint.between)
-    for b in others:
-        _weld_points(a, b, owner, out)
+    points = context.together(joint.between)
+    if len(points) == 2 and all(context.welded[p] == 1 for p in joint.between):
+        a, b = _end(points[0], False), _end(points[1], True)
+        if a is not None and b is not None and _goes_on(a, b):
+            _share_all(a, b, owner, out)
+            return
+    for point in points[1:]:
+        _weld_points(points[0], point, owner, out)
 
 
 def _slider(joint: SliderJoint, context: JointContext, owner: str, out: Equations) -> None:
@@ -123,7 +176,7 @@ def _slider(joint: SliderJoint, context: JointContext, owner: str, out: Equation
     c, s = np.array(joint.along) / math.hypot(*joint.along)
     x, y = context.place(point)
     gap = (x - joint.through[0]) * -s + (y - joint.through[1]) * c
-    if abs(gap) > GAP * context.extent:
+    if abs(gap) > closable(np.array([x, y, *joint.through]), point.mesh):
         raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
                            f"{abs(gap):.3g} away from the line", "a line through where the point is in the reference")])
     out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))
@@ -133,20 +186,23 @@ def _prismatic(joint: PrismaticJoint, context: JointContext, owner: str, out: Eq
     point, mesh = context.point(joint.point), context.meshes[joint.on]
     x, y = context.place(point)
     s, gap = foot_point(mesh.plan, np.array([x, y]))
-    if gap > GAP * context.extent:
+    if gap > closable(np.array([x, y]), point.mesh, mesh):
         raise JointError([(("point",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), {gap:.3g} away from "
                            f"the axis of {joint.on}", "a point on the axis in the reference")])
     out.constraints.append(OnAxis(point, mesh, s, owner))
 
 
 def weld_corners(mesh: BodyMesh, out: Equations) -> None:
-    """Weld the pieces of a polyline at its corners."""
+    """Weld the pieces of a polyline at its corners; where it goes on straight, they are one beam."""
     last = len(mesh.plan.element.nodes) - 1
     for k, after in enumerate(mesh.corners):
-        s = float(mesh.starts[after]) / mesh.plan.length
+        s, owner = float(mesh.starts[after]) / mesh.plan.length, f"corner {k + 1} of {mesh.plan.name}"
         a = PointRef(mesh, s, after - 1, 1.0, float(mesh.end_angles[after - 1]), last)
         b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
-        _weld_points(a, b, f"corner {k + 1} of {mesh.plan.name}", out)
+        if _goes_on(_End(a, 1), _End(b, 1)):
+            _share_all(_End(a, 1), _End(b, 1), owner, out)
+        else:
+            _weld_points(a, b, owner, out)
 
 
 JOINTS: dict[type, Callable[[Any, JointContext, str, Equations], None]] = {

@@ -17,7 +17,6 @@ from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
 from .pools import Pool
-from .sliding import OnAxis
 from .timing import Timing
 
 
@@ -93,15 +92,6 @@ def symmetric(loads: LoadSet) -> bool:
     return all(p.symmetric for p in loads.patches)
 
 
-def exchanges(meshes: dict[str, BodyMesh], constraints: list[Constraint]) -> bool:
-    """Return whether a tangent without inertia needs its rows exchanged (``Model.exchanges``)."""
-    return _rigid(meshes) or any(isinstance(c, OnAxis) for c in constraints)
-
-
-def _rigid(meshes: dict[str, BodyMesh]) -> bool:
-    return any(m.plan.rigid for m in meshes.values())
-
-
 @dataclass
 class Model:
     """Bodies, connections, loads and numbering of one case.
@@ -164,19 +154,6 @@ class Model:
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric (follower forces have no potential)."""
         return symmetric(self.loads)
-
-    @property
-    def rigid(self) -> bool:
-        """Whether some body is rigid: its coordinates have no stiffness of their own, only constraints."""
-        return _rigid(self.meshes)
-
-    @property
-    def exchanges(self) -> bool:
-        """Whether a tangent without inertia needs its rows exchanged.
-
-        Coordinates of rigid bodies have no stiffness of their own; a point that slides acts on ever other coordinates.
-        """
-        return exchanges(self.meshes, self.constraints)
 
     def prescribed(self, t: float, out: Array) -> None:
         """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``."""

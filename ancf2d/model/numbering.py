@@ -38,16 +38,16 @@ def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[
     return sorted(out)
 
 
-def _after_coordinates(position: Index, multipliers: list[list[int]], n: int, behind: int) -> Index:
-    """Return the positions of unknowns and multipliers, each multiplier right behind ``behind`` of its coordinates.
+def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) -> Index:
+    """Return the positions of unknowns and multipliers, each multiplier right behind the last of its coordinates.
 
-    LDL^T without pivoting then meets a multiplier only after something it acts on.
+    Of a positive definite matrix that is bordered by constraints no leading block is singular then, and LDL^T needs
+    no pivoting.
     """
     keys = position.astype(float)
     extra = []
     for reached in multipliers:
-        places = sorted(int(position[i]) for i in reached)
-        extra.append(places[min(behind, len(places)) - 1] + 0.5 if places else float(n))
+        extra.append(max((int(position[i]) for i in reached), default=n) + 0.5)
     order = np.argsort(np.concatenate([keys, extra]), kind="stable")
     final = np.empty(len(order), dtype=np.int64)
     final[order] = np.arange(len(order))
@@ -55,12 +55,11 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int, be
 
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
-           n_q: int, inertia: bool = False, nested: bool = True) -> Numbering:
+           n_q: int, moving: bool = False, nested: bool = True) -> Numbering:
     """Return the numbering of a model; reorders only where the natural order is not already the narrowest.
 
-    Fronts take the place of a band where they cost less, if ``nested`` allows them.
-    Two coordinates of a constraint before its multiplier are enough where they have stiffness. With ``inertia`` they
-    all stand before it: then every leading block without multipliers is positive definite, whatever the stiffness.
+    Fronts take the place of a band where they cost less, if ``nested`` allows them; in motion (``moving``) they have to
+    save more.
     """
     dependents = sorted(elimination.dependents)
     natural = np.zeros(n_q, dtype=np.int64)
@@ -76,14 +75,13 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]
     largest = max(m.plan.element.n_dof for m in meshes)
     position, _ = order_unknowns(len(free), sets, largest - 1)
-    behind = n_q if inertia else 2
-    final = _after_coordinates(position, multipliers, len(free), behind) if constraints else position
+    final = _after_coordinates(position, multipliers, len(free)) if constraints else position
     together = sets + [np.array([[*reached, len(free) + k]], dtype=np.int64) for k, reached in enumerate(multipliers)]
     width, fronts = half_bandwidth(final, together), None
     if nested and len(final) >= FEW and width > LOOSE * largest:
-        order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free), behind)
+        order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free))
         tree, positions = make_fronts(order, together)
-        if WORTH[inertia] * fronts_cost(tree) < band_cost(len(final), width):
+        if WORTH[moving] * fronts_cost(tree) < band_cost(len(final), width):
             final, fronts, width = positions, tree, half_bandwidth(positions, together)
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)
     place[free] = final[:len(free)]

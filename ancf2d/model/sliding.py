@@ -85,6 +85,7 @@ class OnAxis:
         self.owner, self.holds = owner, f"distance from the axis of {mesh.plan.name}"
         self.label, self.body = point.label, mesh.plan.name
         self.table = _table(point, mesh, s)
+        self.scale = float(self.table.scale[0])
         self.dofs: Index = np.unique(np.concatenate([mesh.dofs.ravel(), self.table.point_dofs.ravel()]))
         self.table.gap[0] = self._foot(np.zeros(len(self.table.e0)))[2][0]
         self.start = self.table.memory.copy()

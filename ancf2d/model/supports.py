@@ -48,7 +48,12 @@ def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equ
     element = point.mesh.plan.element
     if hold == "breathe":
         _breathe(support, point, owner, out)
-    elif hold == "section" or element.section_kind != "interpolated" or point.mesh.plan.rigid:
+    elif point.mesh.plan.rigid:
+        # its direction is held along and across: the length then is too, and needs no multiplier
+        out.rows += _position_rows(point, owner)
+        columns, _ = point.director()
+        out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("rx_x", "rx_y"), strict=True)]
+    elif hold == "section" or element.section_kind != "interpolated":
         out.rows += _position_rows(point, owner)
         hold_rotation(point, owner, out)
         if element.degree_y > 1 and not element.common_coefficients:

@@ -13,6 +13,7 @@ from ..model.model import Model
 from ..model.timing import PathTiming
 from .classify import Classifier
 from .eigen import full_shapes
+from .linear import Symmetric
 from .pencil import Pencil, each, ritz
 from .state import State
 from .static import solve_static
@@ -50,7 +51,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     pencil.B = -tangent_rate(pencil, u, STEP / size)
     # the differences have used the factors' place
     pencil.factor(0.0)
-    if pencil.multipliers or unstable != 0:
+    if unstable != 0:
         factors, V = _general(pencil, spec.modes)
     else:
         factors, V = _positive(pencil, spec.modes)
@@ -129,21 +130,28 @@ def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
 
     At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
+    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
+    K-orthogonal to what they hold, and in these their turning is of second order.
     """
     system = System(pencil.model)
     out = np.zeros_like(pencil.K)
     for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
         system.assemble(pencil.d + k * h * u, k * h)
         out += weight / (12 * h) * system.matrix.target.values
+    assert isinstance(system.matrix, Symmetric)
+    system.matrix.drop_multipliers(out)
     return out
 
 
 def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
-    """Return the lowest positive factors of a positive K: the largest theta = 1/mu of B phi = theta K phi."""
+    """Return the lowest positive factors of a K that is positive on what constraints leave free.
+
+    They belong to the largest theta = 1/mu of B phi = theta K phi.
+    """
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
     n = pencil.n
-    k = min(m + EXTRA, n - 1)
+    k = min(m + EXTRA, n - 2 * pencil.multipliers - 1)
     if n <= max(60, 3 * k):
         return _general(pencil, m)
     B, K, inverse = (LinearOperator((n, n), matvec=f, dtype=float)
@@ -163,7 +171,7 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
 
 
 def _general(pencil: Pencil, m: int) -> tuple[Array, Array]:
-    """Return the lowest positive factors of an indefinite K (multipliers, unstable states)."""
+    """Return the lowest positive factors of an indefinite K (unstable states), or of few unknowns."""
     n = pencil.n
     if n <= DENSE:
         C = each(lambda x: pencil.solve(pencil.other(x)), np.eye(n)).T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,6 +22,12 @@ from ..model.model import Model, Numbering
 SINGULAR = 4e-16
 # beyond this multiple of an element's own width, general sparse factors are cheaper than a general band
 WIDE_BAND = 4
+# what constraints add to the stiffness, beside that of the unknowns that they act on
+STIFF = 10.0
+# stiffness beside the largest one of the matrix, both as forces over displacements, that counts as none
+NO_STIFFNESS = 1e-12
+# what stands for it where there is none at all, so large that round-off of forces moves nothing [N/m]
+RIGID = 1e15
 
 
 @dataclass(frozen=True)
@@ -64,28 +71,149 @@ class TangentMatrix(Protocol):
         ...
 
 
-class SymmetricBand:
-    """Symmetric band with our own LDL^T; the pivot signs give the inertia."""
+@dataclass(frozen=True)
+class Multipliers:
+    """The multipliers of a symmetric matrix [K, G^T; G, 0] and the unknowns that each acts on, one after the other.
 
-    def __init__(self, n: int, bw: int) -> None:
-        self.values = np.zeros((n, bw + 1))
-        self.target = SymBand(self.values)
-        self.scale = np.zeros(n)
+    ``multiplier`` (m,) are their positions, ``index`` (k,) those of the unknowns in their rows of G, ``owner`` (k,) the
+    multiplier that each belongs to; ``weights`` (n,) the displacement that a unit of an unknown stands for, 0 for
+    multipliers.
+    """
+
+    multiplier: Index
+    index: Index
+    owner: Index
+    weights: Array
+
+    def stiffness(self, g: Array, diagonal: Array) -> Array:
+        """Return gamma (m,) for the rows of G with entries g (k,): as stiff as what they act on, in any units.
+
+        Rows that act on nothing stiff (bars between bars) are as stiff as the rows that they share unknowns with.
+        """
+        moves = self.weights > 0.0
+        sizes = np.abs(diagonal)
+        sizes[moves] /= self.weights[moves] ** 2
+        largest = float(sizes[moves].max(initial=0.0)) or RIGID
+        weights, sizes = self.weights[self.index], np.where(sizes > NO_STIFFNESS * largest, sizes, 0.0)
+        scaled, m = (g / weights) ** 2, len(self.multiplier)
+        gamma: Array = np.zeros(m)
+        left = np.bincount(self.owner, scaled, m) > 0.0
+        while left.any():
+            known = sizes[self.index]
+            soft = np.divide(scaled, known, out=np.zeros_like(g), where=known > 0.0)
+            given = np.bincount(self.owner, soft, m)
+            found = left & (given > 0.0)
+            if not found.any():
+                # no stiffness anywhere near: any number does
+                found = left
+                given = np.bincount(self.owner, scaled / largest, m)
+            gamma[found] = STIFF / given[found]
+            new = found[self.owner]
+            np.add.at(sizes, self.index[new], gamma[self.owner[new]] * scaled[new])
+            left = left & ~found
+        return gamma
+
+
+class Symmetric(ABC):
+    """A symmetric matrix with our own LDL^T, which exchanges no rows; the pivot signs give the inertia.
+
+    Multipliers make it indefinite. Factored is [K + G^T gamma G, G^T; G, 0], which has the same inertia, as it is
+    congruent, and the same solution, once gamma G^T times the multipliers' part is added to the other part of the
+    right-hand side (Golub & Greif 2003). Where K is positive definite on what the constraints leave free,
+    K + G^T gamma G is so altogether. As each multiplier stands behind all unknowns that it acts on, no pivot then
+    vanishes.
+    """
+
+    values: Array
+    target: Any
+
+    def __init__(self, n: int, multipliers: Multipliers | None) -> None:
+        self.scale, self.multipliers = np.zeros(n), multipliers
+        if multipliers is not None:
+            self.rows = self.at(multipliers.multiplier[multipliers.owner], multipliers.index)
+
+    @abstractmethod
+    def at(self, i: Index, j: Index) -> Index:
+        """Return where entries (i, j), j <= i, are among the values."""
+
+    @abstractmethod
+    def diagonal(self, values: Array) -> Array:
+        """Return the diagonal of a matrix with such entries, stored as this one."""
+
+    @abstractmethod
+    def _factored(self) -> tuple[int, int, float]:
+        """Factor the values in place; return what ``Pivots`` holds."""
+
+    @abstractmethod
+    def _solved(self, x: Array) -> None:
+        """Solve with the factors in place."""
 
     def clear(self) -> None:
         """Set every entry to zero."""
         self.values.fill(0.0)
 
+    def drop_multipliers(self, values: Array) -> None:
+        """Set the rows of the multipliers to zero in a matrix with such entries, stored as this one."""
+        if self.multipliers is not None:
+            values.reshape(-1)[self.rows] = 0.0
+
     def factor(self) -> Pivots:
         """Factor in place: K = L D L^T."""
-        return Pivots(*ldl_factor_with(self.values, SINGULAR, self.scale))
+        if self.multipliers is not None:
+            self._stiffen(self.multipliers)
+        return Pivots(*self._factored())
+
+    def _stiffen(self, m: Multipliers) -> None:
+        """Add gamma g g^T of each multiplier, and keep gamma g."""
+        flat = self.values.reshape(-1)
+        g = flat[self.rows]
+        self.pull = m.stiffness(g, self.diagonal(self.values).copy())[m.owner] * g
+        used = np.flatnonzero(g)
+        owner, count = m.owner[used], np.bincount(m.owner[used], minlength=len(m.multiplier))
+        first = np.cumsum(count) - count
+        # each entry of a row with each of the same row
+        many = count[owner]
+        one = np.repeat(np.arange(len(used)), many)
+        other = np.arange(len(one)) - np.repeat(np.cumsum(many) - many, many) + np.repeat(first[owner], many)
+        a, b = used[one], used[other]
+        lower = m.index[b] <= m.index[a]
+        a, b = a[lower], b[lower]
+        np.add.at(flat, self.at(m.index[a], m.index[b]), self.pull[a] * g[b])
 
     def solve(self, b: Array, out: Array | None = None) -> Array:
         """Return K^-1 b, in ``out`` if given."""
         x = np.empty_like(b) if out is None else out
         x[:] = b
-        ldl_solve(self.values, x)
+        if self.multipliers is not None:
+            m = self.multipliers
+            np.add.at(x, m.index, self.pull * x[m.multiplier][m.owner])
+        self._solved(x)
         return x
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Return True."""
+        return True
+
+
+class SymmetricBand(Symmetric):
+    """Symmetric band."""
+
+    def __init__(self, n: int, bw: int, multipliers: Multipliers | None = None) -> None:
+        self.values = np.zeros((n, bw + 1))
+        self.target = SymBand(self.values)
+        super().__init__(n, multipliers)
+
+    def at(self, i: Index, j: Index) -> Index:
+        """Return where entries (i, j), j <= i, are among the values."""
+        bw = self.values.shape[1] - 1
+        return i * bw + bw + j
+
+    def _factored(self) -> tuple[int, int, float]:
+        return ldl_factor_with(self.values, SINGULAR, self.scale)  # type: ignore[no-any-return]
+
+    def _solved(self, x: Array) -> None:
+        ldl_solve(self.values, x)
 
     def product(self, values: Array, x: Array) -> Array:
         """Return A x."""
@@ -97,35 +225,25 @@ class SymmetricBand:
         """Return the diagonal of A."""
         return values[:, -1]
 
-    @property
-    def knows_inertia(self) -> bool:
-        """Return True."""
-        return True
 
+class SymmetricFronts(Symmetric):
+    """Fronts of a branched frame."""
 
-class SymmetricFronts:
-    """Fronts of a branched frame with our own LDL^T; the pivot signs give the inertia."""
-
-    def __init__(self, fronts: Fronts) -> None:
+    def __init__(self, fronts: Fronts, multipliers: Multipliers | None = None) -> None:
         self.fronts = fronts
         self.values = np.zeros(int(fronts.at[-1]))
         self.target = Nested(self.values, fronts)
-        self.scale = np.zeros(len(fronts.owner))
+        super().__init__(len(fronts.owner), multipliers)
 
-    def clear(self) -> None:
-        """Set every entry to zero."""
-        self.values.fill(0.0)
+    def at(self, i: Index, j: Index) -> Index:
+        """Return where entries (i, j), j <= i, are among the values."""
+        return entries(self.fronts, i, j)
 
-    def factor(self) -> Pivots:
-        """Factor in place: K = L D L^T."""
-        return Pivots(*fronts_factor(self.fronts, self.values, SINGULAR, self.scale))
+    def _factored(self) -> tuple[int, int, float]:
+        return fronts_factor(self.fronts, self.values, SINGULAR, self.scale)  # type: ignore[no-any-return]
 
-    def solve(self, b: Array, out: Array | None = None) -> Array:
-        """Return K^-1 b, in ``out`` if given."""
-        x = np.empty_like(b) if out is None else out
-        x[:] = b
+    def _solved(self, x: Array) -> None:
         fronts_solve(self.fronts, self.values, x)
-        return x
 
     def product(self, values: Array, x: Array) -> Array:
         """Return A x."""
@@ -136,16 +254,11 @@ class SymmetricFronts:
     def diagonal(self, values: Array) -> Array:
         """Return the diagonal of A."""
         every = np.arange(len(self.fronts.owner))
-        return values[entries(self.fronts, every, every)]
-
-    @property
-    def knows_inertia(self) -> bool:
-        """Return True."""
-        return True
+        return values[self.at(every, every)]
 
 
 class GeneralBand:
-    """Band that is not symmetric (follower forces) or needs row exchanges (rigid bodies, sliding), by LAPACK's LU."""
+    """Band that is not symmetric (follower forces), by LAPACK's LU with row exchanges."""
 
     def __init__(self, n: int, bw: int) -> None:
         self.bw = bw
@@ -292,15 +405,26 @@ def _terms(num: Numbering, i: int) -> Index:
     return num.index[num.indptr[-2 - i]:num.indptr[-1 - i]]
 
 
-def make_matrix(model: Model) -> TangentMatrix:
-    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry.
+def _multipliers(model: Model) -> Multipliers | None:
+    """Return the multipliers of a model in its matrix, None where it has none."""
+    if not model.constraints:
+        return None
+    num = model.numbering
+    reached = [np.unique(np.concatenate([_terms(num, int(i)) for i in num.place[c.dofs]])) for c in model.constraints]
+    weights: Array = np.zeros(num.n_unknowns)
+    coordinates = num.free < num.n_q
+    weights[coordinates] = model.weights[num.free[coordinates]]
+    return Multipliers(num.place[num.n_q:], np.concatenate(reached),
+                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights)
 
-    Where rows must be exchanged it is a general one, symmetric or not.
-    """
+
+def make_matrix(model: Model) -> TangentMatrix:
+    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry."""
     num = model.numbering
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
-    if model.symmetric and not model.exchanges:
-        return SymmetricBand(n, bw) if num.fronts is None else SymmetricFronts(num.fronts)
+    if model.symmetric:
+        multipliers = _multipliers(model)
+        return SymmetricBand(n, bw, multipliers) if num.fronts is None else SymmetricFronts(num.fronts, multipliers)
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
         return GeneralBand(n, bw)
-    return GeneralSparse(n, *pattern(model), exchange=model.exchanges)
+    return GeneralSparse(n, *pattern(model), exchange=bool(model.constraints))

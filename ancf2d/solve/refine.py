@@ -33,8 +33,11 @@ def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Ar
         change, size = norm(y), norm(z)
         if not np.isfinite(change):
             return (y, np.inf) if size == 0.0 else (z, known)
+        if change == size == 0.0:
+            # nothing moves: what there is to know is in multipliers
+            return z + y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
-            return z, max(change / size, floor) if size > 0.0 else 0.0
+            return z, max(change / size, floor)
         if size > 0.0 and change >= 0.5 * known * size:
             return z, max(known, floor)
         known = change / size if size > 0.0 else np.inf

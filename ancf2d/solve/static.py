@@ -17,7 +17,7 @@ from ..model.sliding import check_ends
 from .pieces import largest, pieces
 from .refine import refined
 from .state import State
-from .system import Balance, System
+from .system import UNIT_ROUNDOFF, Balance, System
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
@@ -76,6 +76,7 @@ def solve_linear(model: Model) -> Iterator[State]:
     system, num = System(model), model.numbering
     zero = np.zeros(len(num.place))
     start = system.assemble(zero, 1.0, load_stiffness=False)
+    stiff = bool(system.matrix.diagonal(system.matrix.values).any())
     pivots = system.factor({"solver": "linear_static"})
     d = model.displacements(np.zeros(num.n_unknowns), 1.0)
     R0 = start.Q - start.F
@@ -86,8 +87,12 @@ def solve_linear(model: Model) -> Iterator[State]:
         return num.reduce(system.action(zero, full, 1.0))
 
     load = -num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
-    floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
-    z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
+    if stiff:
+        floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
+        z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
+    else:
+        # rigid bodies alone, which constraints hold: there is nothing to refine
+        z, known = system.matrix.solve(load), 0.0
     if not np.isfinite(system.norm(z)):
         raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
                                advice="check loads and stiffnesses for extreme values")
@@ -239,8 +244,10 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             check_ends(model.constraints, result.d)
             check_facing(model.constraints, result.d, target)
             check_inverted(model, result.d, path.d[-1], target)
-            rate = system.distance(result.d, path.d[-1]) / (target - t)
-            if rate > JUMP * (moved if number else result.increments[0] / target):
+            distance = system.distance(result.d, path.d[-1])
+            rate = distance / (target - t)
+            jump = rate > JUMP * (moved if number else result.increments[0] / target)
+            if jump and distance > UNIT_ROUNDOFF * model.extent:
                 raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
         except ComputationError as error:
             h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
@@ -292,7 +299,8 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
         warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
                         f"instead of {negative}; equilibrium beyond it may be unstable")
     size = system.norm(result.d[system.model.numbering.where])
-    if result.uncertainty > POOR * size:
+    # displacements below round-off of the positions themselves are none
+    if result.uncertainty > max(POOR * size, UNIT_ROUNDOFF * system.model.extent):
         warnings.append(f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                         f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more")
     return State(t, result.d, result.Q, result.F, result.energy, history=history, warnings=warnings)

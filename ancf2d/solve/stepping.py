@@ -90,7 +90,7 @@ class Stepper:
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
     def _rows(self, n: int) -> kernels.Rows:
-        m = int(min(max(STATE_BYTES // (24 * n), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
+        m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
         number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
         z, v, a = (np.zeros((m, n)) for _ in range(3))
         turns, feet = (np.zeros((m, *x.shape)) for x in self._memory())

@@ -120,6 +120,8 @@ class System:
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
+        # constraints hold no better than positions are known
+        out[self.model.n_q:] += [c.scale for c in self.model.constraints]
         sizes = n.reduce_sizes(out)
         sizes *= UNIT_ROUNDOFF
         return sizes

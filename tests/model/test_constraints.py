@@ -4,6 +4,7 @@ import helpers
 import numpy as np
 import pytest
 
+from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Equations, align, prescribe_rotation
 from ancf2d.model.points import point_ref
 
@@ -101,23 +102,96 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
 
 @pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
 @pytest.mark.parametrize("name", helpers.SMALL_TYPES)
-def test_shared_nodes_at_corners_go_along_with_rigid_motion(name, angle):
-    """Gradients are shared turned by the angle of the corner: as they stand they would tie it to the world."""
+def test_corners_and_welds_go_along_with_rigid_motion(name, angle):
+    """At a corner position and section rotation are shared; a beam that goes straight on shares its whole node."""
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}
-    b = helpers.body(helpers.line(0.6, -0.4, (1.5, 0.8)), helpers.element(name, 1))
+    straight_on = {"type": "line", "start": [2.0, 1.6], "end": [1.5, 0.8]}
     model = helpers.build(
-        {"a": helpers.body(corner, helpers.element(name, 4)), "b": b},
+        {"a": helpers.body(corner, helpers.element(name, 4)), "b": helpers.body(straight_on, helpers.element(name, 1))},
         bc=[{"type": "clamp", "at": "a@0"}],
-        joints=[{"name": "elbow", "type": "weld", "between": ["a@1", "b@0"]}],
+        joints=[{"name": "middle", "type": "weld", "between": ["a@1", "b@1"]}],
     )
     d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
-    shared = [r for r in model.rows if r.owner == "elbow" or r.owner.startswith("corner")]
-    assert len(shared) == 2 * len(model.meshes["a"].node_dofs(0, 0))
-    for row in shared:
+    at_corner = [r for r in model.rows if r.owner.startswith("corner")]
+    shared = [r for r in model.rows if r.owner == "middle"]
+    assert len(at_corner) + len(model.constraints) == 3
+    assert len(shared) == len(model.meshes["a"].node_dofs(0, 0))
+    for row in at_corner + shared:
         assert row.coefs @ d[row.coords] == pytest.approx(0, abs=1e-13)
+    for c in model.constraints:
+        assert c.evaluate(model.e0 + d, d, 0.0)[0] == pytest.approx(0, abs=1e-13)
 
 
-def test_equal_kinds_need_no_multiplier():
+def multipliers(first, second, *more):
+    """Return how many multipliers the welds of two bodies at (1, 0), and of others, need."""
+    bodies = {"a": first, "b": second, **{f"c{k}": b for k, b in enumerate(more)}}
+    joints = [{"type": "weld", "between": ["a@1", "b@0"]}]
+    joints += [{"type": "weld", "between": ["b@0", f"c{k}@0"]} for k in range(len(more))]
+    return len(helpers.build(bodies, bc=[{"type": "clamp", "at": "a@0"}], joints=joints).constraints)
+
+
+def test_coordinates_are_shared_where_one_beam_goes_on_alone():
+    """Alike, in one direction, of one curvature, and with nothing else welded there."""
+    def straight(angle=0.0, **section):
+        return helpers.body(helpers.line(1.0, angle, (1.0, 0.0)), helpers.element("cable", 2),
+                            {**helpers.SECTION, **section})
+
+    def arc(radius):
+        geometry = {"type": "arc", "center": [1.0, radius], "radius": radius, "from": -np.pi / 2, "to": 0.0}
+        return helpers.body(geometry, helpers.element("cable", 2))
+
+    first = helpers.body(helpers.line(1.0), helpers.element("cable", 2))
+    before = helpers.body({"type": "arc", "center": [1.0, 2.0], "radius": 2.0, "from": -2.0, "to": -np.pi / 2},
+                          helpers.element("cable", 2))
+    assert multipliers(first, straight()) == 0
+    assert multipliers(before, arc(2.0)) == 0
+    assert multipliers(first, straight(0.5)) == 1
+    assert multipliers(first, straight(height=0.31)) == 1
+    assert multipliers(before, arc(1.0)) == 1
+    assert multipliers(first, straight(), straight(1.0)) == 2
+    assert multipliers(first, helpers.body(helpers.line(1.0, np.pi, (1.0, 0.0)), helpers.element("cable", 2))) == 1
+
+
+def test_sections_with_theta_need_no_multiplier():
     assert not two("reissner2", "reissner3").constraints
-    assert not two("vallejo", "vallejo").constraints
-    assert not two("cable", "cable").constraints
+
+
+@pytest.mark.parametrize("name", helpers.KINDS.values())
+def test_a_rotation_that_is_held_twice_has_one_multiplier_at_most(name):
+    """A ring of welds at one point, and a weld between clamped sections: the second is no equation of its own."""
+    ring = {k: helpers.body(helpers.line(1.0, a), helpers.element(name, 2)) for a, k in enumerate("abc")}
+    welds = [{"type": "weld", "between": [f"{p}@0", f"{q}@0"]} for p, q in ("ab", "bc", "ca")]
+    model = helpers.build(ring, bc=[{"type": "clamp", "at": "a@1"}], joints=welds)
+    assert len(model.constraints) == (0 if name == "reissner3" else 2)
+    clamps = [{"type": "clamp", "at": f"{k}@0", "hold": "section"} for k in "ab"]
+    model = helpers.build(ring, bc=clamps, joints=welds[:2])
+    assert len(model.constraints) == (0 if name == "reissner3" else 1)
+    assert any("held twice" in w and "relative rotation" in w for w in model.warnings)
+
+
+def test_a_rotation_that_is_held_is_not_moved():
+    body = {"a": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
+    with pytest.raises(CaseError, match="turn: another support holds the rotation already"):
+        helpers.build(body, bc=[{"type": "clamp", "at": "a@0"},
+                                {"name": "turn", "type": "prescribed", "at": "a@0", "angle": 0.1}])
+
+
+def test_joints_close_gaps_that_are_small_beside_the_bodies_that_they_join():
+    """A body far away makes the scene large, but not the gap that may be closed."""
+    near = [helpers.body(helpers.line(1.0, 0.0, (x, 0.0)), helpers.element("cable", 1)) for x in (0.0, 1.5)]
+    far = helpers.body(helpers.line(1.0, 0.0, (1e6, 0.0)), helpers.element("cable", 1))
+    scene = {"bodies": dict(zip("abc", [*near, far], strict=True)),
+             "bc": [{"type": "clamp", "at": "a@0"}, {"type": "clamp", "at": "c@0"}]}
+    along = {"through": [3.0, 0.5], "along": [1.0, 0.0]}
+    for joint in ({"type": "weld", "between": ["a@1", "b@0"]}, {"type": "pin", "between": ["a@1", "b@0"]},
+                  {"type": "slider", "at": "b@0", **along}, {"type": "prismatic", "point": "b@0", "on": "a"}):
+        with pytest.raises(CaseError, match=r"0\.5 away from"):
+            helpers.build(**scene, joints=[joint])
+
+
+@pytest.mark.parametrize("kind", ["pin", "weld"])
+def test_a_body_is_not_joined_with_itself_at_one_point(kind):
+    body = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 3))}
+    with pytest.raises(CaseError, match="another point of the same body"):
+        helpers.build(body, bc=[{"type": "clamp", "at": "b@0"}],
+                      joints=[{"type": kind, "between": ["b@0.3", "b@0.3000000001"]}])

@@ -6,7 +6,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solve.linear import GeneralSparse, make_matrix
+from ancf2d.solve.linear import GeneralSparse, SymmetricFronts, make_matrix
 from ancf2d.solve.registry import unavailable
 
 SECTION = {"height": 0.05, "width": 0.05}
@@ -101,8 +101,9 @@ def test_a_beam_on_an_inclined_slider_is_pushed_along_the_line_only(name):
     assert u[1] == pytest.approx(-100.0 / (2.07e11 * 0.0025 + 3 * EI), rel=1e-3)
 
 
-def test_a_wide_net_of_rigid_bars_is_solved_too():
-    """Bars that join far nodes make the band wide: sparse factors with row exchanges."""
+@pytest.mark.parametrize("kind", ["force", "follower_force"])
+def test_a_wide_net_of_rigid_bars_is_solved_too(kind):
+    """Bars that join far nodes make the band wide; a follower load asks for sparse factors with row exchanges."""
     bodies, n = {"beam": beam(helpers.line(1.0), count=60)}, 30
     joints, springs = [], []
     for k in range(n):
@@ -113,10 +114,13 @@ def test_a_wide_net_of_rigid_bars_is_solved_too():
         springs += [{"type": "translational", "between": [f"bar{k}@1", f"bar{m}@1"], "stiffness": 1e3}
                     for m in ((7 * k + 5) % n, (k + n // 2) % n) if m != k]
     sol = helpers.solved(bodies, bc=[{"type": "clamp", "at": "beam@0"}], joints=joints, springs=springs,
-                         loads=[{"type": "force", "at": "bar7@1", "value": [10.0, 0.0]}])
+                         loads=[{"type": kind, "at": "bar7@1", "value": [10.0, 10.0]}])
     matrix = make_matrix(sol.model)
-    assert isinstance(matrix, GeneralSparse)
-    assert matrix.exchange
+    if kind == "force":
+        assert isinstance(matrix, SymmetricFronts)
+    else:
+        assert isinstance(matrix, GeneralSparse)
+        assert matrix.exchange
     for k in range(n):
         assert np.hypot(*(sol.r(f"bar{k}@1") - sol.r(f"bar{k}@0"))) == pytest.approx(0.2, rel=1e-9)
     assert abs(sol.theta("bar7@0")) > 1e-3
@@ -127,6 +131,52 @@ def test_sparse_factors_exchange_rows_for_large_pivots_where_they_are_told_to():
     matrix.values[:] = [1e-17, 1.0, 1.0, 1e-17]
     assert matrix.factor().bad == -1
     np.testing.assert_allclose(matrix.solve(np.ones(2)), [1.0, 1.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_what_a_held_rigid_bar_carries_is_known(solver):
+    """The bar of each random scene stands still: the clamp has the force and its moment, and nothing else."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        p, q, F = rng.normal(size=2), rng.normal(size=2), rng.normal(size=2) * 10 ** rng.uniform(-3, 6)
+        hold, at = rng.uniform(size=2).round(2)
+        sol = helpers.solved({"bar": rigid({"type": "line", "start": p, "end": q})}, solver,
+                             bc=[{"name": "w", "type": "clamp", "at": f"bar@{hold}"}],
+                             loads=[{"type": "force", "at": f"bar@{at}", "value": F}])
+        arm = (at - hold) * (q - p)
+        found = sol.reactions()["w"]
+        assert [found["fx"], found["fy"]] == pytest.approx(list(-F), rel=1e-12)
+        assert found["m"] == pytest.approx(arm[1] * F[0] - arm[0] * F[1], abs=1e-12 * np.abs(F).max())
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_rigid_bars_alone_carry_what_balance_says(solver, size):
+    """Two bars between two pins on the ground and a loaded one: no stiffness anywhere, forces along the bars."""
+    feet, top = size * np.array([[0.0, 0.0], [2.0, 0.1]]), size * np.array([1.1, 0.7])
+    F = np.array([3.0, 4.0])
+    bars = {k: rigid({"type": "line", "start": foot, "end": top}) for k, foot in zip("ab", feet, strict=True)}
+    sol = helpers.solved(bars, solver, bc=[{"name": k, "type": "pin", "at": f"{k}@0"} for k in "ab"],
+                         joints=[{"type": "pin", "between": ["a@1", "b@1"]}],
+                         loads=[{"type": "force", "at": "a@1", "value": F}])
+    along = np.linalg.solve((top - feet).T, -F)
+    for k, foot, force in zip("ab", feet, along, strict=True):
+        reaction = sol.reactions()[k]
+        np.testing.assert_allclose([reaction["fx"], reaction["fy"]], force * (top - foot), rtol=1e-12)
+    np.testing.assert_allclose(sol.u("a@1"), 0.0, atol=1e-15 * size)
+    assert not sol.state.warnings
+
+
+def test_a_rigid_column_on_a_torsion_spring_buckles_at_spring_over_length():
+    """Without row exchanges the inertia is known: one negative pivot once the load exceeds k/L."""
+    solver = {"type": "static", "steps": 10}
+    hinge = {"type": "rotational", "between": ["bar@0", [0, 0]], "stiffness": 3.0}
+    sol = helpers.solved({"bar": rigid(helpers.line(2.0, 0.7))}, solver, bc=[{"type": "pin", "at": "bar@0"}],
+                         springs=[hinge],
+                         loads=[{"type": "force", "at": "bar@1", "value": [-2.0 * np.cos(0.7), -2.0 * np.sin(0.7)]}])
+    passed = [s.t for s in sol.states if s.history["negative_pivots"] == 1]
+    assert min(passed) == pytest.approx(0.8)
+    assert sum("critical point" in w for s in sol.states for w in s.warnings) == 1
 
 
 @pytest.mark.parametrize("solver", ["eigen", "buckling"])

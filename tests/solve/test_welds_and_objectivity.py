@@ -61,6 +61,98 @@ def test_two_welded_halves_are_one_body(name, formulation, solver):
         assert two.reactions()["w"][k] == pytest.approx(one.reactions()["w"][k], rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["cable", "omar", "li", "patel", "vallejo"])
+def test_two_halves_that_run_against_each_other_are_one_body(name):
+    """Welded end to end: derivatives of odd order turn round, those of even order do not."""
+    def solve(bodies, **scene):
+        return helpers.solved({k: helpers.body({"type": "line", "start": a, "end": b}, helpers.element(name, n))
+                               for k, (a, b, n) in bodies.items()}, loads=LOADS, **scene)
+
+    one = solve({"b": ([0.0, 0.0], [2.0, 0.6], 4)}, bc=[{"type": "clamp", "at": "b@0"}])
+    two = solve({"a": ([1.0, 0.3], [0.0, 0.0], 2), "b": ([1.0, 0.3], [2.0, 0.6], 2)},
+                bc=[{"type": "clamp", "at": "a@1"}], joints=[{"type": "weld", "between": ["b@0", "a@0"]}])
+    assert not two.model.constraints
+    np.testing.assert_allclose(two.u("b@1"), one.u("b@1"), atol=1e-11)
+    np.testing.assert_allclose(two.u("b@0.5"), one.u("b@0.75"), atol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["cable", "omar"])
+def test_each_member_of_a_star_has_its_own_axial_strain(name):
+    """Of members so thin that they do not bend, K = EA/L sum t t^T at their joint, with one element each."""
+    angles = (0.3, 2.1, 4.4)
+    section = {"height": 1e-3, "width": 1.0}
+    bodies = {f"b{k}": helpers.body(helpers.line(1.0, a), helpers.element(name, 1), section, {"E": 1e9, "nu": 0.0})
+              for k, a in enumerate(angles)}
+    sol = helpers.solved(bodies, "linear_static", bc=[{"type": "pin", "at": f"b{k}@1"} for k in range(3)],
+                         joints=[{"type": "weld", "between": ["b0@0", "b1@0", "b2@0"]}],
+                         loads=[{"type": "force", "at": "b0@0", "value": [100.0, 0.0]}])
+    t = np.array([[np.cos(a), np.sin(a)] for a in angles])
+    np.testing.assert_allclose(sol.u("b0@0"), np.linalg.solve(1e6 * t.T @ t, [100.0, 0.0]), rtol=1e-4)
+
+
+def test_a_corner_keeps_the_axial_strain_of_each_piece():
+    """The first of two pieces is pulled, the second is not: FL/EA with any number of elements."""
+    bent = {"type": "polyline", "points": [[0, 0], [1, 0], [1, 1]]}
+    sol = helpers.solved({"b": helpers.body(bent, helpers.element("cable", 2))}, "linear_static",
+                         bc=[{"type": "clamp", "at": "b@0"}],
+                         loads=[{"type": "force", "at": "b@0.5", "value": [0.1, 0]}])
+    assert sol.u("b@0.5")[0] == pytest.approx(0.1 / (5.0 * 0.06), rel=1e-12)
+
+
+UNLIKE = [("cable", "kerkkanen"), ("vallejo", "vallejo"), ("reissner3", "omar")]
+
+
+@pytest.mark.parametrize(("first", "second"), UNLIKE)
+@pytest.mark.parametrize("solver", ["linear_static", "static", "eigen", "buckling"])
+def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(solver, first, second):
+    """The factors of a tangent with multipliers have the digits of one without."""
+    def solve(angle, size, names):
+        ends = [size * np.array(turned(p, angle)) for p in ((0.0, 0.0), (1.0, 0.0), (2.0, 0.3))]
+        bodies = {k: helpers.body({"type": "line", "start": p, "end": q}, helpers.element(name, 3),
+                                  {"height": h * size, "width": 0.1 * size}, {"E": 1e7, "nu": 0.3, "rho": 1e3})
+                  for k, name, p, q, h in (("a", first, *ends[:2], 0.1), ("b", second, *ends[1:], 0.05))}
+        force = [] if solver == "eigen" else [
+            {"type": "force", "at": "b@1", "value": size**2 * np.array(turned((-0.5, -1.0), angle))}]
+        more = {"modes": 1} if solver in ("eigen", "buckling") else {}
+        sol = helpers.solved({k: bodies[k] for k in names}, {"type": solver, **more}, loads=force,
+                             bc=[{"type": "clamp", "at": "a@0"}], joints=[{"type": "weld", "between": ["a@1", "b@0"]}])
+        assert sol.model.constraints
+        if solver == "eigen":
+            return sol.state.report["frequencies"][0]["omega"] * size
+        if solver == "buckling":
+            return sol.state.report["load_factors"][0]
+        return np.hypot(*sol.u("b@1")) / size
+
+    expected = solve(0.0, 1.0, "ab")
+    for k, angle in enumerate(np.random.default_rng(2).uniform(0.0, 6.3, 8)):
+        found = solve(angle, (1e-3, 1e3)[k % 2], ("ab", "ba")[k // 2 % 2])
+        # what is buckled is formed from differences
+        assert found == pytest.approx(expected, rel=1e-8 if solver == "buckling" else 1e-11)
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable"])
+@pytest.mark.parametrize("angle", [0.0, 1.1])
+def test_a_frame_with_two_welds_on_one_section_is_solved(name, angle):
+    """Members of four heights around a triangle, and an arm: statics, modes and buckling have an answer."""
+    members = {"a": ((0, 0), (1, 0), 0.02), "b": ((1, 0), (2, 0.3), 0.04), "d": ((1, 0), (1, 1), 0.05),
+               "e": ((2, 0.3), (1, 1), 0.03)}
+    bodies = {k: helpers.body({"type": "line", "start": turned(p, angle), "end": turned(q, angle)},
+                              helpers.element(name, 2), {"height": h, "width": 0.1}, {"E": 1e9, "nu": 0.3, "rho": 1e3})
+              for k, (p, q, h) in members.items()}
+    welds = [["a@1", "b@0", "d@0"], ["b@1", "e@0"], ["e@1", "d@1"]]
+    F = np.array(turned((0.01, -0.03), angle))
+    scene = {"bc": [{"name": "w", "type": "clamp", "at": "e@1"}],
+             "joints": [{"type": "weld", "between": b} for b in welds]}
+    load = [{"type": "force", "at": "a@0", "value": F}]
+    sol = helpers.solved(bodies, "static", loads=load, **scene)
+    arm = sol.r("a@0") - sol.r("e@1")
+    assert sol.reactions()["w"]["m"] == pytest.approx(-(arm[0] * F[1] - arm[1] * F[0]), rel=1e-8)
+    linear = helpers.solved(bodies, "linear_static", loads=load, **scene)
+    np.testing.assert_allclose(linear.u("a@0"), sol.u("a@0"), atol=1e-2 * np.hypot(*sol.u("a@0")))
+    assert helpers.solved(bodies, {"type": "eigen", "modes": 2}, **scene).state.report["frequencies"][0]["omega"] > 1.0
+    assert helpers.solved(bodies, {"type": "buckling", "modes": 1}, loads=load, **scene).state.report["load_factors"]
+
+
 @pytest.mark.parametrize("name", helpers.SMALL_TYPES)
 def test_a_weld_at_a_corner_is_the_corner_of_a_polyline(name):
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}

@@ -35,7 +35,7 @@ class PinJoint:
 
 @record
 class WeldJoint:
-    """Keeps points together and the angle between the bodies as it is in the reference."""
+    """Keeps points together and the angle between the bodies; two alike that go on smoothly become one body."""
 
     tag = "weld"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])
