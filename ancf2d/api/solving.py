@@ -10,10 +10,12 @@ from typing import Any, TypeAlias
 from ..case import LoadedCase, load_case_text
 from ..case.axes import Axis
 from ..errors import CaseError
+from ..results import check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.accuracy.pursuit import Target
 from ..study.convergence import Convergence, Steps
 from ..study.convergence import convergence as refine
+from ..study.identity import inputs_of
 from ..study.pool import Workers
 from ..study.run import Outcome, run_case, vocabulary
 from ..study.run import load as load_file
@@ -49,8 +51,8 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
 
     ``accuracy`` is the wanted relative error of the case's goal: mesh and steps are chosen for it, and whether it is
     reached is told by ``Solution.accuracy``. ``output`` names the result file to write, and ``force`` lets it replace
-    one that is no result. Without ``states`` and ``output`` nothing is kept but the summary, which makes loops over
-    many cases faster. With ``partial``, a computation that fails returns what it had reached.
+    one that ancf2d did not make. Without ``states`` and ``output`` nothing is kept but the summary, which makes loops
+    over many cases faster. With ``partial``, a computation that fails returns what it had reached.
 
     Raises CaseError with all problems of the case, ComputationError where it cannot be solved, and ResultsError where
     the file cannot be written.
@@ -58,8 +60,7 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
     extra = () if accuracy is None else (f"accuracy={float(accuracy)!r}",)
     loaded = load(case, (*_options(overrides), *extra))
     place = None if output is None else os.fspath(output)
-    if place is not None and os.path.exists(place) and _is_file(loaded, place):
-        raise CaseError(f"'{place}' is the case itself; choose another output file")
+    check_output(place, force, *inputs_of(loaded))
     temporary = Temporary() if place is None and states else None
     target = str(temporary.file) if temporary is not None else place
     try:
@@ -130,8 +131,3 @@ def _outcome(loaded: LoadedCase, target: str | None, force: bool) -> Outcome:
     if not is_pursued(loaded):
         return run_case(loaded, target, force=force)
     return solve_to_accuracy(loaded, None if target is None else Target(target, force)).outcome
-
-
-def _is_file(loaded: LoadedCase, place: str) -> bool:
-    file = loaded.source.file
-    return os.path.exists(file) and os.path.samefile(file, place)

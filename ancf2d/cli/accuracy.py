@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from .failures import FAILED
 from .session import Session
-from .text import duration, number, table
+from .text import duration, number, say, table
 
 if TYPE_CHECKING:
     from ..case import LoadedCase
@@ -39,8 +37,8 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
     if not reached.achieved:
-        click.echo(f"error: the wanted accuracy {reached.accuracy['wanted']:g} was not reached: "
-                   f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
+        say(f"error: the wanted accuracy {reached.accuracy['wanted']:g} was not reached: "
+            f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
         return FAILED
     return _checked(summary, check)
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
 from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import ResultsError
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -26,7 +24,7 @@ from .options import (
 from .progress import Bar
 from .run import compiling
 from .session import Session
-from .text import duration, number, table
+from .text import duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.convergence import Convergence, Series
@@ -109,7 +107,9 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     bar after the grid convergence index. Errors of a motion are the largest over its stored times.
     """
     session.subject = {"case": case}
+    from ..results import check_output
     from ..study.convergence import Steps, convergence
+    from ..study.identity import inputs_of
     from ..study.run import load
 
     if dts and tolerances:
@@ -118,8 +118,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
 
     variants, who = _variants(types, formulation), workers(jobs, scheduler, default=1)
     loaded = load(case, overrides)
-    if output is not None and os.path.exists(output) and os.path.samefile(output, case):
-        raise ResultsError(f"'{output}' is the case itself; choose another output file with -o")
+    check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
         study = convergence(loaded, variants, meshes, reference, who, compiling(session), bar.update, steps)
     for text in study.warnings:
@@ -135,7 +134,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     if output is not None:
         session.out(f"\nresults in {output}; next: ancf2d plot {output}")
     if not study.converged:
-        click.echo("error: no mesh could be solved", err=True)
+        say("error: no mesh could be solved", err=True)
         return FAILED
     return 0
 

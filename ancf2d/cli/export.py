@@ -6,7 +6,7 @@ import os
 
 import click
 
-from .options import debug_option, examples, json_option, quiet_option
+from .options import debug_option, examples, force_option, json_option, quiet_option
 from .progress import Bar
 from .session import Session
 
@@ -15,7 +15,7 @@ from .session import Session
                                "ancf2d export swing.h5 swing.json"))
 @click.argument("source", type=click.Path(), metavar="OUT.h5")
 @click.argument("file", type=click.Path(), metavar="FILE")
-@click.option("--force", is_flag=True, help="Replace FILE where it exists.")
+@force_option
 @json_option
 @quiet_option
 @debug_option

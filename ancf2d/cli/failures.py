@@ -8,6 +8,7 @@ import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem
 from .session import Session
+from .text import say
 
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
@@ -17,30 +18,30 @@ def explain(error: BaseException, session: Session) -> int:
     if session.debug:
         import traceback
 
-        traceback.print_exception(error)
+        say("".join(traceback.format_exception(error)), err=True)
     if isinstance(error, click.ClickException):
         reason, code = _usage(error), WRONG
     elif isinstance(error, CaseError):
-        click.echo(problems_text(error.problems, session.subject.get("case", "")), err=True)
+        say(problems_text(error.problems, session.subject.get("case", "")), err=True)
         reason, code = error.problems[0].message, error.exit_code
     elif isinstance(error, Ancf2dError):
         text = error.text() if isinstance(error, ComputationError) else f"error: {error}"
-        click.echo(text, err=True)
+        say(text, err=True)
         reason, code = _reason(error), error.exit_code
     elif isinstance(error, KeyboardInterrupt | click.Abort | EOFError):
-        click.echo("interrupted", err=True)
+        say("interrupted", err=True)
         session.parting()
         reason, code = "interrupted", INTERRUPTED
     elif isinstance(error, OSError):
         what = "the output" if error.filename is None else f"'{error.filename}'"
         reason, code = f"cannot read or write {what}: {error.strerror or error}", FAILED
-        click.echo(f"error: {reason}", err=True)
+        say(f"error: {reason}", err=True)
     elif isinstance(error, MemoryError):
         reason, code = "there is not enough memory for this", FAILED
-        click.echo(f"error: {reason}", err=True)
+        say(f"error: {reason}", err=True)
     else:
         reason, code = f"internal error, please report: {_named(error)}", FAILED
-        click.echo(f"{reason} (--debug shows where)" if not session.debug else reason, err=True)
+        say(f"{reason} (--debug shows where)" if not session.debug else reason, err=True)
     session.print_json(failure_object(error, reason, code, session.subject))
     return code
 
@@ -58,7 +59,7 @@ def _usage(error: click.ClickException) -> str:
         reason = f"no such option '{error.option_name}'" + (f"; did you mean '{near[0]}'?" if near else "")
     context = getattr(error, "ctx", None)
     hint = "" if context is None else f" (see '{context.command_path} --help')"
-    click.echo(f"error: {reason[:1].lower()}{reason[1:].rstrip('.')}{hint}", err=True)
+    say(f"error: {reason[:1].lower()}{reason[1:].rstrip('.')}{hint}", err=True)
     return reason
 
 

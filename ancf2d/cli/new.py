@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, examples, force_option
+from .options import debug_option, examples
 from .schema import schema_text, write_schema
 from .session import Session
 
@@ -19,7 +20,7 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 @click.argument("name", type=click.Path(), metavar="NAME")
 @click.option("--kind", type=click.Choice(KINDS),
               help=f"What to start from. Default: NAME where it is one of them, else {KINDS[0]}.")
-@force_option
+@click.option("--force", is_flag=True, help="Replace NAME.yaml where it exists.")
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
@@ -28,16 +29,17 @@ def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     The schema of case files is put beside it if there is none, so that editors complete and check what
     is typed.
     """
+    if not os.path.basename(name):
+        raise ResultsError(f"'{name}' is no name of a case; expected for example bridge")
     path = Path(name) if name.endswith((".yaml", ".yml")) else Path(name + ".yaml")
-    if path.exists() and not force:
+    if os.path.lexists(path) and not force:
         raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
     from ..case import SCHEMA_FILE, template
+    from ..results.replace import replacing
 
     text = template(path.stem, kind or (path.stem if path.stem in KINDS else KINDS[0]))
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ResultsError(f"cannot write '{path}': {error.strerror}") from error
+    with replacing(path, force) as private:
+        private.write_text(text, encoding="utf-8")
     session.out(f"wrote {path}")
     schema = path.parent / SCHEMA_FILE
     if not schema.exists():

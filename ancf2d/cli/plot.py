@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..errors import ResultsError
-from .options import complete_kinds, debug_option, examples, quiet_option
+from .options import complete_kinds, debug_option, examples, force_option, quiet_option
 from .session import Session
 from .text import table
 
@@ -56,20 +56,24 @@ from .text import table
               help="Number of modes or moments that are drawn (modes, snapshots).")
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
               "cases have in common.")
+@force_option
 @quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
-            list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, **options: Any) -> int:
+            list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, force: bool,
+            **options: Any) -> int:
     """Draw result files; several are overlaid.
 
     KIND is shape, load_deflection, history, convergence, modes, ...; --list names those that fit a file. Without
     KIND, what tells most about the first file is drawn.
     """
     from ..plot import KINDS, default_animated, default_kind
-    from ..results import open_results
+    from ..results import check_output, open_results
 
     files, kind = _split(arguments, tuple(KINDS))
+    for path in (save, data, animate):
+        check_output(path, force, *files)
     chosen = {k: v for k, v in options.items() if v is not None and v != ()}
     with ExitStack() as stack:
         results = [stack.enter_context(open_results(f)) for f in files]
@@ -77,13 +81,14 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
             _list(session, results[0])
             return 0
         if animate is not None:
-            _animate(session, results, kind or default_animated(results[0]), animate, title, frames, fps, chosen)
+            _animate(session, results, kind or default_animated(results[0]), animate, title, force,
+                     {"length": frames, "fps": fps, **chosen})
             if save is None and data is None and not show:
                 return 0
         name = kind or default_kind(results[0])
         if save is None and data is None and not show:
             save = f"{_stem(files[0])}-{name}.png"
-        _draw(session, results, name, save, data, show, title, chosen)
+        _draw(session, results, name, save, data, show, title, force, chosen)
     return 0
 
 
@@ -102,31 +107,23 @@ def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str
     return files, found[0] if found else None
 
 
-def _not_a_result(results: list[Any], *paths: str | None) -> None:
-    for path in paths:
-        if path is not None and any(os.path.exists(path) and os.path.samefile(path, r.path) for r in results):
-            raise ResultsError(f"'{path}' is the result file itself; choose another name")
-
-
-def _animate(session: Session, results: list[Any], kind: str, path: str, title: str | None, frames: int, fps: int,
+def _animate(session: Session, results: Sequence[Any], kind: str, path: str, title: str | None, force: bool,
              options: dict[str, Any]) -> None:
     from .. import plot
 
-    _not_a_result(results, path)
-    plot.animate(results, path, kind, length=frames, fps=fps, title=title, **options)
+    plot.animate(results, path, kind, title=title, force=force, **options)
     session.out(f"wrote {path} ({kind})")
 
 
-def _draw(session: Session, results: list[Any], kind: str, save: str | None, data: str | None, show: bool,
-          title: str | None, options: dict[str, Any]) -> None:
+def _draw(session: Session, results: Sequence[Any], kind: str, save: str | None, data: str | None, show: bool,
+          title: str | None, force: bool, options: dict[str, Any]) -> None:
     from .. import plot
 
-    _not_a_result(results, save, data)
     if save is not None:
-        plot.save(plot.draw(results, kind, title=title, **options), save)
+        plot.save(plot.draw(results, kind, title=title, **options), save, force=force)
         session.out(f"wrote {save} ({kind})")
     if data is not None:
-        plot.data_csv(results, data, kind, **options)
+        plot.data_csv(results, data, kind, force=force, **options)
         session.out(f"wrote {data} ({kind})")
     if show:
         plot.show(results, kind, title=title, **options)

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from .text import duration
+from .text import duration, printable
 
 PATIENCE = 0.7  # seconds before a bar is worth drawing
 STEPS = 1000
@@ -45,7 +45,7 @@ class Bar:
             self.bar.__enter__()
         now = min(int(STEPS * share), STEPS)
         if now > self.done or moment - self.drawn > REDRAW:
-            self.bar.current_item = ", ".join(part for part in (text, self._left(moment, share)) if part)
+            self.bar.current_item = ", ".join(part for part in (printable(text), self._left(moment, share)) if part)
             self.bar.update(max(now - self.done, 0))
             self.bar.render_progress()
             self.done, self.drawn = max(now, self.done), moment

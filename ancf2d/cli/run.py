@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,7 +25,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import many
+from .text import many, say
 
 if TYPE_CHECKING:
     from ..solve.state import State
@@ -59,15 +58,17 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     earlier result once it has succeeded.
     """
     session.subject = {"case": case}
+    from ..results import check_output
     from ..study.accuracy.control import is_pursued
     from ..study.balance import unbalanced_forces
+    from ..study.identity import inputs_of
     from ..study.record import Progress, run_end
     from ..study.run import load, run_case, solver_name
     from .report import built_report, run_report
 
     loaded = load(case, overrides if accuracy is None else (*overrides, f"accuracy={accuracy!r}"))
     out = output if output is not None else f"{Path(case).stem}.h5"
-    _keep_the_case(case, out)
+    check_output(out, force, *inputs_of(loaded))
     if is_pursued(loaded):
         if resume:
             raise click.UsageError("--resume goes on with one run; solving to an accuracy takes many.")
@@ -88,7 +89,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
         outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress, resume=resume)
     session.print_json(outcome.summary)
     if outcome.failure is not None:
-        click.echo(outcome.failure.text(), err=True)
+        say(outcome.failure.text(), err=True)
         _tell_part(session, out)
         return FAILED
     unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
@@ -101,7 +102,7 @@ def _checked(summary: dict[str, Any], check: bool) -> int:
     """Return the exit code of a run, which expected values decide where that is asked for."""
     missed = [c for c in summary["checks"] if not c["met"]]
     if check and missed:
-        click.echo(f"error: {many(len(missed), 'expected value')} not met", err=True)
+        say(f"error: {many(len(missed), 'expected value')} not met", err=True)
         return FAILED
     return 0
 
@@ -115,12 +116,6 @@ def compiling(session: Session) -> Callable[[], None]:
             told.append(True)
             session.note("compiling kernels for this machine (first run of this kind only) ...")
     return tell
-
-
-def _keep_the_case(case: str, out: str) -> None:
-    """--force must not put results in place of the case itself."""
-    if os.path.exists(case) and os.path.exists(out) and os.path.samefile(case, out):
-        raise ResultsError(f"'{out}' is the case itself; choose another output file with -o")
 
 
 def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:

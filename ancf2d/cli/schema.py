@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
+import os
 
 import click
 
-from ..errors import ResultsError
 from .options import debug_option, examples, force_option
 from .session import Session
 
@@ -28,7 +26,7 @@ def command(session: Session, output: str | None, markdown: bool, definition: bo
     if output is None:
         click.echo(text, nl=False)
         return 0
-    write_schema(Path(output), text, force)
+    write_schema(output, text, force)
     session.out(f"wrote {output}")
     return 0
 
@@ -36,28 +34,19 @@ def command(session: Session, output: str | None, markdown: bool, definition: bo
 def schema_text(markdown: bool = False, definition: bool = False) -> str:
     """Return the JSON Schema of cases (or of element definitions), or the reference in Markdown."""
     from ..case import definition_schema, json_schema, markdown_reference
+    from ..results.own import MARK
     from ..study.run import vocabulary
 
     names = vocabulary()
     if markdown:
-        return markdown_reference(names).rstrip("\n") + "\n"
+        return f"{markdown_reference(names)}\n<!-- {MARK} -->\n"
     schema = definition_schema(names) if definition else json_schema(names)
-    return json.dumps(schema, indent=2) + "\n"
+    return json.dumps({"$comment": MARK, **schema}, indent=2) + "\n"
 
 
-def write_schema(path: Path, text: str, force: bool) -> None:
+def write_schema(path: str | os.PathLike[str], text: str, force: bool) -> None:
     """Write a schema; ResultsError where that would replace something else, or cannot be done."""
-    if path.exists() and not force and not _is_schema(path) and path.suffix != ".md":
-        raise ResultsError(f"'{path}' exists and is no schema; replace it with --force")
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ResultsError(f"cannot write '{path}': {error.strerror}") from error
+    from ..results.replace import replacing
 
-
-def _is_schema(path: Path) -> bool:
-    try:
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(found, dict) and str(found.get("title", "")).startswith("ancf2d")
+    with replacing(path, force) as private:
+        private.write_text(text, encoding="utf-8")

@@ -12,6 +12,7 @@ import click
 
 from ..interrupts import uninterrupted
 from ..plain import json_text
+from .text import say
 
 
 @dataclass
@@ -35,17 +36,17 @@ class Session:
     def out(self, text: str) -> None:
         """Print a result to stdout; nothing where JSON alone is wanted, or only errors."""
         if not self.json and not self.quiet:
-            click.echo(text)
+            say(text)
 
     def note(self, text: str) -> None:
         """Print a remark to stderr, unless only errors are wanted."""
         if not self.quiet:
-            click.echo(text, err=True)
+            say(text, err=True)
 
     def detail(self, text: str) -> None:
         """Print what ``-v`` adds to stderr."""
         if self.verbose and not self.quiet:
-            click.echo(text, err=True)
+            say(text, err=True)
 
     def warn(self, text: str) -> None:
         """Print a warning to stderr."""

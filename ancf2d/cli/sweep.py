@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import ResultsError
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -25,7 +23,7 @@ from .options import (
 from .progress import Bar
 from .run import compiling
 from .session import Session
-from .text import duration, many, number, table
+from .text import duration, many, number, say, table
 
 if TYPE_CHECKING:
     from ..study.sweep import Row, Sweep
@@ -61,13 +59,14 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
     """
     session.subject = {"case": case}
     from ..case.axes import read_axes
+    from ..results import check_output
     from ..study.pool import no_interrupts
     from ..study.sweep import plan, run_sweep
     from ..study.sweep_table import write_csv
 
     axes, who = read_axes(over), workers(jobs, scheduler)
     folder = Path(out if out is not None else f"{Path(case).stem}-sweep")
-    _check_table(csv_file, case)
+    check_output(csv_file, force, case)
     sweep = plan(case, axes, overrides, folder, who, session.command_line, force)
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()
@@ -81,19 +80,8 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
             with no_interrupts():
                 session.subject = sweep.as_json()
                 if csv_file is not None:
-                    write_csv(sweep, csv_file)
+                    write_csv(sweep, csv_file, force=force)
     return _tell(session, sweep, csv_file)
-
-
-def _check_table(file: str | None, case: str) -> None:
-    """Refuse a table that would replace the case, or go nowhere, before anything is computed."""
-    if file is None:
-        return
-    from ..results.target import check_folder
-
-    check_folder(Path(file))
-    if os.path.exists(file) and os.path.exists(case) and os.path.samefile(file, case):
-        raise ResultsError(f"'{file}' is the case itself; choose another file with --csv")
 
 
 def _part(session: Session, sweep: Sweep) -> None:
@@ -111,8 +99,8 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
         session.out(f"wrote {csv_file}")
     bad = Counter(row.status for row in sweep.rows if row.status != "converged")
     if bad:
-        click.echo(f"error: of {many(len(sweep.rows), 'row')}, "
-                   + " and ".join(f"{count} {status}" for status, count in bad.items()), err=True)
+        say(f"error: of {many(len(sweep.rows), 'row')}, "
+            + " and ".join(f"{count} {status}" for status, count in bad.items()), err=True)
         return FAILED
     return 0
 

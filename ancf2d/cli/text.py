@@ -3,7 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+
+import click
+
+# what a terminal would obey instead of showing: control characters, and those that turn the direction of writing
+_COMMANDS = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def printable(text: str) -> str:
+    """Return a text as a terminal may be given it: with escapes such as \\x1b in place of what it would obey."""
+    return _COMMANDS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def say(text: str, err: bool = False) -> None:
+    """Print a text, whatever names and titles are in it, to stdout or stderr."""
+    click.echo(printable(text), err=err)
 
 
 def number(value: float | None, digits: int = 6) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import shlex
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import CaseError, ResultsError
+from ..errors import CaseError
 from .convergence import element_counts, positive_numbers, reference_value
 from .failures import FAILED
 from .options import (
@@ -29,6 +28,7 @@ from .options import (
 from .progress import Bar
 from .run import compiling
 from .session import Session
+from .text import say
 from .tradeoff_report import report
 
 if TYPE_CHECKING:
@@ -94,13 +94,14 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     says which is the cheapest for each wanted accuracy.
     """
     session.subject = {"case": case}
+    from ..results import check_output
+    from ..study.identity import inputs_of
     from ..study.run import load
     from ..study.tradeoff.study import tradeoff
 
     choice, who = _choice(**chosen), workers(jobs, scheduler, default=1)
     loaded = load(case, overrides)
-    if output is not None and os.path.exists(output) and os.path.samefile(output, case):
-        raise ResultsError(f"'{output}' is the case itself; choose another output file with -o")
+    check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
         study = tradeoff(loaded, choice, who, compiling(session), bar.update)
     for text in study.warnings:
@@ -117,7 +118,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     if output is not None:
         session.out(f"\nresults in {output}; next: ancf2d plot {output}")
     if not study.converged:
-        click.echo(f"error: {result['reason']}", err=True)
+        say(f"error: {result['reason']}", err=True)
         return FAILED
     return 0
 

@@ -10,7 +10,7 @@ from ..errors import CaseError, Problem
 from .failures import WRONG, problem_object
 from .options import debug_option, examples, json_option, quiet_option, set_option
 from .session import Session
-from .text import many
+from .text import many, say
 
 
 @click.command(epilog=examples("ancf2d validate beam.yaml", "ancf2d validate beam.yaml swing.yaml --json"))
@@ -35,7 +35,7 @@ def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]
             session.out(f"{f['case']}: ok")
     if not wrong:
         return 0
-    click.echo(f"{many(count, 'problem')} in {wrong[0] if len(wrong) == 1 else many(len(wrong), 'case')}", err=True)
+    say(f"{many(count, 'problem')} in {wrong[0] if len(wrong) == 1 else many(len(wrong), 'case')}", err=True)
     return WRONG
 
 
@@ -50,7 +50,7 @@ def _check(case: str, overrides: tuple[str, ...], session: Session) -> dict[str,
     except CaseError as error:
         problems = error.problems
     for problem in problems:
-        click.echo(str(problem), err=True)
+        say(str(problem), err=True)
     for text in warnings:
         session.warn(f"{case}: {text}")
     return {"case": case, "status": "failed" if problems else "ok",

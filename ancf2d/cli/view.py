@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 import click
 
-from ..errors import ResultsError
-from .options import debug_option, examples, quiet_option
+from .options import debug_option, examples, force_option, quiet_option
 from .session import Session
 
 
@@ -17,26 +14,26 @@ from .session import Session
               "instead of serving it.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Open no browser; print the address only.")
+@force_option
 @quiet_option
 @debug_option
 @click.pass_obj
-def command(session: Session, file: str, save: str | None, port: int, no_browser: bool) -> int:
+def command(session: Session, file: str, save: str | None, port: int, no_browser: bool, force: bool) -> int:
     """Look at a result: bodies in motion, modes, probes, in the browser.
 
     The page needs nothing from the network. Long runs are thinned so that it stays below 5 MB; the file itself
     keeps everything.
     """
-    from ..results import open_results
+    from ..results import check_output, open_results
     from ..results.replace import replacing
     from ..view import make_page, serve
 
+    check_output(save, force, file)
     with open_results(file) as results:
-        if save is not None and os.path.exists(save) and os.path.samefile(save, results.path):
-            raise ResultsError(f"'{save}' is the result file itself; choose another name")
         page = make_page(results)
     if save is not None:
         content = page.html.encode()
-        with replacing(save) as private:
+        with replacing(save, force) as private:
             private.write_bytes(content)
         size = f"{len(content) / 1e6:.1f} MB" if len(content) >= 1e6 else f"{len(content) / 1e3:.0f} kB"
         session.out(f"wrote {save} ({size}; {page.remark})")

@@ -16,9 +16,29 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, chosen_kind
 from ancf2d.plot.picture import Picture
 from ancf2d.plot.style import style
+from ancf2d.results.own import MARK
+from ancf2d.results.replace import replacing
+
+
+class _Gif(PillowWriter):
+    """Matplotlib's writer of GIF files, with the comment that they are ancf2d's own."""
+
+    def finish(self) -> None:
+        """Write all frames."""
+        first, *others = self._frames
+        first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0,
+                   comment=MARK)
+
+
+class _Mp4(FFMpegWriter):
+    """Matplotlib's writer of MP4 files, with the comment that they are ancf2d's own."""
+
+    def __init__(self, fps: int) -> None:
+        super().__init__(fps, metadata={"comment": MARK})
+
 
 # the one place where a format is added
-WRITERS: dict[str, type[PillowWriter] | type[FFMpegWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
+WRITERS: dict[str, type[_Gif] | type[_Mp4]] = {".gif": _Gif, ".mp4": _Mp4}
 FRAMES, RATE, DPI = 60, 20, 100
 SMALLEST = 2  # frames that make an animation
 
@@ -60,31 +80,25 @@ def _lay_out(figure: Figure, picture: Picture) -> list[Bbox]:
 
 
 def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
-            fps: int = RATE, title: str | None = None, **options: Any) -> Path:
+            fps: int = RATE, title: str | None = None, force: bool = False, **options: Any) -> Path:
     """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
 
-    States are evenly spaced in time. Raises ResultsError where the kind stands still or the file cannot be written.
+    States are evenly spaced in time. Raises ResultsError where the kind stands still, where the file cannot be written,
+    and where it was not made by ancf2d, unless ``force``.
     """
     path = Path(path)
     writer, pictures = _writer(path, fps), frames(results, kind, length=length, title=title, **options)
     first = next(pictures)
-    half = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        with style():
-            figure = Figure(figsize=first.size)
-            FigureCanvasAgg(figure)
-            with writer.saving(figure, str(half), DPI):
-                places = _lay_out(figure, first)
+    with replacing(path, force) as private, style():
+        figure = Figure(figsize=first.size)
+        FigureCanvasAgg(figure)
+        with writer.saving(figure, str(private), DPI):
+            places = _lay_out(figure, first)
+            writer.grab_frame()
+            for picture in pictures:
+                figure.clear()
+                picture.render(figure)
+                for axes, place in zip(figure.axes, places, strict=True):
+                    axes.set_position(place)
                 writer.grab_frame()
-                for picture in pictures:
-                    figure.clear()
-                    picture.render(figure)
-                    for axes, place in zip(figure.axes, places, strict=True):
-                        axes.set_position(place)
-                    writer.grab_frame()
-        half.replace(path)
-    except OSError as error:
-        raise ResultsError(f"cannot write '{path}': {error.strerror or error}") from error
-    finally:
-        half.unlink(missing_ok=True)
     return path

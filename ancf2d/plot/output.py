@@ -13,22 +13,39 @@ from matplotlib.figure import Figure
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import Input, build, draw
 from ancf2d.plot.style import style
+from ancf2d.results.own import MARK
 from ancf2d.results.replace import replacing
 
 # without the moment of writing, equal figures are equal files
 _METADATA: dict[str, dict[str, Any]] = {
-    "svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None},
-    "ps": {"CreationDate": None}, "eps": {"CreationDate": None},
+    "png": {"Software": MARK}, "svg": {"Creator": MARK, "Date": None}, "svgz": {"Date": None},
+    "pdf": {"Creator": MARK, "CreationDate": None, "ModDate": None}, "ps": {"Creator": MARK}, "eps": {"Creator": MARK},
 }
+_PHOTOGRAPHS = ("jpg", "jpeg", "tif", "tiff", "webp", "avif", "gif")  # formats written by Pillow
+_SOFTWARE = 0x131  # number of this tag in Exif metadata
 
 
-def _write(path: Path, content: bytes) -> None:
-    with replacing(path) as private:
+def _write(path: Path, content: bytes, force: bool) -> None:
+    with replacing(path, force) as private:
         private.write_bytes(content)
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure in the format of the path's suffix; equal figures give equal bytes."""
+def _marked(suffix: str) -> dict[str, Any]:
+    """Return the options of ``savefig`` that make a file known as ancf2d's own."""
+    if suffix not in _PHOTOGRAPHS:
+        return {"metadata": _METADATA.get(suffix)}
+    from PIL.Image import Exif
+
+    exif = Exif()
+    exif[_SOFTWARE] = MARK
+    return {"pil_kwargs": {"comment": MARK} if suffix == "gif" else {"exif": exif}}
+
+
+def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False) -> Path:
+    """Write a figure in the format of the path's suffix; equal figures give equal bytes.
+
+    Raises ResultsError for an unknown suffix, and where the file was not made by ancf2d, unless ``force``.
+    """
     path = Path(path)
     suffix = path.suffix.lower().lstrip(".")
     known = figure.canvas.get_supported_filetypes()
@@ -38,20 +55,23 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
                            f"{', '.join('.' + k for k in sorted(known))})")
     stream = io.BytesIO()
     with style():
-        figure.savefig(stream, format=suffix, metadata=_METADATA.get(suffix))
-    _write(path, stream.getvalue())
+        figure.savefig(stream, format=suffix, **_marked(suffix))
+    _write(path, stream.getvalue(), force)
     return path
 
 
 def data_csv(results: Input, path: str | os.PathLike[str], kind: str | None = None,
-             **options: Any) -> Path:
-    """Write what ``draw`` draws as a CSV table with units in its header, at full precision."""
+             *, force: bool = False, **options: Any) -> Path:
+    """Write what ``draw`` draws as a CSV table with units in its header, at full precision.
+
+    Raises ResultsError where the file was not made by ancf2d, unless ``force``.
+    """
     picture = build(results, kind, **options)
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(picture.header())
     writer.writerows(picture.rows())
-    _write(Path(path), stream.getvalue().encode())
+    _write(Path(path), stream.getvalue().encode(errors="backslashreplace"), force)
     return Path(path)
 
 

@@ -11,7 +11,7 @@ from ancf2d.results.compare import (
 from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, open_results
 from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units
-from ancf2d.results.target import part_path
+from ancf2d.results.target import check_output, part_path
 from ancf2d.results.writer import ResultWriter
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Results",
     "Table",
     "Units",
+    "check_output",
     "compare_results",
     "comparison_text",
     "describe",

@@ -140,6 +140,8 @@ def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> s
     for name in ("text", "completed"):
         if safe.text(case, name) != (header.get(f"case_{name}") or ""):
             return "the case has changed since"
+    if safe.attribute(file, "case_files", "") != (header.get("case_files") or ""):
+        return "a file that the case reads has changed since"
     if not np.array_equal(safe.numbers(safe.child(file, "mesh", h5py.Group), "e0", 1), e0):
         return "its mesh is another one"
     return ""

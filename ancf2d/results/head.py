@@ -24,7 +24,7 @@ def write_head(file: h5py.File, header: Mapping[str, Any], units: Units) -> None
     case_text = header.get("case_text") or ""
     attributes = {
         "format": FORMAT, "format_version": FORMAT_VERSION, "status": "running",
-        **{k: header.get(k) or "" for k in ("title", "solver", "case_name", "command_line")},
+        **{k: header.get(k) or "" for k in ("title", "solver", "case_name", "case_files", "command_line")},
         **{f"units_{k}": getattr(units, k) for k in ("length", "force", "time")},
         **provenance(case_text),
     }

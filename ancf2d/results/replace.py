@@ -9,22 +9,24 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.target import check_folder
+from ancf2d.results.target import check_output
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: str | os.PathLike[str], force: bool) -> Iterator[Path]:
     """Give a private path beside ``path``; what is written there takes its place when the block ends well.
 
-    Raises ResultsError where nothing can be written.
+    The private path has the same suffix. Raises ResultsError where nothing can be written, and where the file was not
+    made by ancf2d, unless ``force``.
     """
+    check_output(path, force)
     path = Path(path)
-    check_folder(path)
-    private = path.with_name(f".{path.name}.{os.getpid()}.{time.monotonic_ns()}.part")
+    private = path.with_name(f".{path.stem}.{os.getpid()}.{time.monotonic_ns()}.part{path.suffix}")
     try:
         yield private
         with private.open("rb") as stream:
             os.fsync(stream.fileno())
+        check_output(path, force)  # it may have changed meanwhile
         os.replace(private, path)
     except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
         raise ResultsError(f"cannot write '{path}': {getattr(error, 'strerror', None) or error}") from error

@@ -16,6 +16,7 @@ from ancf2d.results.heaps import endless_heap
 from ancf2d.results.journal import is_journaled, open_hdf5, steady
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
 MAX_TEXT = 64 << 20
 MAX_CHUNK = 64 << 20
@@ -43,10 +44,10 @@ def open_file(path: Path) -> h5py.File:
         raise ResultsError(f"'{path}' is no file, so it holds no results")
     try:
         with path.open("rb") as stream:
-            head = stream.read(8)
+            head = stream.read(len(SIGNATURE))
     except OSError as error:
         raise ResultsError(f"cannot read '{path}': {error.strerror}") from error
-    if head != b"\x89HDF\r\n\x1a\n":
+    if head != SIGNATURE:
         what = "is empty" if not head else "is no HDF5 file"
         raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
                            f"'ancf2d run CASE' writes one")

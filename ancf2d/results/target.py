@@ -8,9 +8,7 @@ import time
 from pathlib import Path
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.journal import open_hdf5
-from ancf2d.results.records import FORMAT
-from ancf2d.results.safe import attribute
+from ancf2d.results.own import is_own
 
 try:
     import fcntl
@@ -21,20 +19,38 @@ except ImportError:  # no such locks here: the exclusive link below still tells 
 def part_path(path: str | os.PathLike[str]) -> Path:
     """Return where an unfinished result stands while it is written: NAME.part beside NAME."""
     path = Path(path)
-    return path.with_name(path.name + ".part")
+    return path.parent / f"{path.name}.part"
 
 
-def is_ours(path: Path) -> bool:
-    """Whether the file is an ancf2d result, judged by its root attribute alone."""
-    try:
-        with open_hdf5(path) as f:
-            return bool(attribute(f, "format") == FORMAT)
-    except (OSError, RuntimeError, ValueError, TypeError):
-        return False
+def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str | os.PathLike[str]) -> None:
+    """Raise ResultsError where an output file cannot be written, is an input, or was not made by ancf2d.
+
+    Commands call it before anything that takes long. ``force`` lets them replace files that ancf2d did not make, but
+    none of the ``inputs``. None is no file.
+    """
+    if path is None:
+        return
+    if not os.fspath(path):
+        raise ResultsError("the name of the output file is empty")
+    path = Path(path)
+    check_folder(path)
+    for given in inputs:
+        if os.path.exists(given) and path.exists() and os.path.samefile(given, path):
+            raise ResultsError(f"'{path}' is an input of this command; choose another output file")
+    check_replaceable(path, force)
 
 
 def check_folder(path: Path) -> None:
     """Raise ResultsError where ``path`` cannot be written: no folder, no right, in the way."""
+    try:
+        _check_folder(path)
+    except OSError as error:
+        raise ResultsError(f"cannot write '{path}': {error.strerror or error}") from error
+
+
+def _check_folder(path: Path) -> None:
+    if path.name in ("", ".."):
+        raise ResultsError(f"cannot write '{path}': it is a folder; add the name of a file")
     folder = path.parent
     if not folder.is_dir():
         what = "is not a folder" if folder.exists() else "does not exist"
@@ -49,9 +65,9 @@ def check_folder(path: Path) -> None:
 
 
 def check_replaceable(path: Path, force: bool) -> None:
-    """Raise ResultsError where ``path`` is a file that ancf2d did not write, unless ``force``."""
-    if os.path.lexists(path) and not force and not is_ours(path):
-        raise ResultsError(f"'{path}' exists and is no ancf2d result; choose another output file, "
+    """Raise ResultsError where ``path`` is a file that ancf2d did not make, unless ``force``."""
+    if os.path.lexists(path) and not force and not is_own(path):
+        raise ResultsError(f"'{path}' exists and was not made by ancf2d; choose another output file, "
                            f"or replace it with --force")
 
 

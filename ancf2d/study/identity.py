@@ -26,15 +26,28 @@ def program() -> str:
     return f"{__version__}+{digest.hexdigest()[:LENGTH]}"
 
 
+def start_of(loaded: LoadedCase) -> str | None:
+    """Return the path of the result file whose state a case starts from, None where there is none."""
+    start = "rest" if loaded.case.initial is None else loaded.case.initial.from_
+    return None if start in ("rest", "static") else os.path.join(os.path.dirname(loaded.source.file), start)
+
+
+def inputs_of(loaded: LoadedCase) -> list[str]:
+    """Return the paths of the files that a case is read from: its own, those of elements, the state it starts from."""
+    folder = os.path.dirname(loaded.source.file)
+    definitions = (body.element.definition for body in loaded.case.bodies.values() if body.element is not None)
+    paths = [loaded.source.file, *(os.path.join(folder, file) for file in definitions if file is not None)]
+    start = start_of(loaded)
+    return paths if start is None else [*paths, start]
+
+
 def files_of(loaded: LoadedCase) -> str:
     """Return a digest of what a case takes from other files: definitions of elements, the state it starts from."""
     digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode())
-    start = None if loaded.case.initial is None else loaded.case.initial.from_
-    if start is not None:
-        path = os.path.join(os.path.dirname(loaded.source.file), start)
-        if os.path.isfile(path):
-            with open(path, "rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
+    start = start_of(loaded)
+    if start is not None and os.path.isfile(start):
+        with open(start, "rb") as stream:
+            digest.update(hashlib.file_digest(stream, "sha256").digest())
     return digest.hexdigest()
 
 

@@ -18,6 +18,7 @@ from ..model.build import build_model
 from ..model.model import Model
 from ..solve.fields import FIELDS
 from ..solve.schemes import INTEGRATORS
+from .identity import files_of
 from .record import Progress, Recorder
 
 if TYPE_CHECKING:
@@ -229,7 +230,8 @@ def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
     """Return what every result file says of its case."""
     case = loaded.case
     return {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
-            "overrides": list(loaded.overrides), "title": case.title, "solver": solver_name(case),
+            "case_files": files_of(loaded), "overrides": list(loaded.overrides), "title": case.title,
+            "solver": solver_name(case),
             "units": {"length": case.units.length, "force": case.units.force, "time": case.units.time},
             "command_line": command}
 

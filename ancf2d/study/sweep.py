@@ -274,7 +274,7 @@ def _solve(job: Job) -> dict[str, Any]:
     if not os.path.isdir(os.path.dirname(job.output) or "."):
         raise ResultsError(f"there is no folder '{os.path.dirname(job.output)}' on this worker; several machines need "
                            f"one that they share")
-    options: dict[str, Any] = {"force": job.force, "command": job.command}
+    options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
         summary = solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary
         wanted = summary["accuracy"]["wanted"]
@@ -287,6 +287,17 @@ def _solve(job: Job) -> dict[str, Any]:
             # left by other options or an unreadable file: it is replaced
             pass
     return run_case(loaded, job.output, **options).summary
+
+
+def _left_over(output: str) -> bool:
+    """Return whether a file under the name of a result, which no one else gives, is one or the beginning of one."""
+    from ..results.safe import SIGNATURE
+
+    try:
+        with open(output, "rb") as stream:
+            return SIGNATURE.startswith(stream.read(len(SIGNATURE)))
+    except OSError:
+        return False
 
 
 def _lost(job: Job) -> dict[str, Any]:

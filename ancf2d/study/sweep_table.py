@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..case.emit import flow
+from ..results.own import SWEEP_COLUMNS
 from ..results.replace import replacing
 from .sweep import Sweep
 
@@ -35,15 +36,16 @@ def short_names(paths: Sequence[str]) -> list[str]:
     return out
 
 
-def write_csv(sweep: Sweep, path: str | os.PathLike[str]) -> None:
+def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False) -> None:
     """Write the finished rows: full paths of the varied values, then what was computed, at full precision.
 
-    Raises ResultsError.
+    Raises ResultsError where the file cannot be written, or was not made by ancf2d, unless ``force``.
     """
     paths, names = [axis.path for axis in sweep.axes], value_names(sweep)
-    with replacing(path) as private, private.open("w", newline="", encoding="utf-8") as stream:
+    text = {"newline": "", "encoding": "utf-8", "errors": "backslashreplace"}
+    with replacing(path, force) as private, private.open("w", **text) as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*paths, "status", *names, "elements", "dofs", "wall_s", "estimate", "output", "reason"])
+        writer.writerow([*paths, "status", *names, *SWEEP_COLUMNS])
         for row in sweep.finished:
             writer.writerow([*(shown(row.set[p]) for p in paths), row.status, *(row.values.get(n) for n in names),
                              row.elements, row.dofs, row.wall_s, row.estimate, row.output, row.reason])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from importlib.resources import files
 
 from ancf2d.results import Results
+from ancf2d.results.own import MARK
 from ancf2d.view.scene import BUDGET, LARGEST_CODE, scene
 
 
@@ -32,12 +34,9 @@ def make_page(results: Results, budget: int = BUDGET) -> Page:
     # a title with a tag in it is no tag
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     script = _part("scene.js") + _part("controls.js")
-    parts = {"TITLE": _escaped(data["title"]), "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
-    html = _part("page.html")
-    for name, content in parts.items():
-        head, mark, tail = html.partition("{{" + name + "}}")
-        assert mark, f"the page has no place for {name}"
-        html = head + content + tail
+    parts = {"TITLE": _escaped(data["title"]), "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
+    # all at once: what is put in may look like a place itself
+    html = re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _part("page.html"))
     shown, what = len(data["t"]), "modes" if data["kind"] == "modes" else "states"
     some = f"{shown} of {data['stored']} {what}" if shown < data["stored"] else f"all {shown} {what}"
     return Page(html, f"{some}, displacements to 1/{LARGEST_CODE} of the largest")

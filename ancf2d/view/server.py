@@ -8,16 +8,19 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ancf2d.errors import ResultsError
 
 ADDRESS = "127.0.0.1"
+NAMES = (ADDRESS, "localhost")
 
 
 class _Handler(BaseHTTPRequestHandler):
     page = b""
 
     def do_GET(self) -> None:
-        """Answer with the page at the root, with nothing elsewhere."""
-        found = self.path.split("?")[0] == "/"
+        """Answer with the page at the root of this machine's own names, with nothing elsewhere."""
+        # a page of another host, whose name was made to lead here, may not read this one
+        host = self.headers.get("Host", "").partition(":")[0].lower()
+        found = self.path.split("?")[0] == "/" and host in NAMES
         body = self.page if found else b"not here"
-        self.send_response(200 if found else 404)
+        self.send_response(200 if found else 404 if host in NAMES else 421)
         self.send_header("Content-Type", "text/html; charset=utf-8" if found else "text/plain")
         self.send_header("Content-Length", str(len(body)))
         self.send_header("Cache-Control", "no-store")

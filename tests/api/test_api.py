@@ -165,7 +165,7 @@ def test_a_file_is_written_where_it_is_asked_for(tmp_path: Path, solution: ancf2
 def test_the_case_itself_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "beam.yaml"
     file.write_text(TEXT)
-    with pytest.raises(ancf2d.CaseError, match="the case itself"):
+    with pytest.raises(ancf2d.ResultsError, match="an input of this command"):
         ancf2d.solve(file, output=file, force=True)
     assert file.read_text() == TEXT
 

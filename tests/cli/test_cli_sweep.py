@@ -66,7 +66,7 @@ def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: 
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (("--csv", "beam.yaml"), "is the case itself"), (("--csv", "nowhere/t.csv"), "does not exist"),
+    (("--csv", "beam.yaml"), "is an input of this command"), (("--csv", "nowhere/t.csv"), "does not exist"),
     (("--scheduler", "here"), "no address of a scheduler"),
     (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "2"), "--jobs is for processes of this machine")],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")

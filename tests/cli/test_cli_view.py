@@ -47,7 +47,7 @@ def test_a_page_is_served_and_the_browser_opened_unless_told_not_to(solved: Call
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (["beam.h5", "--save", "beam.h5"], "is the result file itself"),
+    (["beam.h5", "--save", "beam.h5"], "is an input of this command"),
     (["beam.yaml"], "is no HDF5 file"),
     (["none.h5"], "there is no result file 'none.h5'"),
     (["beam.h5", "--save", "none/page.html"], "cannot write 'none/page.html'"),
@@ -73,7 +73,7 @@ def test_fields_and_animations_of_a_solved_case(solved: Call, folder: Path) -> N
     (["section_forces", "--quantity", "N"], "does not hold N"),
     (["history", "--animate", "a.gif"], "history stands still"),
     (["--animate", "a.png"], "animations are .gif or .mp4 files"),
-    (["--animate", "beam.h5"], "is the result file itself"),
+    (["--animate", "beam.h5"], "is an input of this command"),
     (["snapshots", "--at", "0,7"], "holds states from 0 to 1, none at 7"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
 def test_what_cannot_be_drawn_is_said(solved: Call, folder: Path, arguments: list[str], said: str) -> None:

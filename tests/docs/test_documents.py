@@ -121,6 +121,11 @@ def test_generated_tables_are_compared_but_for_round_off(monkeypatch: pytest.Mon
     row = "| tip y | -0.300792 | -0.3014365 | 6.4e-04 | ok |"
     assert same(f"a\n{row}", "a\n| tip y | -0.300792 | -0.3014359 | 6.4e-04 | ok |")
     assert same("| x | 61.1417137 | 61.14171 | 2.1e-06 |", "| x | 61.1417137 | 61.14171 | 2.2e-06 |")
+    assert same("| gap | 3.2e-06 | 5 |", "| gap | 3.3e-06 | 5 |")
+    assert same("| gap | 0.5 | round-off | ok |", "| gap | 0.5 | 1.4e-09 | ok |")
+    for other in ("| gap | 3.4e-06 |", "| gap | 3.3e-05 |", "| gap | 3e-06 |", "| gap | round-off |"):
+        assert not same("| gap | 3.2e-06 |", other), other
+    assert not same("| mesh | 8 |", "| mesh | 9 |")
     changed = [row.replace("-0.3014365", "-0.3015"), row.replace("ok", "off"), row.replace(" | ok", ""), f"{row}\na"]
     assert not any(same(row, other) for other in changed)
     assert not same("1.0000001", "1.0000002")

@@ -89,12 +89,12 @@ def coordinates(kind: str, x: np.ndarray, curvature: float) -> np.ndarray:
 
 def bent_beam(path: Path, kind: str = "tangent", *, ne: int = 4, length: float = 2.0,
               height: float = 0.1, angle: float = 1.0, steps: int = 5,
-              header: dict[str, object] | None = None, finish: bool = True) -> Path:
+              header: dict[str, object] | None = None, finish: bool = True, force: bool = False) -> Path:
     """Write a cantilever bent by ``angle`` in ``steps`` steps into a circle; return its path."""
     x = np.linspace(0, length, ne + 1)
     e0 = coordinates(kind, x, 0.0)
     body = BODIES[kind]("beam", ne, length, height)
-    with ResultWriter(path, {**HEADER, **(header or {})}, [body], e0) as w:
+    with ResultWriter(path, {**HEADER, **(header or {})}, [body], e0, force=force) as w:
         for step in range(steps + 1):
             factor = step / steps
             k = factor * angle / length

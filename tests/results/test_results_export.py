@@ -54,7 +54,7 @@ def test_a_file_is_replaced_by_force_only_and_by_a_complete_one_only(tmp_path: P
                                                                      suffix: str) -> None:
     source, path = bent_beam(tmp_path / "a.h5"), tmp_path / f"b{suffix}"
     path.write_text("mine")
-    with pytest.raises(ResultsError, match="exists; choose another name, or replace it with --force"):
+    with pytest.raises(ResultsError, match="was not made by ancf2d; .* replace it with --force"):
         export(source, path)
 
     def cut_off(self: object, results: object, file: Path, done: object) -> None:
@@ -77,7 +77,7 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match=r"the folder '.*none' does not exist"):
         export(source, tmp_path / "none" / "a.csv")
     source.rename(tmp_path / "a.json")
-    with pytest.raises(ResultsError, match="is the result file itself"):
+    with pytest.raises(ResultsError, match="is an input of this command"):
         export(tmp_path / "a.json", tmp_path / "a.json", force=True)
     table = tmp_path / "t.h5"
     with ResultWriter(table, HEADER, [], np.zeros(0)) as w:

@@ -273,7 +273,7 @@ def _umask() -> int:
 def test_a_foreign_file_is_replaced_only_by_force(tmp_path: Path) -> None:
     path = tmp_path / "thesis.h5"
     path.write_text("years of work")
-    with pytest.raises(ResultsError, match=r"no ancf2d result.*--force"):
+    with pytest.raises(ResultsError, match=r"not made by ancf2d.*--force"):
         start(path)
     assert path.read_text() == "years of work"
     with start(path, force=True) as w:
@@ -353,7 +353,7 @@ def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
 
 def test_a_foreign_part_file_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "a.h5.part").write_text("a download")
-    with pytest.raises(ResultsError, match=r"a\.h5\.part' exists and is no ancf2d result"):
+    with pytest.raises(ResultsError, match=r"a\.h5\.part' exists and was not made by ancf2d"):
         start(tmp_path / "a.h5")
     assert (tmp_path / "a.h5.part").read_text() == "a download"
 

@@ -164,6 +164,31 @@ def test_a_changed_case_is_refused_and_the_states_stay(monkeypatch: pytest.Monke
         assert r.nt == 9
 
 
+ELEMENT = "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, " \
+          "{at: 1, coordinates: [r, r_x]}]\n"
+HELD = {"element.yaml": ("element: {type: cable, count: 2}", "element: {definition: element.yaml, count: 2}"),
+        "start.h5": ("output:", "initial: {from: start.h5}\noutput:")}
+
+
+@pytest.mark.parametrize("file", HELD)
+def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
+                                                         tmp_path: Path, file: str) -> None:
+    """States before and after would be those of two models."""
+    run(monkeypatch, loaded, "start.h5")
+    (tmp_path / "element.yaml").write_text(ELEMENT)
+
+    def other() -> LoadedCase:
+        return load_case_text(CASE.replace(*HELD[file]), vocabulary=vocabulary())
+    run(monkeypatch, other(), "a.h5", 9)
+    run(monkeypatch, other(), "a.h5", 12, resume=True)
+    before = (tmp_path / file).read_bytes()
+    (tmp_path / file).write_bytes(before + (b"quadrature: [6, 1]\n" if file == "element.yaml" else b"\0"))
+    with pytest.raises(ResultsError, match="a file that the case reads has changed since"):
+        run(monkeypatch, other(), "a.h5", resume=True)
+    (tmp_path / file).write_bytes(before)
+    assert run(monkeypatch, other(), "a.h5", resume=True)[0]["t"] == 3.0
+
+
 def test_a_failed_run_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
     class GaveUpError(ComputationError):
         def __init__(self) -> None:

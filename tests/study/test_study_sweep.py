@@ -208,7 +208,12 @@ def test_a_file_that_is_not_what_its_name_says_is_replaced(monkeypatch: pytest.M
     Path(one.output).write_bytes(Path(two.output).read_bytes())
     again = swept("bodies.beam.element.count=1").rows[0]
     assert (again.reused, again.elements) == (False, 1)
-    Path(one.output).write_bytes(b"\x89HDF\r\n\x1a\n cut off")
+    whole = Path(one.output).read_bytes()
+    for size in (len(whole) - 100, len(whole) // 2, 100, 8, 0):
+        Path(one.output).write_bytes(whole[:size])
+        row = swept("bodies.beam.element.count=1").rows[0]
+        assert (row.reused, row.status) == (False, "converged")
+    Path(one.output).write_text("mine")
     row = swept("bodies.beam.element.count=1").rows[0]
     # what ancf2d did not write is replaced by force only
     assert (row.status, "--force" in row.reason) == ("failed", True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import http.client
 import json
 import re
 import shutil
@@ -109,6 +110,15 @@ def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path
     assert "{{" not in html.split('id="data"')[0]
 
 
+@pytest.mark.parametrize("title", ["{{DATA}}", "{{SCRIPT}}", "{{TITLE}} {{STYLE}} \\1"])
+def test_a_title_that_looks_like_a_place_of_the_page_is_shown_as_it_is(tmp_path: Path, title: str) -> None:
+    with open_results(bent_beam(tmp_path / "a.h5", header={"title": title})) as results:
+        html = make_page(results).html
+    assert f"<title>{title}</title>" in html
+    assert embedded(html)["title"] == title
+    assert html.count("</script>") == 2
+
+
 def long_run(path: Path, states: int, ne: int) -> Path:
     x = np.linspace(0, 2, ne + 1)
     e0 = coordinates("tangent", x, 0.0)
@@ -155,6 +165,15 @@ def test_the_page_is_served_on_this_machine_alone(monkeypatch: pytest.MonkeyPatc
             urllib.request.urlopen(addresses[0] + "other", timeout=5)
         caught.value.close()
         assert servers[0].server_address[0] == "127.0.0.1"
+        port = servers[0].server_port
+        for host, status in ((f"localhost:{port}", 200), ("localhost", 200), (f"LOCALHOST:{port}", 200),
+                             (f"127.0.0.1:{port}", 200), (f"evil.example:{port}", 421), ("", 421), ("[", 421),
+                             (f"127.0.0.1.evil.example:{port}", 421), (f"evil.example@127.0.0.1:{port}", 421)):
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+            connection.request("GET", "/", headers={"Host": host})
+            answer = connection.getresponse()
+            assert (answer.status, b"<p>" in answer.read()) == (status, status == 200), host
+            connection.close()
         with pytest.raises(ResultsError, match=r"cannot serve on port \d+.*--port"):
             serve("", servers[0].server_port, print)
     finally:

@@ -11,7 +11,7 @@ from pathlib import Path
 from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results, open_results
 from ancf2d.results.replace import replacing
-from ancf2d.results.target import check_folder
+from ancf2d.results.target import check_output
 
 Done = Callable[[float], None]
 
@@ -51,16 +51,10 @@ def export(source: str | os.PathLike[str], path: str | os.PathLike[str], force: 
     """Write a result file in the format that ``path`` names; return that format.
 
     The file appears when it is complete. Raises ResultsError for an unknown suffix, for a file that holds nothing of
-    the kind, and where ``path`` exists, unless ``force``.
+    the kind, and where ``path`` was not made by ancf2d, unless ``force``.
     """
-    path = Path(path)
     chosen = format_of(path)
-    check_folder(path)
-    with open_results(source) as results:
-        if path.exists() and os.path.samefile(path, source):
-            raise ResultsError(f"'{path}' is the result file itself; choose another name")
-        if os.path.lexists(path) and not force:
-            raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
-        with replacing(path) as private:
-            chosen.write(results, private, done)
+    check_output(path, force, source)
+    with open_results(source) as results, replacing(path, force) as private:
+        chosen.write(results, private, done)
     return chosen

@@ -9,6 +9,7 @@ from ancf2d.plain import json_text
 from ancf2d.results.export import Done
 from ancf2d.results.export.probes import time_name
 from ancf2d.results.info import describe
+from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
 
 MOST = 10_000  # values of a series
@@ -24,7 +25,7 @@ def write(results: Results, path: Path, done: Done) -> None:
         left_out.append(name)
         return {}
 
-    found = describe(results.path)
+    found = {"made_by": MARK, **describe(results.path)}
     when = time_name(results)
     found.update(
         states=short("states", {when: results.t}),

@@ -25,6 +25,7 @@ from ancf2d.results import safe
 from ancf2d.results.export import Done
 from ancf2d.results.geometry import body_faces, body_rates
 from ancf2d.results.journal import JournaledFile
+from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
 from ancf2d.results.records import BodyRecord, FieldRecord
 
@@ -143,6 +144,7 @@ def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done
     """Write the grid to an empty file. Raises OSError where the disk takes no more."""
     with h5py.File(stream, "w", rdcc_nbytes=CACHE) as file:
         # outside of the grid: readers of the format differ in the texts that they can read, and some crash
+        file.attrs["made_by"] = np.bytes_(MARK)
         file.attrs["bodies"] = [part.body.name for part in parts]
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0], np.int64)

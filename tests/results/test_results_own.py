@@ -1,0 +1,103 @@
+"""What ancf2d has made itself it replaces; whatever else is there stays, unless it is told to replace it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from synthetic import bent_beam
+
+from ancf2d.errors import ResultsError
+from ancf2d.plot import animate, data_csv, draw, save
+from ancf2d.results import check_output, open_results
+from ancf2d.results.export import export
+from ancf2d.results.own import is_own
+
+MEASURED = """\
+t,tip.uy
+0,0.0
+0.1,-0.021
+"""
+CASE = "# drawn by ancf2d-output\nformat: 1\nbodies: {}\n"
+
+
+def figure(folder: Path, path: Path, force: bool) -> None:
+    with open_results(folder / "a.h5") as results:
+        save(draw(results), path, force=force)
+
+
+def moving(folder: Path, path: Path, force: bool) -> None:
+    with open_results(folder / "a.h5") as results:
+        animate(results, path, length=2, force=force)
+
+
+def data(folder: Path, path: Path, force: bool) -> None:
+    kind = path.stem.partition("-")[2]
+    with open_results(folder / "a.h5") as results:
+        data_csv(results, path, kind, force=force)
+
+
+def exported(folder: Path, path: Path, force: bool) -> None:
+    export(folder / "a.h5", path, force)
+
+
+def result(folder: Path, path: Path, force: bool) -> None:
+    bent_beam(path, force=force)
+
+
+Make = Callable[[Path, Path, bool], None]
+MADE: dict[str, Make] = {
+    **dict.fromkeys(("f.png", "f.svg", "f.pdf", "f.eps", "f.jpg", "f.tif", "f.webp"), figure), "m.gif": moving,
+    **dict.fromkeys(("d-shape.csv", "d-load_deflection.csv", "d-snapshots.csv"), data),
+    **dict.fromkeys(("e.csv", "e.json", "e.vtkhdf"), exported), "r.h5": result}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_file_of_its_own_is_replaced_and_no_other(tmp_path: Path, name: str) -> None:
+    bent_beam(tmp_path / "a.h5")
+    path = tmp_path / name
+    MADE[name](tmp_path, path, False)
+    assert is_own(path)
+    MADE[name](tmp_path, path, False)
+    for text in (CASE, MEASURED, "{}", "mine", ""):
+        path.write_text(text)
+        with pytest.raises(ResultsError, match="was not made by ancf2d"):
+            MADE[name](tmp_path, path, False)
+        assert path.read_text() == text
+    MADE[name](tmp_path, path, True)
+    assert is_own(path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", name]
+
+
+def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    for header, own in (("t,tip.x,tip.y,tip.ux,tip.uy,tip.theta,tip.vx,tip.vy", True), ("t,tip.uy", False),
+                        ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False), ("t", False), ("x,y", False), ("curve", False),
+                        ("curve,displacement [m],load factor", True), ("EI,status,elements", False),
+                        ("EI,status,tip uy,elements,dofs,wall_s,estimate,output,reason", True)):
+        path.write_text(f"{header}\n")
+        assert is_own(path) is own, header
+
+
+def test_a_result_that_is_cut_off_is_still_its_own(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:len(whole) // 2])
+    assert bent_beam(path).read_bytes()[:4] == whole[:4]
+    with open_results(path) as found:
+        assert found.status == "converged"
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("", "is empty"), (".", "is a folder"), ("/", "is a folder"), ("..", "is a folder"), ("folder", "in the way"),
+    ("folder/..", "is a folder"), ("none/a", "does not exist"), ("a.h5/b", "is not a folder"), ("x" * 300, "too long"),
+    ("/dev/null", "is a device"), ("a.h5", "is an input")])
+@pytest.mark.parametrize("force", [False, True])
+def test_odd_names_of_output_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str,
+                                               force: bool) -> None:
+    monkeypatch.chdir(tmp_path)
+    bent_beam(tmp_path / "a.h5")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(ResultsError, match=said):
+        check_output(name, force, "a.h5")
