@@ -178,7 +178,7 @@ def _same_line(old: str, new: str) -> bool:
 
 
 def _last_digit(number: str) -> float:
-    """Return what one in the last digit of a number such as 3.2e-06 is: deviations are known no better; 0 for others."""
+    """Return what one in the last digit of a deviation such as 3.2e-06 is, which is known no better; 0 for others."""
     digits, mark, power = number.partition("e")
     # a little more, for the decimal digits are no binary ones
     return 1.01 * 10.0 ** (int(power) - len(digits.partition(".")[2])) if mark else 0.0

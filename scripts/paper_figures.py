@@ -78,7 +78,7 @@ class Workshop:
 
     def save(self, picture: Picture, name: str) -> Path:
         """Write a picture and return its file."""
-        return save(rendered(picture), self.folder / f"{name}.{self.suffix}")
+        return save(rendered(picture), self.folder / f"{name}.{self.suffix}", force=True)
 
 
 def length(meters: float) -> str:

@@ -163,7 +163,7 @@ def picture(study: Study, subject: Subject, name: str, folder: Path) -> None:
     """Draw a study into docs/images."""
     write_tradeoff(study, load(str(ROOT / subject.case), subject.overrides), str(folder / f"{name}.h5"))
     with Results(folder / f"{name}.h5") as results:
-        save(draw(results, title=subject.title), folder / f"{name}.png")
+        save(draw(results, title=subject.title), folder / f"{name}.png", force=True)
     shrunk(folder / f"{name}.png", IMAGES / f"tradeoff_{name}.png")
 
 

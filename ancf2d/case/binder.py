@@ -58,6 +58,7 @@ class Binder:
         self.problems = problems if problems is not None else []
         self.labels = SI
         self.unreported = 0
+        self.refused: list[Path] = []
 
     def unit(self, unit: str) -> str:
         """Return the label of an SI unit in the units of this case."""
@@ -72,6 +73,16 @@ class Binder:
             self.problems.append(mark.problem(message, path, expected, near))
         return INVALID
 
+    def refuse(self, path: Path) -> Any:
+        """Return INVALID for a value whose problem was reported before it was read."""
+        self.refused.append(path)
+        return INVALID
+
+    @property
+    def invalid(self) -> int:
+        """How many values were found to be invalid so far: a record is checked as a whole where none of its own is."""
+        return len(self.problems) + self.unreported + len(self.refused)
+
     @property
     def full(self) -> bool:
         """Whether further problems are counted only, so that their words need not be found."""
@@ -84,7 +95,7 @@ class Binder:
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
         """Report that a value is not what is wanted; return INVALID."""
         if isinstance(node, Broken):
-            return INVALID
+            return self.refuse(path)
         if self.full:
             return self.fail(node.mark, path, "")
         what = "has no value" if node.shape == "null" else None

@@ -31,6 +31,10 @@ _CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a bucklin
            "limit_point": "a limit point"}
 _WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
          "reactions": ("boundary condition named", "boundary conditions with a name")}
+# times are squared, and divided by
+TIMES = (1e-100, 1e100)
+# states whose times can be held in memory
+MOST_STATES = 1e8
 
 
 def check_case(case: Case, source: Source, binder: Binder) -> None:
@@ -44,6 +48,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.sections()
         checker.goals()
         checker.masses()
+        checker.times()
         checker.aims()
 
 
@@ -53,8 +58,8 @@ class _Checker:
     def __init__(self, case: Case, source: Source, binder: Binder) -> None:
         self.case, self.source, self.binder = case, source, binder
         self.solver = "" if case.solver is INVALID else type(case.solver).tag
-        self.failed = {problem.path[:i] for problem in binder.problems
-                       for i in range(1, len(problem.path) + 1)}
+        paths = [*(problem.path for problem in binder.problems), *binder.refused]
+        self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
 
     def fail(self, path: Path, message: str, expected: str = "", near: str = "",
@@ -217,6 +222,22 @@ class _Checker:
             self.fail((*path, "material"), f"{dotted(path)}.material.rho is missing: density, "
                       f"needed because {why}",
                       f"a number > 0 {self.binder.unit('kg/m^3')}")
+
+    def times(self) -> None:
+        """Check that a motion's times can be computed with, and that it has not more states than anybody can store."""
+        solver: Any = self.case.solver
+        if self.solver != "dynamic":
+            return
+        interval = None if self.case.output is INVALID else self.case.output.interval
+        times = {("solver", "t_end"): (solver.t_end, 1.0), ("output", "interval"): (interval, MOST_STATES)}
+        for path, (time, most) in times.items():
+            if time in (None, INVALID) or self.failed & {path, ("solver", "t_end")}:
+                continue
+            least = max(TIMES[0], solver.t_end / most) if solver.t_end <= TIMES[1] else TIMES[0]
+            if time < least or time > TIMES[1]:
+                size = "small" if time < least else "large"
+                self.fail(path, f"{dotted(path)} is too {size}: {time:g}",
+                          f"from {least:.3g} to {TIMES[1]:g} {self.binder.unit('s')}")
 
     def aims(self) -> None:
         """Check what the solver needs of the rest: something to be accurate about."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from .binder import INVALID, Binder, Path, dotted, listed
+from .binder import Binder, Path, dotted, listed
 from .kinds import Book, JsonSchema, Kind
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
@@ -112,7 +112,7 @@ class OneOf(Kind):
         if entry is None:
             return self.untyped(node, path, binder)
         if isinstance(entry.node, Broken):
-            return INVALID
+            return binder.refuse(path)
         tag = entry.node.text if isinstance(entry.node, Scalar) else ""
         if tag not in self.options:
             shown = quoted(tag) if tag else entry.node.shown()
@@ -127,7 +127,7 @@ class OneOf(Kind):
         if near:
             return binder.fail(node.entries[near].mark, (*path, near), f"unknown key "
                                f"{quoted(near)} in {dotted(path)}", near="type")
-        return INVALID if node.partial else binder.fail(
+        return binder.refuse(path) if node.partial else binder.fail(
             node.mark, path, f"{dotted(path)}.type is missing", listed(self.options))
 
     def schema(self, book: Book) -> JsonSchema:
@@ -181,24 +181,24 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
 
     ``others`` are the records that the mapping could have been, by what they are called.
     """
-    before = len(binder.problems) + binder.unreported
+    before = binder.invalid
     keys = keys_of(cls)
     misspelt = unknown_keys(cls, node, path, binder, others or {})
     values = {}
     for name, k in keys.items():
         entry = node.entries.get(name)
         if entry is not None:
-            values[k.field] = (INVALID if isinstance(entry.node, Broken)
+            values[k.field] = (binder.refuse((*path, name)) if isinstance(entry.node, Broken)
                                else k.kind.bind(entry.node, (*path, name), binder))
         elif k.required:
-            values[k.field] = INVALID
+            values[k.field] = binder.refuse((*path, name))
             if name not in misspelt and not node.partial:
                 binder.fail(node.mark, (*path, name),
                             f"{dotted((*path, name))} is missing: {lower_first(k.doc)}",
                             k.kind.words(binder))
     record = cls(**values)
     check = getattr(record, "check", None)
-    if check is not None and before == len(binder.problems) + binder.unreported:
+    if check is not None and before == binder.invalid:
         for issue in check():
             mark = mark_below(node, issue.key, path)
             binder.fail(mark, (*path, *issue.key), issue.message.replace("{}", dotted(path)),

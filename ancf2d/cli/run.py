@@ -107,14 +107,14 @@ def _checked(summary: dict[str, Any], check: bool) -> int:
     return 0
 
 
-def compiling(session: Session) -> Callable[[], None]:
-    """Return what tells, once, that the first run on a machine takes longer."""
-    told: list[bool] = []
+def compiling(session: Session) -> Callable[[str], None]:
+    """Return what tells, once, that a run takes longer as kernels are compiled first."""
+    told: set[str] = set()
 
-    def tell() -> None:
-        if not told:
-            told.append(True)
-            session.note("compiling kernels for this machine (first run of this kind only) ...")
+    def tell(text: str) -> None:
+        if text not in told:
+            told.add(text)
+            session.note(text)
     return tell
 
 

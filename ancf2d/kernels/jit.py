@@ -1,73 +1,68 @@
-"""How kernels are compiled: one preset, and a cache that can never serve stale machine code."""
+"""How kernels are compiled: one preset, and a cache that can never serve stale or damaged machine code."""
 
 from __future__ import annotations
 
 import hashlib
+import io
 import os
-import time
-from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numba
 from numba import types
 from numba.core import config
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.runtime import rtsys
 
+from .cache import cache_folder, is_private
 from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler, OwnCompiler
 
-_PACKAGE = Path(__file__).resolve().parent.parent
-_KEEP_SECONDS = 30 * 24 * 3600
+# where compiled kernels are kept; None, and why, where they cannot be
+CACHE, REFUSED = cache_folder()
+if CACHE is not None:
+    config.CACHE_DIR = str(CACHE)
+_CHECKSUM = struct.Struct("<I")
 
 
-def _source_hash() -> str:
-    """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for room in ("kernels", "elements"):
-        for path in sorted((_PACKAGE / room).rglob("*.py")):
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
+class CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of one kernel, each with a checksum at its end, which unpickling does not look at."""
+
+    def _load_index(self) -> Any:
+        with suppress(FileNotFoundError):
+            _check(self._index_path)
+        return super()._load_index()
+
+    def _load_data(self, name: str) -> Any:
+        _check(self._data_path(name))
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        with super()._open_for_write(filepath) as stream, io.BytesIO() as content:
+            yield content
+            os.chmod(stream.fileno(), 0o600)
+            stream.write(content.getvalue() + _CHECKSUM.pack(zlib.crc32(content.getvalue())))
 
 
-def _cache_root() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(base) / "ancf2d"
-
-
-def _prepare_cache() -> Path | None:
-    """Point numba's cache to a folder named by the sources' hash; drop folders unused for 30 days.
-
-    Returns the folder, or None where the user chose one (NUMBA_CACHE_DIR) or none can be written.
-    """
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return None
-    root = _cache_root()
-    folder = root / _source_hash()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        os.utime(folder)
-        for other in root.iterdir():
-            if other != folder and other.is_dir() and time.time() - other.stat().st_mtime > _KEEP_SECONDS:
-                _drop(other)
-    except OSError:
-        return None
-    config.CACHE_DIR = str(folder)
-    return folder
-
-
-def _drop(folder: Path) -> None:
-    import shutil
-
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-CACHE = _prepare_cache()
+def _check(path: str) -> None:
+    """Raise ValueError for a file of the cache that is damaged, or that others may write: what is in it is run."""
+    with open(path, "rb") as stream:
+        data = stream.read()
+        private = is_private(os.fstat(stream.fileno()))
+    if not private or data[-_CHECKSUM.size:] != _CHECKSUM.pack(zlib.crc32(data[:-_CHECKSUM.size])):
+        raise ValueError(f"{path} is damaged")
 
 
 class KernelCache(FunctionCache):
     """Compiled kernels between processes, which may be lost or damaged at any time."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = CheckedFile(locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return a kernel from the cache, or None.
@@ -93,7 +88,7 @@ class KernelCache(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel where there is room; else it is compiled for this process alone."""
-        with suppress(OSError):
+        with suppress(OSError, ValueError):
             super().save_overload(sig, data)
 
 
@@ -112,8 +107,9 @@ _MEMORY: dict[str, Any] = {"_nrt": True}
 
 def _compiled(function: Callable[..., Any], cache: type[KernelCache] = KernelCache, **options: Any) -> Any:
     compiled = numba.njit(**_PRESET, **options)(function)
-    with suppress(RuntimeError):  # where no folder can be written, each process compiles for itself
-        compiled._cache = cache(function)
+    if CACHE is not None:  # else each process compiles for itself
+        with suppress(RuntimeError):
+            compiled._cache = cache(function)
     template = compiled.get_call_template
 
     def for_any_value(args: Any, kws: Any) -> Any:

@@ -25,7 +25,7 @@ class _Gif(PillowWriter):
 
     def finish(self) -> None:
         """Write all frames."""
-        first, *others = self._frames
+        first, *others = self._frames  # type: ignore[attr-defined]
         first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0,
                    comment=MARK)
 

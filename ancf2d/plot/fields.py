@@ -161,8 +161,8 @@ class Fields:
         axes.margins(0)
         axes.autoscale_view()
         axes.set_aspect("equal", adjustable="datalim")
-        axes.set_xlabel(style.label("x", self.units))
-        axes.set_ylabel(style.label("y", self.units))
+        style.verbatim(axes.set_xlabel(style.label("x", self.units)))
+        style.verbatim(axes.set_ylabel(style.label("y", self.units)))
 
     def _strip(self, axes: Axes, surface: Surface, last: bool) -> None:
         axes.margins(0)
@@ -171,7 +171,7 @@ class Fields:
         name = f"{surface.name}: y" if len(self.surfaces) > 1 else "y, across"
         style.verbatim(axes.set_ylabel(style.label(name, self.units)))
         if last:
-            axes.set_xlabel(style.label("arc length", self.units))
+            style.verbatim(axes.set_xlabel(style.label("arc length", self.units)))
 
     def header(self) -> list[str]:
         unit = f" [{self.units}]"

@@ -85,8 +85,8 @@ class Shape:
         axes.margins(0)
         axes.autoscale_view()
         axes.set_aspect("equal", adjustable="datalim")
-        axes.set_xlabel(style.label("x", self.units))
-        axes.set_ylabel(style.label("y", self.units))
+        style.verbatim(axes.set_xlabel(style.label("x", self.units)))
+        style.verbatim(axes.set_ylabel(style.label("y", self.units)))
         style.title(figure, self.title, self.note)
         style.legend(figure, list(handles.values()), list(handles))
 

@@ -54,8 +54,12 @@ class Results:
             raise ValueError("the nodal coordinates are missing")
         self.nq: int = self._reference.shape[0]
         self._states = safe.child(self._file, "states", h5py.Group)
-        if self.nt and self._states is None:
-            raise ValueError("the states are missing")
+        if self.nt:
+            times = None if self._states is None else safe.child(self._states, "t", h5py.Dataset)
+            if times is None:
+                raise ValueError("the states are missing")
+            if times.ndim != 1 or len(times) < self.nt:
+                raise ValueError(f"it has {len(times)} states where {self.nt} were stored")
 
     # ------------------------------------------------------------------ about the run
 

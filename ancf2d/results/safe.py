@@ -20,6 +20,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
 MAX_TEXT = 64 << 20
 MAX_CHUNK = 64 << 20
+LARGEST_NUMBER = 8  # bytes: what is longer cannot become a Python number
 DEFLATE_RATIO = 1032  # gzip cannot do better, so more than this times the stored bytes is a lie
 
 
@@ -93,6 +94,8 @@ def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -
     kind = node.attrs.get_id(name).dtype
     if kind.kind not in "biufS" and h5py.check_string_dtype(kind) is None:
         return default
+    if kind.kind == "f" and kind.itemsize > LARGEST_NUMBER:
+        return default
     value = node.attrs[name]
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
@@ -144,7 +147,8 @@ def _check_storage(dataset: h5py.Dataset) -> None:
     name = dataset.name
     if dataset.is_virtual or dataset.external:
         raise ValueError(f"{name} keeps its data in another file")
-    if dataset.compression not in (None, "gzip") or dataset.dtype.kind not in "iufS":
+    long = dataset.dtype.kind == "f" and dataset.dtype.itemsize > LARGEST_NUMBER
+    if dataset.compression not in (None, "gzip") or dataset.dtype.kind not in "iufS" or long:
         raise ValueError(f"{name} has an unknown compression or type")
     if dataset.shape is None:
         raise ValueError(f"{name} is empty")

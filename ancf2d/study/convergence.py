@@ -147,8 +147,8 @@ class Convergence:
 
 def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), meshes: Sequence[int] | None = None,
                 reference: float | None = None, workers: Workers = ALONE,
-                compiling: Callable[[], None] = lambda: None, done: Callable[[float], None] = lambda share: None,
-                steps: Steps | None = None) -> Convergence:
+                compiling: Callable[[str], None] = lambda text: None,
+                done: Callable[[float], None] = lambda share: None, steps: Steps | None = None) -> Convergence:
     """Solve a case on a sequence of meshes, or with a sequence of time steps, and judge the goal's convergence.
 
     ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``steps``
@@ -209,7 +209,7 @@ def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int], workers: 
     return Job(loaded.text, workers.file(loaded.source.file), overrides, variant, sum(counts.values()), key, value)
 
 
-def _warm_up(first: Sequence[Job], compiling: Callable[[], None]) -> None:
+def _warm_up(first: Sequence[Job], compiling: Callable[[str], None]) -> None:
     """Compile once, before several processes would; raise CaseError where no variant can be solved."""
     problems, refused = [], 0
     for job in first:

@@ -20,14 +20,14 @@ class Progress:
     """What a run tells while it goes on.
 
     ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the
-    model before it is solved, ``compiling`` when kernels have to be compiled first.
+    model before it is solved, ``compiling`` with a remark when kernels have to be compiled first.
     """
 
     state: Callable[[State], None] = lambda state: None
     warn: Callable[[str], None] = lambda text: None
     note: Callable[[str], None] = lambda text: None
     built: Callable[[Model], None] = lambda model: None
-    compiling: Callable[[], None] = lambda: None
+    compiling: Callable[[str], None] = lambda text: None
 
 
 class Clock:

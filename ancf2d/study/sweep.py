@@ -147,7 +147,7 @@ def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
     return list(found.values())
 
 
-def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[], None] = lambda: None,
+def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] = lambda text: None,
               done: Callable[[], None] = lambda: None) -> None:
     """Fill in the rows of a sweep: from results that are there, else by running the case.
 
@@ -183,7 +183,7 @@ def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[], None] = la
     run_jobs(solve_job, jobs, workers, _lost, take)
 
 
-def _warm_up(jobs: Sequence[Job], compiling: Callable[[], None]) -> None:
+def _warm_up(jobs: Sequence[Job], compiling: Callable[[str], None]) -> None:
     """Compile in this process what several would wait for; a case that is refused is told by its row."""
     first = {job.kernels: job for job in reversed(jobs)}
     for job in first.values():

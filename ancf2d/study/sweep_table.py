@@ -42,8 +42,8 @@ def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False
     Raises ResultsError where the file cannot be written, or was not made by ancf2d, unless ``force``.
     """
     paths, names = [axis.path for axis in sweep.axes], value_names(sweep)
-    text = {"newline": "", "encoding": "utf-8", "errors": "backslashreplace"}
-    with replacing(path, force) as private, private.open("w", **text) as stream:
+    with (replacing(path, force) as private,
+          private.open("w", newline="", encoding="utf-8", errors="backslashreplace") as stream):
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*paths, "status", *names, *SWEEP_COLUMNS])
         for row in sweep.finished:

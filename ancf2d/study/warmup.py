@@ -7,8 +7,9 @@ import hashlib
 import json
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,26 +29,32 @@ except ImportError:  # no such locks here: processes that compile at the same ti
 
 # reading kernels from the cache takes less than this; more means that some are being compiled
 PATIENCE = 1.5
+# the file in the cache that lists what was compiled, and the bytes at which it begins anew: some thousand names
+NAMES, MOST_NAMES = "compiled", 1 << 16
+# a process that compiles shows every so many seconds that it lives; without a sign for so long, it has stopped
+BEAT, STILL, TICK = 0.5, 5.0, 0.05
 # share of a motion that is gone through to compile its kernels
 MOMENT = 1e-6
 # after how many new objects, and of how many such rounds, garbage is looked for meanwhile
 SELDOM = (100_000, 50, 1000)
 
 
-def warm_up(model: Model, compiling: Callable[[], None] = lambda: None) -> None:
+def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
-    ``compiling`` is called once where that takes long: at once with an empty cache, else after 1.5 s. Of several
-    processes that need the same kernels, one compiles them and the others wait.
+    ``compiling`` is told where that takes long: at once with an empty cache, else after 1.5 s. Of several processes
+    that need the same kernels, one compiles them and the others wait.
     """
-    from ..kernels.jit import CACHE, cache_is_cold
+    from ..kernels.jit import CACHE, REFUSED, cache_is_cold
 
     cold = cache_is_cold()
-    announce = threading.Timer(0.0 if cold else PATIENCE, compiling)
+    what = f"compiling kernels, which cannot be kept for the next run: {REFUSED}" if REFUSED else (
+        "compiling kernels for this machine (first run of this kind only) ...")
+    announce = threading.Timer(0.0 if cold else PATIENCE, compiling, [what])
     announce.daemon = True
     announce.start()
     try:
-        with _alone(CACHE, kernels_of(model.case)), _seldom_collected():
+        with _alone(CACHE, kernels_of(model.case), compiling), _seldom_collected():
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, cold)
             else:
@@ -81,37 +88,74 @@ def _words(data: Any) -> Any:
 
 
 @contextmanager
-def _alone(cache: Path | None, kernels: str) -> Iterator[None]:
+def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
     """Let no other process compile at the same time, unless these kernels were compiled before."""
-    done = None if cache is None else cache / f"{kernels}.compiled"
-    if done is None or done.exists() or fcntl is None:
+    if cache is None or fcntl is None or _is_compiled(cache, kernels):
         yield
         return
-    lock = _locked(done.with_name("lock"))
-    try:
-        if done.exists():
+    with ExitStack() as lock:
+        lock.enter_context(_locked(cache / "lock", tell))
+        if _is_compiled(cache, kernels):
             # another process has compiled them meanwhile; to read them, none has to wait
-            _unlock(lock)
-            lock = None
+            lock.close()
         yield
+        _note_compiled(cache, kernels)
+
+
+def _is_compiled(cache: Path, kernels: str) -> bool:
+    try:
+        return kernels in (cache / NAMES).read_text(encoding="ascii").split()
+    except (OSError, ValueError):
+        return False
+
+
+def _note_compiled(cache: Path, kernels: str) -> None:
+    with suppress(OSError), (cache / NAMES).open("a", encoding="ascii") as stream:
+        if stream.tell() > MOST_NAMES:
+            stream.truncate(0)
+        stream.write(f"{kernels}\n")
+
+
+@contextmanager
+def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
+    """Hold a lock; where it cannot be had, go on without: then the same work is done twice at worst."""
+    descriptor, ended = None, threading.Event()
+    try:
         with suppress(OSError):
-            done.touch()
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+            if _had(descriptor):
+                threading.Thread(target=_show_life, args=(path, ended), daemon=True).start()
+            else:
+                tell("another process that compiles kernels has stopped; going on without waiting for it")
+        yield
     finally:
-        _unlock(lock)
+        ended.set()
+        if descriptor is not None:
+            with suppress(OSError):
+                fcntl.flock(descriptor, fcntl.LOCK_UN)
+            os.close(descriptor)
 
 
-def _locked(path: Path) -> int | None:
-    """Wait for a lock and return it; None where nothing can be locked: then the same work is done twice at worst."""
-    descriptor = None
-    with suppress(OSError):
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-    return descriptor
+def _had(descriptor: int) -> bool:
+    """Wait for a lock; return False where the process that holds it shows no sign of life."""
+    seen, since = 0, time.monotonic()
+    while True:
+        with suppress(BlockingIOError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        # its own clock may be another machine's: whether it moves is what counts
+        sign = os.fstat(descriptor).st_mtime_ns
+        if sign != seen:
+            seen, since = sign, time.monotonic()
+        elif time.monotonic() - since > STILL:
+            return False
+        time.sleep(TICK)
 
 
-def _unlock(descriptor: int | None) -> None:
-    if descriptor is not None:
-        os.close(descriptor)
+def _show_life(path: Path, ended: threading.Event) -> None:
+    while not ended.wait(BEAT):
+        with suppress(OSError):
+            os.utime(path)
 
 
 def _touch(model: Model, cold: bool) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from ancf2d.kernels import cache
 from ancf2d.kernels.arrays import copy_rows
 from ancf2d.kernels.jit import kernel, kernel_with_memory
 
@@ -58,8 +59,9 @@ def test_a_kernel_is_compiled_once(module: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", [lambda b: b"", lambda b: b[:len(b) // 2], lambda b: bytes(len(b))],
-                         ids=["empty", "half", "zeros"])
+@pytest.mark.parametrize("damage", [lambda b: b"", lambda b: b[:len(b) // 2], lambda b: bytes(len(b)),
+                                    lambda b: b[:len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1:]],
+                         ids=["empty", "half", "zeros", "one bit"])
 def test_a_damaged_file_is_compiled_and_written_anew(module: ModuleType, tmp_path: Path, suffix: str,
                                                      damage: Any) -> None:
     assert hits_and_misses(module.filled) == (0, 1)
@@ -67,6 +69,17 @@ def test_a_damaged_file_is_compiled_and_written_anew(module: ModuleType, tmp_pat
     file.write_bytes(damage(file.read_bytes()))
     assert hits_and_misses(anew(module)) == (0, 1)
     assert hits_and_misses(anew(module)) == (1, 0)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of files")
+def test_a_kernel_that_others_could_have_written_is_not_run(module: ModuleType, tmp_path: Path) -> None:
+    assert hits_and_misses(module.filled) == (0, 1)
+    files = [p for p in (tmp_path / "cache").rglob("*") if p.is_file()]
+    assert {p.stat().st_mode & 0o777 for p in files} == {0o600}
+    for file in files:
+        file.chmod(0o622)
+        assert hits_and_misses(anew(module)) == (0, 1)
+        assert hits_and_misses(anew(module)) == (1, 0)
 
 
 def in_a_process(folder: Path, **environment: str) -> list[str]:
@@ -85,17 +98,76 @@ print(*(m for m in {COMPILING!r} if m in sys.modules))
 
 def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
-    cache = str(tmp_path / "cache")
-    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=cache) == list(COMPILING)
-    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=cache) == []
+    chosen = str(tmp_path / "cache")
+    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=chosen) == list(COMPILING)
+    assert in_a_process(tmp_path, NUMBA_CACHE_DIR=chosen) == []
 
 
 def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
-    nowhere = {"NUMBA_CACHE_DIR": str(tmp_path / "one_kernel.py" / "no folder"),
-               "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator"}
+    # numba would keep kernels beside the sources, whose other files may change
+    nowhere = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "one_kernel.py")}
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
     assert in_a_process(tmp_path, **nowhere) == list(COMPILING)
+
+
+@pytest.fixture
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Sources in a folder of their own, and a home that is empty."""
+    for room in ("kernels", "elements"):
+        (tmp_path / "sources" / room).mkdir(parents=True)
+        (tmp_path / "sources" / room / "a.py").write_text("x = 1\n")
+    monkeypatch.setattr(cache, "_PACKAGE", tmp_path / "sources")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("variable", "below"), [("HOME", ".cache"), ("XDG_CACHE_HOME", ""), ("NUMBA_CACHE_DIR", "")])
+@pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py"])
+def test_changed_sources_have_another_folder_wherever_it_is(places: Path, monkeypatch: pytest.MonkeyPatch,
+                                                            variable: str, below: str, changed: str) -> None:
+    monkeypatch.setenv(variable, str(places / "chosen"))
+    before, why = cache.cache_folder()
+    assert (before is not None and before.parent, why) == (places / "chosen" / below / "ancf2d", "")
+    assert cache.cache_folder()[0] == before
+    (places / "sources" / changed).write_text("x = 2\n")
+    after, _ = cache.cache_folder()
+    assert after is not None
+    assert after != before
+    assert {p.stat().st_mode & 0o777 for p in (after, after.parent)} == {0o700}
+
+
+def test_a_folder_that_others_could_write_to_is_dropped(places: Path) -> None:
+    folder, _ = cache.cache_folder()
+    assert folder is not None
+    (folder / "kept.nbi").touch()
+    folder.parent.chmod(0o755)
+    assert cache.cache_folder() == (folder, "")
+    assert (folder / "kept.nbi").exists()
+    folder.chmod(0o770)
+    assert cache.cache_folder() == (folder, "")
+    assert not list(folder.iterdir())
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_of_another_user_is_left_alone(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, _ = cache.cache_folder()
+    assert folder is not None
+    (folder / "planted.nbi").touch()
+    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    found, why = cache.cache_folder()
+    assert found is None
+    assert "belongs to another user" in why
+    assert (folder / "planted.nbi").exists()
+
+
+@pytest.mark.parametrize("home", ["", "/", "relative"])
+def test_nothing_is_kept_without_a_home(places: Path, monkeypatch: pytest.MonkeyPatch, home: str) -> None:
+    monkeypatch.setenv("HOME", home)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert cache.cache_folder() == (None, "there is no home folder")
 
 
 PARTS = """

@@ -52,6 +52,13 @@ def test_glyphs_that_the_font_lacks_are_no_failure(tmp_path: Path) -> None:
     save(draw(open_results(path)), tmp_path / "a.png")
 
 
+@pytest.mark.parametrize("kind", ["shape", "load_deflection", "snapshots", "history"])
+def test_dollar_signs_in_units_and_titles_are_no_formulas(tmp_path: Path, kind: str) -> None:
+    odd = "$\\frac{$"
+    header = {"title": odd, "units": {"length": odd, "force": odd, "time": odd}}
+    save(draw(open_results(bent_beam(tmp_path / "a.h5", header=header)), kind), tmp_path / "a.png")
+
+
 def test_drawing_leaves_the_global_settings_alone(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
     save(draw(open_results(bent_beam(tmp_path / "a.h5"))), tmp_path / "a.png")

@@ -54,7 +54,7 @@ def test_a_file_is_replaced_by_force_only_and_by_a_complete_one_only(tmp_path: P
                                                                      suffix: str) -> None:
     source, path = bent_beam(tmp_path / "a.h5"), tmp_path / f"b{suffix}"
     path.write_text("mine")
-    with pytest.raises(ResultsError, match="was not made by ancf2d; .* replace it with --force"):
+    with pytest.raises(ResultsError, match=r"was not made by ancf2d; .* replace it with --force"):
         export(source, path)
 
     def cut_off(self: object, results: object, file: Path, done: object) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import time
 from pathlib import Path
@@ -158,3 +159,37 @@ def test_encodings(tmp_path: Path, encoding: str, said: str | None) -> None:
     found = problems(tmp_path, json.dumps({"title": "Balken", **BEAM}).encode(encoding))
     assert len(found) == (said is not None)
     assert said is None or said in found[0]
+
+
+ODD_VALUES = {"!eight 8": "the tag '!eight'", "*eight": "the alias *eight", "&a 8": "the anchor &a",
+              "[!x 1, 2]": "the tag '!x'", "{a: *b}": "the alias *b", "{<<: {a: 1}}": "the merge key <<"}
+# much that is checked between values: mass for gravity and motion, goals and what they name, joints and their bodies
+SCENES = [json.dumps({
+    **BEAM, "loads": [{"type": "gravity", "value": [0, -1]}, {"type": "force", "at": "beam@1", "value": [0, 1]}],
+    "solver": solver, "goal": goal, "output": {"probes": {"tip": "beam@1"}}, "accuracy": 1e-3}) for solver, goal in (
+    ({"type": "dynamic", "t_end": 1.0, "dt": 0.1}, {"probe": "tip", "quantity": "uy"}),
+    ({"type": "eigen", "modes": 3}, {"kind": "bending", "number": 4}),
+    ({"type": "static", "method": "arc_length", "until": {"limit_points": 2}}, {"limit_point": 3}))]
+
+
+@pytest.mark.parametrize("odd", ODD_VALUES)
+@pytest.mark.parametrize("scene", SCENES, ids=["motion", "modes", "path"])
+def test_a_value_of_an_unknown_kind_is_reported_wherever_it_stands(tmp_path: Path, scene: str, odd: str) -> None:
+    for place in re.finditer(r'(?<=": )("[^"]*"|[-\d.e]+|\[[^][]*\])', scene):
+        found = problems(tmp_path, scene[:place.start()] + odd + scene[place.end():])
+        assert any(text.startswith(ODD_VALUES[odd]) for text in found), place
+
+
+@pytest.mark.parametrize(("key", "value", "said"), [
+    ("solver.t_end", 5e-324, "solver.t_end is too small"), ("solver.t_end", 1e308, "solver.t_end is too large"),
+    ("solver.dt", 1e-300, "solver.dt is 1e-300"), ("solver.dt", 1e-16, "solver.dt is 1e-16"),
+    ("output.interval", 1e-300, "output.interval is too small"),
+    ("output.interval", 1e-9, "output.interval is too small"),
+    ("output.interval", 1e300, "output.interval is too large")])
+def test_times_that_cannot_be_computed_with(tmp_path: Path, key: str, value: float, said: str) -> None:
+    motion = json.loads(json.dumps({**BEAM, "solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1}, "output": {}}))
+    motion["bodies"]["beam"]["material"]["rho"] = 1.0
+    part, _, name = key.partition(".")
+    motion[part][name] = value
+    found = problems(tmp_path, json.dumps(motion))
+    assert found[0].startswith(said), found

@@ -14,6 +14,7 @@ import pytest
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, describe, open_results
+from ancf2d.results.export import export
 from ancf2d.view import make_page
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
@@ -101,3 +102,33 @@ def test_texts_in_the_place_of_numbers_are_damage(tmp_path: Path, place: str) ->
         file[place] = np.array(["a", "b", "c"], dtype="S1")
     with open_results(tmp_path / "a.h5") as found, pytest.raises(ResultsError, match=r"a\.h5' is damaged"):
         _ = found.probes, found.history, found.energies
+
+
+def test_more_states_than_the_file_holds_are_damage(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["committed"] = np.array([2**62] * 3, np.int64)
+    with pytest.raises(ResultsError, match=r"damaged .*states where \d+ were stored"):
+        open_results(path)
+
+
+@pytest.mark.parametrize("place", ["states/t", "states/d", "mesh/e0", "probes/tip/uy", "history/energy"])
+def test_numbers_too_long_for_python_are_damage(tmp_path: Path, place: str) -> None:
+    """JSON has no such numbers, nor have pages."""
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        values = file[place][()]
+        del file[place]
+        file[place] = values.astype(np.longdouble)
+    if np.dtype(np.longdouble).itemsize == 8:
+        pytest.skip("here they are no longer than others")
+    with pytest.raises(ResultsError, match="unknown compression or type"):
+        export(path, tmp_path / ("a.vtkhdf" if place == "states/d" else "a.json"))
+
+
+def test_attributes_too_long_for_python_are_left_out(tmp_path: Path) -> None:
+    path = bent_beam(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["wall_time_s"] = np.longdouble(1)
+    if np.dtype(np.longdouble).itemsize > 8:
+        assert describe(path)["made"]["wall_time_s"] is None

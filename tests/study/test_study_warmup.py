@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -11,9 +12,11 @@ import pytest
 from jobs import compile_alone
 
 from ancf2d.case import load_case_text
+from ancf2d.kernels import jit
+from ancf2d.study import warmup
 from ancf2d.study.pool import Workers, run_jobs
-from ancf2d.study.run import vocabulary
-from ancf2d.study.warmup import _alone, kernels_of
+from ancf2d.study.run import prepare, vocabulary
+from ancf2d.study.warmup import _alone, _locked, kernels_of
 
 CASE = """\
 title: Cantilever
@@ -72,3 +75,56 @@ def test_a_cache_that_cannot_be_locked_is_used_without(tmp_path: Path) -> None:
     with _alone(tmp_path / "none", "kernels"):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_that_has_stopped_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "STILL", 0.2)
+    lock, told = os.open(tmp_path / "lock", os.O_RDWR | os.O_CREAT), list[str]()
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    with _alone(tmp_path, "kernels", told.append):
+        assert len(told) == 1
+        assert "has stopped" in told[0]
+    os.close(lock)
+
+
+def test_a_process_that_compiles_for_long_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "STILL", 5.0)
+    monkeypatch.setattr(warmup, "BEAT", 0.05)
+    ended, told, had = threading.Event(), list[str](), list[bool]()
+
+    def other() -> None:
+        with _locked(tmp_path / "lock", told.append):
+            had.append(ended.is_set())
+    with _locked(tmp_path / "lock", told.append):
+        sign = (tmp_path / "lock").stat().st_mtime_ns
+        thread = threading.Thread(target=other)
+        thread.start()
+        until = time.monotonic() + 30.0
+        while (tmp_path / "lock").stat().st_mtime_ns == sign and time.monotonic() < until:
+            time.sleep(0.02)
+        assert (tmp_path / "lock").stat().st_mtime_ns > sign
+        ended.set()
+    thread.join(30.0)
+    assert (had, told) == ([True], [])
+
+
+def test_names_of_what_was_compiled_do_not_pile_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "MOST_NAMES", 100)
+    for k in range(50):
+        with _alone(tmp_path, f"{k:016x}"):
+            pass
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["compiled", "lock"]
+    assert 0 < (tmp_path / "compiled").stat().st_size < 200
+    assert warmup._is_compiled(tmp_path, f"{49:016x}")
+
+
+def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jit, "CACHE", None)
+    monkeypatch.setattr(jit, "REFUSED", "'/here' belongs to another user")
+    monkeypatch.setattr(warmup, "PATIENCE", 0.0)
+    told = threading.Event()
+    texts: list[str] = []
+    monkeypatch.setattr(warmup, "_touch", lambda *_: told.wait(30.0))
+    model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
+    warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
+    assert texts == ["compiling kernels, which cannot be kept for the next run: '/here' belongs to another user"]

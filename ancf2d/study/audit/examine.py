@@ -80,11 +80,11 @@ class Audit:
         return {**out, "checks": [a.as_json() for a in self.answers], "verdicts": self.counts}
 
 
-def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Callable[[], None] = lambda: None,
+def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Callable[[str], None] = lambda text: None,
           done: Callable[[float, str], None] = lambda share, name: None) -> Audit:
     """Put an element through all checks; ``done`` is told the share that is behind, and which check is next.
 
-    ``compiling`` is called once where kernels must be compiled first.
+    ``compiling`` is told where kernels must be compiled first.
     """
     answers = []
     if subject.flaw is None:

@@ -145,7 +145,7 @@ def measure(task: Task) -> Measured:
     return out
 
 
-def make_ready(task: Task, compiling: Callable[[], None] = lambda: None) -> None:
+def make_ready(task: Task, compiling: Callable[[str], None] = lambda text: None) -> None:
     """Compile, or load, the kernels of a task, and go once through a solve with them.
 
     Raises CaseError for a setting that the case cannot have.

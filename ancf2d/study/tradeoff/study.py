@@ -18,7 +18,7 @@ from .result import Study, rows_of
 
 
 def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
-             compiling: Callable[[], None] = lambda: None, done: Callable[[float], None] = lambda share: None,
+             compiling: Callable[[str], None] = lambda text: None, done: Callable[[float], None] = lambda share: None,
              clock: Callable[[], float] = time.monotonic) -> Study:
     """Solve a case with every setting of ``choice``, cheapest first, and judge what each costs and how far off it is.
 
@@ -49,7 +49,7 @@ def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
     return study
 
 
-def _ready(series: Sequence[Series], own: int, compiling: Callable[[], None]) -> None:
+def _ready(series: Sequence[Series], own: int, compiling: Callable[[str], None]) -> None:
     """Compile what any chain needs; end chains that the case refuses. Raises CaseError where it refuses all."""
     problems: list[Problem] = []
     refused = 0

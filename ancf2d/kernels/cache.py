@@ -1,0 +1,78 @@
+"""Where compiled kernels are kept between processes: in a folder of the sources' hash that is the user's alone."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import time
+from pathlib import Path
+
+import llvmlite
+import numba
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_KEEP_SECONDS = 30 * 24 * 3600
+_OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
+
+
+def source_hash() -> str:
+    """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
+    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
+    for room in ("kernels", "elements"):
+        for path in sorted((_PACKAGE / room).rglob("*.py")):
+            digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def cache_folder() -> tuple[Path | None, str]:
+    """Return the folder of compiled kernels, made where it was not there; or None, and why none can be used.
+
+    It is below NUMBA_CACHE_DIR, XDG_CACHE_HOME or ~/.cache. What is in it is run: a folder that another user owns is
+    not used, and what others could write to is dropped. So are folders that were not used for 30 days.
+    """
+    root = _root()
+    if root is None:
+        return None, "there is no home folder"
+    folder = root / source_hash()
+    try:
+        for path in (root, folder):
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not is_private(path.stat(), _OTHERS_WRITE):
+                if not is_private(path.stat(), 0):
+                    return None, f"'{path}' belongs to another user"
+                if path == folder:
+                    shutil.rmtree(folder)
+                    folder.mkdir(mode=0o700)
+            path.chmod(0o700)
+        os.utime(folder)
+        _drop_unused(root, folder)
+    except OSError as error:
+        return None, f"'{folder}' cannot be written ({error.strerror})"
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return None, f"'{folder}' cannot be written"
+    return folder, ""
+
+
+def is_private(found: os.stat_result, others: int = _OTHERS_WRITE) -> bool:
+    """Return whether a file or folder is this user's own, and ``others`` (bits of its mode) may do nothing to it."""
+    return not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & others)
+
+
+def _root() -> Path | None:
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return Path(chosen).absolute() / "ancf2d"
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if not base.is_absolute():
+        home = Path(os.path.expanduser("~"))
+        if not home.is_absolute() or home == Path(home.anchor):
+            return None
+        base = home / ".cache"
+    return base / "ancf2d"
+
+
+def _drop_unused(root: Path, used: Path) -> None:
+    for other in root.iterdir():
+        if other != used and other.is_dir() and time.time() - other.stat().st_mtime > _KEEP_SECONDS:
+            shutil.rmtree(other, ignore_errors=True)
