@@ -156,6 +156,38 @@ class PointConstraint(PointPatch):
         return g, self.G.T @ f, self.G.T @ H @ self.G
 
 
+class ConstraintBatch:
+    """Constraints of one law over as many coordinates each, evaluated together."""
+
+    def __init__(self, constraints: Sequence[PointConstraint]) -> None:
+        self.law = constraints[0].law
+        self.dofs: Index = np.stack([c.coordinates for c in constraints])
+        self.G = np.stack([c.rows for c in constraints])
+        self.p0 = np.stack([c.p0 for c in constraints], axis=1)
+        self.par = np.stack([c.par for c in constraints], axis=1)
+        self.fed = [(c.fed, k, c.signal) for k, c in enumerate(constraints) if c.signal is not None]
+
+    def evaluate(self, d: Array, t: float) -> tuple[Array, Array]:
+        """Return Q (m, n) and K (m, n, n) of lambda g along ``dofs`` (m, n), the multiplier last."""
+        u = np.einsum("mfn,mn->fm", self.G, d[self.dofs])
+        for field, k, signal in self.fed:
+            u[field, k] = signal(t)
+        f, H = np.zeros_like(u), np.zeros((len(u), *u.shape))
+        self.law.forces(self.p0, u, np.zeros_like(u), self.par, np.zeros(3), np.zeros(MAX_MEM), f, H,
+                        np.zeros_like(H))
+        Gt = self.G.transpose(0, 2, 1)
+        return (Gt @ f.T[:, :, None])[:, :, 0], Gt @ H.transpose(2, 0, 1) @ self.G
+
+
+def batches(constraints: Iterable[object]) -> list[ConstraintBatch]:
+    """Return the constraints that are laws of points, those that are alike together."""
+    alike: dict[tuple[str, tuple[int, ...]], list[PointConstraint]] = {}
+    for c in constraints:
+        if isinstance(c, PointConstraint):
+            alike.setdefault((c.law.name, c.G.shape), []).append(c)
+    return [ConstraintBatch(group) for group in alike.values()]
+
+
 def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
     """Return how each end turns and the fields of all; None is the ground."""
     kinds, fields = [], []

@@ -15,6 +15,7 @@ from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
+from ..model.point_patch import ConstraintBatch, PointConstraint, batches
 from .crew import Crew
 from .linear import Pivots, make_matrix
 from .pieces import largest, largest_share, pieces
@@ -62,6 +63,10 @@ class System:
         return Balance(np.zeros(len(num.place)), np.zeros(0), np.zeros(num.n_unknowns), 0.0)
 
     @cached_property
+    def _batches(self) -> list[ConstraintBatch]:
+        return batches(self.model.constraints)
+
+    @cached_property
     def _sizes(self) -> Array:
         return np.zeros(len(self.model.numbering.place))
 
@@ -83,7 +88,12 @@ class System:
             out.append((*patch.evaluate(e, d, t), patch.dofs))
         for patch in [] if elastic else model.loads.patches:
             out.append((*patch.evaluate(e, d, t), patch.dofs))
+        for batch in self._batches:
+            Q, K = batch.evaluate(d, t)
+            out.append((0.0, Q, K, batch.dofs))
         for k, constraint in enumerate(model.constraints):
+            if isinstance(constraint, PointConstraint):
+                continue
             g, G, H = constraint.evaluate(e, d, t)
             n, multiplier = len(G), d[n_q + k]
             K = np.zeros((1, n + 1, n + 1))

@@ -6,6 +6,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Equations, align, prescribe_rotation
+from ancf2d.model.point_patch import batches
 from ancf2d.model.points import point_ref
 
 TURN = 0.7
@@ -60,6 +61,22 @@ def test_gradient_and_hessian_are_derivatives(case):
         up, down = (constraint.evaluate(model.e0 + x, x, t) for x in (d + step, d - step))
         assert G[k] == pytest.approx((up[0] - down[0]) / (2 * h), abs=1e-8)
         np.testing.assert_allclose(H[:, k], (up[1] - down[1]) / (2 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_constraints_that_are_evaluated_together_are_those_one_by_one(case):
+    model = CASES[case]()
+    rng = np.random.default_rng(8)
+    alike = [c for c in model.constraints if len(c.dofs) == len(model.constraints[0].dofs)] * 2
+    d, t = 0.1 * rng.normal(size=model.n_q + len(model.constraints)), 0.7
+    (batch,) = batches(alike)
+    Q, K = batch.evaluate(d, t)
+    for c, q, k in zip(alike, Q, K, strict=True):
+        g, G, H = c.evaluate(model.e0 + d[:model.n_q], d, t)
+        expected = d[c.multiplier] * np.block([[H, np.zeros((len(G), 1))], [np.zeros((1, len(G) + 1))]])
+        expected[-1, :-1] = expected[:-1, -1] = G
+        np.testing.assert_allclose(q, np.append(d[c.multiplier] * G, g), atol=1e-14)
+        np.testing.assert_allclose(k, expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("case", [c for c in CASES if "prescribed" not in c])
