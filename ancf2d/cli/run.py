@@ -80,7 +80,8 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     def follow(new: State) -> None:
         nonlocal state
         state = new
-        bar.update(new.t / end, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}" if moves else "")
+        done = new.t / end if end else 1.0
+        bar.update(done, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}" if moves else "")
 
     progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=compiling(session),
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)

@@ -12,7 +12,7 @@ from ..errors import CaseError, Problem
 from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
 from .joints import JOINTS, JointContext, JointError, weld_corners, welded_ends
-from .loads import LOADS, DeadLoad, LoadContext, LoadSet, Patch
+from .loads import LOADS, DeadLoad, LoadContext, LoadSet
 from .locking import locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
@@ -24,7 +24,7 @@ from .points import PointRef, point_ref
 from .prescribed import motions
 from .repeated import drop_repeated
 from .spin import centrifugal
-from .springs import SPRINGS
+from .springs import SPRINGS, Spring
 from .supports import SUPPORTS, SupportError
 from .timing import PathTiming, TimeTiming, Timing
 
@@ -81,7 +81,7 @@ class _Builder:
         self.extent = reference_extent(self.plans)
         self.equations = Equations()
         self.loads = LoadSet()
-        self.springs: list[Patch] = []
+        self.springs: list[Spring] = []
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..elements.shape import Array
 from .constraints import Constraint, Row
-from .loads import Patch
 from .mesh import BodyMesh, Index
+from .springs import Spring
 
 
 def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Array:
@@ -28,7 +28,7 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
     return out
 
 
-def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Patch],
+def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
     """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""
     first = np.array([m.first_dof for m in meshes])
@@ -74,7 +74,7 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
     return " while ".join(words)
 
 
-def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Patch],
+def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
                  e0: Array) -> list[str]:
     """Return a sentence for each independent rigid motion that no support, joint or spring resists."""
     centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]

@@ -17,6 +17,7 @@ from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
 from .pools import Pool
+from .springs import Spring
 from .timing import Timing
 
 
@@ -108,7 +109,7 @@ class Model:
     elimination: Elimination
     numbering: Numbering
     loads: LoadSet
-    springs: list[Patch]
+    springs: list[Spring]
     supports: list[tuple[str, PointRef]]
     extent: float
     timing: Timing

@@ -23,8 +23,8 @@ from ..model.points import PointRef
 from ..model.rotation import Rotation
 from ..model.sliding import check_ends
 from .linear import GeneralSparse
+from .newton import at_floor, balanced, check_divergence, has_converged
 from .post import place
-from .static import at_floor, balanced, check_divergence, has_converged
 from .system import Balance, System
 
 # half the difference in t that a nonlinear constraint's motion is differentiated with

@@ -13,10 +13,11 @@ from ..errors import ComputationError
 from ..model.model import Model
 from ..model.timing import PathTiming
 from .continuation import Curve, Found, PathPoint
+from .newton import MAX_ITERATIONS, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
 from .path_steps import ArcSteps, ProbeSteps, Steps
 from .state import State
-from .static import MAX_ITERATIONS, POOR, TOLERANCE, solve_static
+from .static import POOR, solve_static
 from .system import System
 
 MOST_STEPS = 1000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,30 +13,32 @@ from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
+from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_balance, newton
 from .pieces import largest, pieces
 from .refine import refined
 from .state import State
-from .system import UNIT_ROUNDOFF, Balance, System
+from .system import UNIT_ROUNDOFF, System
 
-TOLERANCE = 1e-9
-MAX_ITERATIONS = 30
 STEPS = 10
-# residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
-BALANCE = 1e-8
-# a residual within this multiple of the bound of round-off cannot be told from zero
-FLOOR = 4.0
 # displacements known to less than this many digits are worth a word
 POOR = 1e-6
 # and of no use where this share of them is not known
 HOPELESS = 0.5
-# a step that moves this much further than the one before, or the first than it would by linear theory, has left the
-# branch
+# a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
+# unless it moves less than this share of the model's extent
 JUMP = 8.0
+FAINT = 1e-6
+# shares of the way: the shortest step beside what was gone before, and the shortest first one
 SMALLEST_STEP = 2.0**-16
-# tries within one full step before the path is given up
+SMALLEST_FIRST = 2.0**-50
+# tries within one full step, or while the way gone doubles, before the path is given up
 MOST_TRIES = 60
+# a parabola through states is good for steps this much longer than the last one, a line for its square
+FARTHEST = 4.0
 # easy steps in a row before a cut step grows again
 PATIENCE = 2
+# an unstable state is cornered to this share of the way before it is taken for one that no branch bends away from
+CORNERED = 1e-4
 # an equilibrium further from a guess than this share of the guess may be on another branch
 NEAR = 0.5
 
@@ -48,24 +49,6 @@ class Start:
 
     d: Array
     negative_pivots: int
-
-
-@dataclass
-class NewtonResult:
-    """A converged state of Newton's method, with the largest residual [N, N m].
-
-    ``uncertainty`` [m] is where round-off ended it, else 0.
-    """
-
-    d: Array
-    Q: Array
-    F: Array
-    energy: float
-    residual: float
-    iterations: int
-    increments: list[float]
-    negative_pivots: int
-    uncertainty: float
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -111,89 +94,6 @@ def solve_linear(model: Model) -> Iterator[State]:
     yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
 
 
-def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
-
-    Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
-    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
-    stopped falling while the residual is no more than round-off. Raises ComputationError when it does not converge.
-    """
-    num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
-    at = {"factor": float(f"{t:.6g}")}
-    increments: list[float] = []
-    residuals: list[float] = []
-    for iteration in range(1, max_iterations + 1):
-        if iteration == 1 and system.model.moves and t != t_old:
-            balance = _with_motion(system, d, t_old, t)
-        else:
-            balance = system.assemble(d, t, out=system.room)
-        residuals.append(largest(balance.R))
-        if not np.isfinite(residuals[-1]):
-            raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
-        pivots = system.factor(at)
-        z = system.matrix.solve(balance.R, out=z)
-        np.negative(z, out=z)
-        increments.append(system.norm(z))
-        check_divergence(increments, system.model.extent, at, residuals)
-        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
-        if stalled and at_floor(balance.R, system.noise(d, t)):
-            uncertainty = min(increments[-2:])
-            break
-        np.add(d[num.where], z, out=z)
-        system.model.displacements(z, t, out=d)
-        if has_converged(increments, system.norm(z), tolerance):
-            balance = system.forces(d, t, out=system.room)
-            if balanced(system, balance, d, t):
-                uncertainty = 0.0
-                break
-    else:
-        raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at,
-                               history=residuals)
-    return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
-                        pivots.negative - num.n_multipliers, uncertainty)
-
-
-def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
-    """Whether no residual at d exceeds 1e-8 of the largest force, or none what round-off can leave of it."""
-    return system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
-
-
-def at_floor(R: Array, noise: Array) -> bool:
-    """Whether no residual exceeds what round-off can leave."""
-    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
-
-
-def _with_motion(system: System, d: Array, t_old: float, t: float) -> Balance:
-    """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
-
-    The tangent is that of the old state, which equilibrates the motion it had.
-    """
-    model = system.model
-    system.assemble(d, t_old)
-    moved = model.displacements(d[model.numbering.where], t)
-    loads = system.forces(d, t)
-    R = model.numbering.reduce(loads.Q - loads.F + system.action(d, moved - d, t))
-    return Balance(loads.Q, loads.F, R, loads.energy)
-
-
-def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
-    """Whether the next increment, by the contraction seen, is below ``tolerance`` of the size of the displacements."""
-    last = increments[-1]
-    if last == 0.0:
-        return True
-    if len(increments) < 2:
-        return False
-    contraction = last / increments[-2]
-    return contraction < 0.5 and last * contraction <= tolerance * size
-
-
-def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
-    """Raise ComputationError where increments grow or exceed every scale of the model."""
-    grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
-    if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
-        raise ComputationError("Newton's method diverges", at=at, history=residuals)
-
-
 @dataclass
 class _Path:
     """The equilibrium path so far, for extrapolation."""
@@ -202,8 +102,10 @@ class _Path:
     d: list[Array]
 
     def extrapolate(self, t: float) -> Array:
-        """Return the polynomial through the last states (at most quadratic) at t."""
-        k = min(3, len(self.t))
+        """Return the polynomial through the last states (at most quadratic) at t, of lower order for a long step."""
+        k = len(self.t)
+        ratio = (t - self.t[-1]) / (self.t[-1] - self.t[-2]) if k > 1 else 0.0
+        k = min(k, 3 if ratio <= FARTHEST else 2 if ratio <= FARTHEST**2 else 1)
         ts, ds = self.t[-k:], self.d[-k:]
         weights = [float(np.prod([(t - b) / (a - b) for b in ts if b != a])) for a in ts]
         out = weights[0] * ds[0]
@@ -218,54 +120,201 @@ class _Path:
 
 def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
                  max_iterations: int | None = None, end: float = 1.0, start: Start | None = None) -> Iterator[State]:
-    """Yield a state per load step, from the reference (factor 0) to ``end``.
+    """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
 
-    The factor grows by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
-    Only the last state where that is found from ``start`` at once. Raises ComputationError where the path cannot be
-    followed.
+    The factor changes by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
+    What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0) is raised first; that yields no
+    state unless ``end`` is 0. Only the last state where that is found from ``start`` at once. Raises ComputationError
+    where the path cannot be followed.
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
     near = None if start is None else _near(system, start, end, tolerance, max_iterations)
     if near is not None:
-        yield _state(system, near, end, 1, 0, near.negative_pivots)
+        yield _state(system, near, end, 1, 0, [])
         return
-    largest = end / (steps or STEPS)
-    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
-    path = _Path([0.0], [d])
-    t, h, cutbacks, number, negative, easy = 0.0, largest, 0, 0, 0, PATIENCE
-    moved, mark, tries = np.inf, 0.0, 0
-    while t < end * (1 - 1e-12):
-        target = end if t + h * (1 + 1e-9) >= end else t + h
-        tries += 1
-        try:
-            result = newton(system, path.extrapolate(target), target if len(path.t) > 1 else t, target, tolerance,
-                            max_iterations)
-            check_ends(model.constraints, result.d)
-            check_facing(model.constraints, result.d, target)
-            check_inverted(model, result.d, path.d[-1], target)
-            distance = system.distance(result.d, path.d[-1])
-            rate = distance / (target - t)
-            jump = rate > JUMP * (moved if number else result.increments[0] / target)
-            if jump and distance > UNIT_ROUNDOFF * model.extent:
-                raise ComputationError("the state jumps to another branch", at={"factor": float(f"{target:.6g}")})
-        except ComputationError as error:
-            h, cutbacks, easy = 0.5 * (target - t), cutbacks + 1, 0
-            if h < SMALLEST_STEP * largest or tries > MOST_TRIES:
-                raise _stuck(error, t, number) from error
-            continue
-        if result.negative_pivots != negative and system.knows_inertia:
-            result.negative_pivots = _confirmed_pivots(system, result, target)
-        moved = max(rate, 1e-3 * moved if np.isfinite(moved) else 0.0)
-        number, easy = number + 1, easy + 1
-        path.push(target, result.d)
-        yield _state(system, result, target, number, cutbacks, negative)
-        negative = result.negative_pivots
-        if easy >= PATIENCE:
-            h = min(largest, 2 * h)
-        t, cutbacks = target, 0
-        if t >= mark + largest * (1 - 1e-9):
-            mark, tries = t, 0
+    march = _March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
+    iterations, warnings = march.settle()
+    for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0)) if end != 0.0 else [march.resting()]:
+        state.history["iterations"] += iterations
+        state.warnings = warnings + state.warnings
+        iterations, warnings = 0, []
+        yield state
+
+
+class _Stride:
+    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones."""
+
+    def __init__(self, longest: float) -> None:
+        self.longest = self.h = longest
+        self.s, self.cutbacks, self.easy = 0.0, 0, PATIENCE
+        self.mark, self.tries = 0.0, 0
+        # the longest step that led to an unstable state, to go on with once that is taken for what it is
+        self.resume = 0.0
+
+    def target(self) -> float:
+        """Return the next s to try."""
+        self.tries += 1
+        return 1.0 if self.s + self.h * (1 + 1e-9) >= 1.0 else self.s + self.h
+
+    def _cut(self, target: float) -> None:
+        # nothing is known yet of the load that a first step can carry: it is cut faster each time
+        self.h = (target - self.s) * 0.5 ** (1 if self.s > 0.0 else self.cutbacks + 1)
+        self.cutbacks, self.easy = self.cutbacks + 1, 0
+
+    def cut(self, target: float) -> bool:
+        """Take a shorter step after a failure; return whether that is worth a try."""
+        self._cut(target)
+        smallest = SMALLEST_STEP * min(self.longest, self.s) if self.s > 0.0 else SMALLEST_FIRST
+        return self.h >= smallest and self.tries <= MOST_TRIES
+
+    def corner(self, target: float) -> bool:
+        """Take a shorter step towards an unstable state; return False where it is cornered already."""
+        nearest = CORNERED * self.s if self.s > 0.0 else SMALLEST_FIRST
+        self.resume = max(self.resume, self.h)
+        if target - self.s <= nearest * (1 + 1e-9) or self.tries > MOST_TRIES:
+            self.h = self.resume
+            return False
+        self._cut(target)
+        return True
+
+    def accept(self, target: float) -> None:
+        """Go on from a state that was found."""
+        self.s, self.cutbacks, self.easy = target, 0, self.easy + 1
+        if self.easy >= PATIENCE:
+            self.h = min(self.longest, 2 * self.h)
+        if target >= min(self.mark + self.longest * (1 - 1e-9), 2 * self.mark):
+            self.mark, self.tries = target, 0
+
+
+@dataclass(frozen=True)
+class _Load:
+    """What a state is in balance with: the loads at a factor, and a share of what acts at factor 0 already."""
+
+    factor: float
+    share: float
+
+    def towards(self, other: _Load, s: float) -> _Load:
+        """Return what is between, at s from 0 to 1."""
+        return _Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
+
+
+class _March:
+    """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is where it stands."""
+
+    def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
+        self.system, self.model, self.longest = system, system.model, longest
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
+        self.negative = 0
+        # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
+        self.held: Array | None = None
+        self.turns = self.system.turns()
+
+    def settle(self) -> tuple[int, list[str]]:
+        """Go to the equilibrium at factor 0; return iterations and warnings.
+
+        Springs are tightened step by step, and forces that hold the reference beside them are taken away.
+        """
+        R = self.system.forces(self.d, 0.0).R
+        if not R.any() or at_floor(R, self.system.noise(self.d, 0.0)):
+            return 0, []
+        for spring in self.model.springs:
+            spring.tighten(0.0)
+        self.held = self.system.forces(self.d, 0.0).R
+        states = list(self.go(_Load(0.0, 0.0), _Load(0.0, 1.0)))
+        return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
+
+    def resting(self) -> State:
+        """Return the state at factor 0."""
+        balance = self.system.assemble(self.d, 0.0)
+        R = balance.R
+        negative = self.system.factor({"factor": 0.0}).negative - self.model.numbering.n_multipliers
+        result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
+        return _state(self.system, result, 0.0, 1, 0, [])
+
+    def _set(self, load: _Load) -> None:
+        """Let a load act, and count turns from the last state on."""
+        self.system.count_from(self.turns)
+        if self.held is not None:
+            self.system.held = (1.0 - load.share) * self.held
+            for spring in self.model.springs:
+                spring.tighten(load.share)
+
+    def go(self, begin: _Load, end: _Load) -> Iterator[State]:
+        """Yield a state per step while one load becomes another."""
+        path, stride, number, old = _Path([0.0], [self.d]), _Stride(self.longest), 0, begin
+        while stride.s < 1.0:
+            target = stride.target()
+            new = end if target == 1.0 else begin.towards(end, target)
+            try:
+                result = self._step(path, target, old, new)
+            except ComputationError as error:
+                if not stride.cut(target):
+                    raise _stuck(error, old.factor, number) from error
+                continue
+            if result.negative_pivots != self.negative and self.system.knows_inertia:
+                result.negative_pivots = _negative_pivots(self.system, result.d, new.factor)
+                if self._bends_away(path, result, old.factor) and stride.corner(target):
+                    continue
+            number += 1
+            self.turns = self.system.turns()
+            yield _state(self.system, result, new.factor, number, stride.cutbacks,
+                         self._stability(result, new.factor))
+            self.d, self.negative, old = result.d, result.negative_pivots, new
+            path.push(target, result.d)
+            stride.accept(target)
+
+    def _step(self, path: _Path, target: float, old: _Load, new: _Load) -> NewtonResult:
+        """Return the equilibrium at s = ``target``. Raises ComputationError where none follows from the last one."""
+        model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
+        self._set(new)
+        result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
+                        self.max_iterations)
+        check_ends(model.constraints, result.d)
+        check_facing(model.constraints, result.d, t)
+        check_inverted(model, result.d, last, t)
+        # where Newton's method has changed little of what the last states foretold, nothing has jumped
+        if sum(result.increments) > 0.5 * self.system.distance(result.d, last):
+            turns = self.system.turns()
+            self._check_jump(last, result.d, result.first if first else self._foretold(last, old, new), t)
+            self._check_jump(result.d, last, self._foretold(result.d, new, old), t)
+            self._set(new)
+            self.system.count_from(turns)
+        return result
+
+    def _check_jump(self, start: Array, end: Array, foretold: Array, t: float) -> None:
+        """Raise ComputationError where the tangent at one state foretells (n_unknowns,) no way to the other."""
+        where, system = self.model.numbering.where, self.system
+        moved = system.distance(end, start)
+        along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
+        if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
+            raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")})
+
+    def _foretold(self, d: Array, here: _Load, there: _Load) -> Array:
+        """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at the equilibrium d."""
+        system, t = self.system, there.factor
+        self._set(there)
+        R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
+        system.factor({"factor": float(f"{t:.6g}")})
+        return -system.matrix.solve(R)
+
+    def _bends_away(self, path: _Path, result: NewtonResult, t_old: float) -> bool:
+        """Whether a stable path may bend away before an unstable state, which a shorter step would show."""
+        if self.negative > 0 or result.negative_pivots <= 0:
+            return False
+        return len(path.t) > 1 or _negative_pivots(self.system, path.d[-1], t_old) <= 0
+
+    def _stability(self, result: NewtonResult, t: float) -> list[str]:
+        """Return what to say of a state whose stability is not that of the last one."""
+        unstable = result.negative_pivots > 0
+        if unstable == (self.negative > 0) or not self.system.knows_inertia:
+            return []
+        if not unstable:
+            return [f"the equilibrium is stable again from load factor {t:.6g} on"]
+        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there "
+                f"({result.negative_pivots} negative pivots). A small imperfection of shape or load leads onto the "
+                "branch that bends away, method: arc_length through limit points"]
 
 
 def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
@@ -280,29 +329,25 @@ def _near(system: System, start: Start, t: float, tolerance: float, max_iteratio
     except ComputationError:
         return None
     strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
-    crossed = system.knows_inertia and _confirmed_pivots(system, result, t) != start.negative_pivots
+    crossed = system.knows_inertia and _negative_pivots(system, result.d, t) != start.negative_pivots
     return None if strayed or crossed else result
 
 
-def _confirmed_pivots(system: System, result: NewtonResult, t: float) -> int:
+def _negative_pivots(system: System, d: Array, t: float) -> int:
     """Return the negative pivots of the tangent at the equilibrium itself, not one increment before it."""
-    system.assemble(result.d, t)
+    system.assemble(d, t)
     return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
 
 
-def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, negative: int) -> State:
+def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
     history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.energy, "negative_pivots": result.negative_pivots}
-    warnings = []
-    if result.negative_pivots != negative and system.knows_inertia:
-        warnings.append(f"a critical point was passed before factor {t:.6g}: {result.negative_pivots} negative pivots "
-                        f"instead of {negative}; equilibrium beyond it may be unstable")
     size = system.norm(result.d[system.model.numbering.where])
     # displacements below round-off of the positions themselves are none
     if result.uncertainty > max(POOR * size, UNIT_ROUNDOFF * system.model.extent):
-        warnings.append(f"round-off limits the state at factor {t:.6g}: displacements are known to about "
-                        f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more")
+        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
+                    f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more"]
     return State(t, result.d, result.Q, result.F, result.energy, history=history, warnings=warnings)
 
 

@@ -25,7 +25,9 @@ UNIT_ROUNDOFF = 2.0**-53
 
 @dataclass
 class Balance:
-    """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns."""
+    """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns,
+    less what ``System.held`` bears.
+    """
 
     Q: Array
     F: Array
@@ -47,6 +49,8 @@ class System:
         self.weights[coordinates] = model.weights[n.free[coordinates]]
         self.factorisations = 0
         self.evaluations = 0
+        # forces (n_unknowns,) that hold a state in balance beside the loads
+        self.held: Array | None = None
         self._dead: tuple[float, Array] | None = None
 
     def _dead_loads(self, t: float) -> Array:
@@ -84,8 +88,8 @@ class System:
         if not (model.springs or model.loads.patches or model.constraints):
             return out
         e = model.e0 + d[:n_q]
-        for patch in model.springs:
-            out.append((*patch.evaluate(e, d, t), patch.dofs))
+        for spring in model.springs:
+            out.append((*spring.evaluate(e, d, t), spring.dofs))
         for patch in [] if elastic else model.loads.patches:
             out.append((*patch.evaluate(e, d, t), patch.dofs))
         for batch in self._batches:
@@ -108,7 +112,6 @@ class System:
 
         ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory).
         """
-        model = self.model
         self.evaluations += 1
         self.matrix.clear()
         Q, R = self._no_forces(out)
@@ -120,8 +123,14 @@ class System:
                             *self.tables)
         if not load_stiffness:
             self._add_loads(Q, d, t)
+        return self._balance(Q, R, t, energy)
+
+    def _balance(self, Q: Array, room: Array | None, t: float, energy: float) -> Balance:
         F = self._dead_loads(t)
-        return Balance(Q, F, model.numbering.reduce(Q, F, R), float(energy))
+        R = self.model.numbering.reduce(Q, F, room)
+        if self.held is not None:
+            R -= self.held
+        return Balance(Q, F, R, float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
         """Return what round-off alone can leave of the residual at d (n_unknowns,), until it is asked for again."""
@@ -164,14 +173,12 @@ class System:
 
     def forces(self, d: Array, t: float, out: Balance | None = None) -> Balance:
         """Return the forces at d without a tangent, in arrays of ``out`` if given."""
-        model = self.model
         Q, R = self._no_forces(out)
         energy = self.crew.total(lambda g: force(g, d, Q))
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
-        F = self._dead_loads(t)
-        return Balance(Q, F, model.numbering.reduce(Q, F, R), float(energy))
+        return self._balance(Q, R, t, energy)
 
     def action(self, d: Array, v: Array, t: float) -> Array:
         """Return K(d) v of elements, springs and constraints in full coordinates."""
@@ -193,6 +200,15 @@ class System:
                 f"the tangent stiffness is singular: {self.describe(pivots.bad)} has no stiffness", at=at,
                 advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
         return pivots
+
+    def turns(self) -> list[Array]:
+        """Return the angles that springs count turns from: those of the state that they were last evaluated at."""
+        return [spring.mem.copy() for spring in self.model.springs]
+
+    def count_from(self, turns: list[Array]) -> None:
+        """Let springs count turns from a state again, after others were tried."""
+        for spring, mem in zip(self.model.springs, turns, strict=True):
+            spring.mem[:] = mem
 
     @property
     def knows_inertia(self) -> bool:

@@ -16,7 +16,7 @@ from ancf2d.solve.linear import (
     make_matrix,
     pattern,
 )
-from ancf2d.solve.static import FLOOR
+from ancf2d.solve.newton import FLOOR
 from ancf2d.solve.system import System
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.solve.static import TOLERANCE, has_converged, solve_static
+from ancf2d.solve.newton import TOLERANCE, has_converged
+from ancf2d.solve.static import solve_static
 from ancf2d.solve.system import System
 
 STEEL_EI = 2.07e11 * 0.1**4 / 12

@@ -6,7 +6,8 @@ import pytest
 
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solve.static import BALANCE, solve_static
+from ancf2d.solve.newton import BALANCE
+from ancf2d.solve.static import solve_static
 from ancf2d.solve.system import System
 
 CASE = """

@@ -1,0 +1,124 @@
+"""Newton's method: one equilibrium from a state nearby, and when it is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import ComputationError
+from .pieces import largest, pieces
+from .system import Balance, System
+
+TOLERANCE = 1e-9
+MAX_ITERATIONS = 30
+# residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
+BALANCE = 1e-8
+# a residual within this multiple of the bound of round-off cannot be told from zero
+FLOOR = 4.0
+
+
+@dataclass
+class NewtonResult:
+    """A converged state of Newton's method, with the largest residual [N, N m].
+
+    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] is where round-off ended it, else 0.
+    """
+
+    d: Array
+    Q: Array
+    F: Array
+    energy: float
+    residual: float
+    iterations: int
+    increments: list[float]
+    first: Array
+    negative_pivots: int
+    uncertainty: float
+
+
+def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
+
+    Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
+    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
+    stopped falling while the residual is no more than round-off. Raises ComputationError when it does not converge.
+    """
+    num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
+    at = {"factor": float(f"{t:.6g}")}
+    increments: list[float] = []
+    residuals: list[float] = []
+    for iteration in range(1, max_iterations + 1):
+        if iteration == 1 and system.model.moves and t != t_old:
+            balance = moved_balance(system, d, t_old, t)
+        else:
+            balance = system.assemble(d, t, out=system.room)
+        residuals.append(largest(balance.R))
+        if not np.isfinite(residuals[-1]):
+            raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
+        pivots = system.factor(at)
+        z = system.matrix.solve(balance.R, out=z)
+        np.negative(z, out=z)
+        if iteration == 1:
+            first = z.copy()
+        increments.append(system.norm(z))
+        check_divergence(increments, system.model.extent, at, residuals)
+        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+        if stalled and at_floor(balance.R, system.noise(d, t)):
+            uncertainty = min(increments[-2:])
+            break
+        np.add(d[num.where], z, out=z)
+        system.model.displacements(z, t, out=d)
+        if has_converged(increments, system.norm(z), tolerance):
+            balance = system.forces(d, t, out=system.room)
+            if balanced(system, balance, d, t):
+                uncertainty = 0.0
+                break
+    else:
+        raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at,
+                               history=residuals)
+    return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
+                        first, pivots.negative - num.n_multipliers, uncertainty)
+
+
+def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
+    """Whether no residual at d exceeds 1e-8 of the largest force, or none what round-off can leave of it."""
+    return system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
+
+
+def at_floor(R: Array, noise: Array) -> bool:
+    """Whether no residual exceeds what round-off can leave."""
+    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
+
+
+def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:
+    """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
+
+    The tangent is that of the old state, which equilibrates the motion it had.
+    """
+    model = system.model
+    system.assemble(d, t_old)
+    moved = model.displacements(d[model.numbering.where], t)
+    loads = system.forces(d, t)
+    R = loads.R + model.numbering.reduce(system.action(d, moved - d, t))
+    return Balance(loads.Q, loads.F, R, loads.energy)
+
+
+def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
+    """Whether the next increment, by the contraction seen, is below ``tolerance`` of the size of the displacements."""
+    last = increments[-1]
+    if last == 0.0:
+        return True
+    if len(increments) < 2:
+        return False
+    contraction = last / increments[-2]
+    return contraction < 0.5 and last * contraction <= tolerance * size
+
+
+def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
+    """Raise ComputationError where increments grow or exceed every scale of the model."""
+    grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
+    if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
+        raise ComputationError("Newton's method diverges", at=at, history=residuals)
