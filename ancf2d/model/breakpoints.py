@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Expression, Ramp, Table, syntax
+from ..case import Constant, Expression, Ramp, Table, syntax
 from ..elements import jets
 from ..elements.shape import Array
 from .signals import Signal, programs
@@ -18,6 +19,8 @@ from .signals import Signal, programs
 # times that switches are looked for between, ten to a switch, and how many at most
 SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001
 SMOOTH = 3
+# times between two breaks at which polynomials, and other functions, are compared
+BETWEEN, CLOSELY = 5, 1000
 CLOSE = 1e-12
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
             "!=": operator.ne}
@@ -61,6 +64,23 @@ def pieces(signals: Iterable[Signal], t_end: float) -> list[Piece]:
             out.append(Piece(first, b.before, b.t))
         first = b.t
     return [*out, Piece(first, math.inf, t_end)]
+
+
+def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
+    """Return times in [t0, t1] at which functions that agree are one: at breaks, beside them and between them.
+
+    Ramps and tables are polynomials between breaks, and what is no signal is linear. Sines and expressions are analytic
+    there, and are looked at more closely.
+    """
+    if t1 == t0:
+        return [t0]
+    signals = [s for s in courses if isinstance(s, Signal) and s.amplitude is not None]
+    breaks = [b for s in dict.fromkeys(signals) for b in breakpoints(s, t0, t1)]
+    ends = sorted({t0, t1, *(b.t for b in breaks), *(b.before for b in breaks)})
+    n = BETWEEN if all(isinstance(s.amplitude, Ramp | Table | Constant) for s in signals) else CLOSELY
+    inner = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n) + 0.5) / n)
+    between = [a + (b - a) * x for a, b in pairwise(ends) for x in inner.tolist()]
+    return sorted({*ends, *between})
 
 
 def jumps(signal: Signal, t0: float, t1: float) -> list[float]:

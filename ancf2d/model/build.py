@@ -6,7 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Dynamic, Eigen, Gravity, GroundPoint, LinearStatic, LoadedCase, Point, Static
+from ..case import (
+    Buckling,
+    Case,
+    Dynamic,
+    Eigen,
+    Gravity,
+    GroundPoint,
+    LinearStatic,
+    LoadedCase,
+    LoadFactor,
+    Point,
+    Static,
+)
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .constraints import Equations, keep_lengths
@@ -41,6 +53,15 @@ def must_be_held(case: Case) -> bool:
     if isinstance(case.solver, Eigen):
         return case.solver.about == "static"
     return isinstance(case.solver, LinearStatic | Static | Buckling)
+
+
+def course_of(case: Case) -> tuple[float, float]:
+    """Return the load factors or times that a case goes through, as (lowest, highest)."""
+    solver = case.solver
+    if isinstance(solver, Dynamic):
+        return 0.0, solver.t_end
+    end = solver.until.value if isinstance(solver, Static) and isinstance(solver.until, LoadFactor) else 1.0
+    return min(0.0, end), max(0.0, end)
 
 
 def support_names(case: Case) -> list[str]:
@@ -163,8 +184,7 @@ class _Builder:
 
     def check_equations(self, elimination: Elimination) -> None:
         names = [n for n, _ in self.supports]
-        end = self.case.solver.t_end if isinstance(self.case.solver, Dynamic) else 1.0
-        for number_ in inconsistent(elimination, self.equations.rows, np.linspace(0.0, end, 11)):
+        for number_ in inconsistent(elimination, self.equations.rows, *course_of(self.case)):
             row = self.equations.rows[number_]
             path = ("boundary_conditions", names.index(row.owner)) if row.owner in names else ("joints",)
             self.report(path, f"{row.owner}: {row.holds} contradicts what other supports and joints hold",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..elements.shape import Array
+from .breakpoints import telling_times
 from .constraints import Row
 from .mesh import Index
 
@@ -77,15 +78,18 @@ def eliminate(rows: list[Row], size: Callable[[int], float]) -> Elimination:
     return out
 
 
-def inconsistent(elimination: Elimination, rows: list[Row], times: Array) -> list[int]:
-    """Return the redundant rows whose right-hand sides contradict the others at one of the times."""
+def inconsistent(elimination: Elimination, rows: list[Row], t0: float, t1: float) -> list[int]:
+    """Return the redundant rows whose right-hand sides contradict the others somewhere from t0 to t1.
+
+    They are compared as functions, at ``telling_times`` of what they follow.
+    """
     bad = []
     for number, rhs in elimination.redundant:
-        for t in times:
-            values = [v * rows[r].value(float(t)) for r, v in rhs.items()]
-            if abs(sum(values)) > 1e-9 * max(map(abs, values), default=0.0):
-                bad.append(number)
-                break
+        signals = [(factor, s) for r, factor in rhs.items() if (s := rows[r].signal) is not None]
+        times = telling_times([s for _, s in signals], t0, t1)
+        values = np.array([[factor * s(t) for t in times] for factor, s in signals])
+        if np.any(np.abs(values.sum(axis=0)) > 1e-9 * np.abs(values).max(initial=0.0)):
+            bad.append(number)
     return bad
 
 

@@ -30,7 +30,7 @@ class Timing:
         if isinstance(value, int | float):
             way = float(value) - start
             return lambda t: way * self(t)
-        return lambda t: value.value(t) - start
+        return Signal(value, 1.0, -start)
 
     @contextmanager
     def preload(self) -> Iterator[None]:

@@ -42,7 +42,7 @@ def test_dependents_solve_the_rows_and_nothing_else_is_held(seed, n, m, repeats)
     rank = np.linalg.matrix_rank(A)
     assert len(out.dependents) == rank
     assert len(out.redundant) == len(A) - rank
-    assert not inconsistent(out, rows, np.array([0.5, 1.0]))
+    assert not inconsistent(out, rows, 0.5, 1.0)
     z, d = rng.normal(size=n), np.zeros(n)
     for c in range(n):
         d[c] = z[c]
@@ -59,7 +59,7 @@ def test_contradicting_rows_are_found(seed, n, m):
     b = A @ np.random.default_rng(seed).normal(size=n)
     b[-1] += 1.0
     rows = rows_of(A, b)
-    found = inconsistent(eliminate(rows, lambda c: 1.0), rows, np.array([1.0]))
+    found = inconsistent(eliminate(rows, lambda c: 1.0), rows, 1.0, 1.0)
     assert (len(found) > 0) == (np.linalg.matrix_rank(np.column_stack([A, b])) > np.linalg.matrix_rank(A))
 
 
@@ -114,3 +114,29 @@ def test_a_support_held_twice_is_reported_and_a_contradiction_is_an_error():
     assert any("held twice" in w for w in model.warnings)
     with pytest.raises(CaseError, match="contradicts"):
         helpers.build(beam, bc=[clamp, {"name": "lift", "type": "prescribed", "at": "b@0", "uy": 0.1}])
+
+
+TABLE = {"type": "table", "t": [0, 0.1, 0.15, 0.2, 1], "value": [0, 0, 0.1, 0, 0]}
+PULSE = {"type": "expression", "value": "exp(-((t - 0.5437)/2e-3)^2)"}
+
+
+@pytest.mark.parametrize("course", [TABLE, {**TABLE, "smooth": True}, PULSE,
+                                    {"type": "sine", "frequency": 5, "phase": 0},
+                                    {"type": "expression", "value": "1 if 0.41 < t < 0.4100001 else 0"}])
+def test_motions_of_one_point_are_compared_as_functions_not_at_round_times(course):
+    """A pin, and a motion that is zero at 0, 0.1, ..., 1 and not between."""
+    beam = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
+    scene = [{"type": "clamp", "at": "b@0"}, {"name": "lift", "type": "prescribed", "at": "b@0", "uy": course}]
+    for bc in (scene, scene[::-1]):
+        with pytest.raises(CaseError, match="contradicts"):
+            helpers.build(beam, bc=bc)
+
+
+def test_motions_that_agree_in_other_words_may_both_be_given():
+    beam = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
+    spelled = [{"type": "table", "t": [0, 0.25, 1], "value": [0, 0.5, 0.5]}, {"type": "expression", "value":
+               "2*t if t < 0.25 else 0.5"}, {"type": "ramp", "t0": 0, "t1": 0.25, "scale": 0.5}]
+    for a in spelled:
+        for b in spelled:
+            helpers.build(beam, bc=[{"type": "prescribed", "at": "b@0", "x": 0, "angle": 0, "y": a},
+                                    {"type": "prescribed", "at": "b@0", "y": b}])
