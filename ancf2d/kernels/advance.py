@@ -8,7 +8,7 @@ from numba.extending import overload
 
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step
+from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step, conserving_work
 from .dynamics import forces, lost_to_mass_damping, norm, power_of_loads, to_full, violation
 from .jit import inlined, inner, kernel
 from .motion import (
@@ -148,6 +148,18 @@ def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
     return end * h * done, end * h * lost
 
 
+def work_of_step(m: Any, p: Any, w: Any, s: Any, at: Any, t: float, h: float) -> Any:
+    """Return (work, loss) of a step that has been made."""
+    raise NotImplementedError
+
+
+@overload(work_of_step, inline="always")
+def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
+    if m.instance_class is Conserving:
+        return lambda m, p, w, s, at, t, h: conserving_work(m, p, w, s, t, h)
+    return lambda m, p, w, s, at, t, h: _work(m, p, w, s, at, t, h, 1.0)
+
+
 @inner
 def _remember(points, sliding, rows, r):  # type: ignore[no-untyped-def]
     if points is not None:
@@ -274,7 +286,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
         if plan.tracks:
-            work, lost = _work(m, p, w, s, at, t, h, 1.0)
+            work, lost = work_of_step(m, p, w, s, at, t, h)
             s.numbers[WORK] += work
             s.numbers[LOST] += lost
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0

@@ -15,6 +15,7 @@ from .dynamics import (
     add_mass,
     at_floor,
     factor,
+    lost_to_mass_damping,
     norm,
     patches_tangent,
     remember,
@@ -40,7 +41,7 @@ class Conserving(NamedTuple):
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
     order : of the local error in h; basis : of the cubic over a step; end : a Step; d0 (n_full,), dz, mid, rate (n,);
-    amps (2, signals, 3): start and end of the step.
+    amps (3, signals, 3): start and end of the step, and the change between.
     """
 
     tolerance: float
@@ -58,10 +59,12 @@ class Conserving(NamedTuple):
 
 @inner
 def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
-    if points is not None:
-        point_mean_forces(points, d0, d1, v, amps0, amps1, True, Q)
+    """Add the forces of point laws and joints over a step to Q; return the power that is lost in them."""
     if sliding is not None:
         sliding_mean_forces(sliding, d0, d1, mid, Q)
+    if points is None:
+        return 0.0
+    return point_mean_forces(points, d0, d1, v, amps0, amps1, True, Q)[1]
 
 
 @inner
@@ -182,6 +185,83 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     for i in range(n):
         end.a[i] = (end.v[i] - s.v[i]) / h
     return DONE, iteration, error, max(rate, 1e-3)
+
+
+@inner
+def _dot(x, y):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i] * y[i]
+    return total
+
+
+@inner
+def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-def]
+    """Add the elements' forces to w.Q; return what their damping loses over the change of d (n_full,).
+
+    ``before`` is the work of w.Q over it without them.
+    """
+    mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
+    damped = False
+    for tau in p.tau:
+        damped |= tau > 0.0
+    if not damped:
+        return 0.0
+    w.other[:] = 0.0
+    # of an endless step: rates of nothing
+    mean_elastic(p, FORCE, np.inf, m.d0, w.d, w.other, w.A)
+    return _dot(w.Q, change) - before - _dot(w.other, change)
+
+
+@inner
+def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Return (work of prescribed motion on what has mass, loss to mass damping) of a step, signals of the middle."""
+    work, signals = 0.0, p.motion_mass_signal
+    lost = h * lost_to_mass_damping(p, w, m.rate)
+    for k in range(len(signals)):
+        q = signals[k]
+        mean = 0.5 * (m.amps[0, q, 1] + m.amps[1, q, 1])
+        gained, damped = 0.0, 0.0
+        for i in range(len(m.rate)):
+            f = p.motion_mass[k, i] * p.coordinate[i]
+            gained += f * 2.0 * (m.rate[i] - s.v[i])
+            damped += f * m.rate[i]
+        for j in range(len(signals)):
+            gained += p.motion_mutual[k, j] * (m.amps[1, signals[j], 1] - m.amps[0, signals[j], 1])
+            damped += p.motion_mutual[k, j] * w.amps[signals[j], 1]
+        damped *= h * p.alpha
+        work += mean * (gained + damped)
+        # rates that are prescribed are damped by the mean, as the kinetic energy sees them
+        lost += (mean - w.amps[q, 1]) * damped
+    return work, lost
+
+
+@inner
+def conserving_work(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+    """Return (work, loss) of the step that has been made, by the forces of its balance: together they are exact.
+
+    Of varying loads, motion and point laws, as ``power_of_loads`` has it.
+    """
+    change = w.v
+    evaluate(p.programs, t + 0.5 * h, w.amps)
+    to_full(p, m.rate, w.amps, 1, w.v)
+    to_full(p, m.end.z, m.amps[1], 0, w.d)
+    w.Q[:] = 0.0
+    lost = h * _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
+    for q in range(m.amps.shape[1]):
+        m.amps[2, q, 0] = m.amps[1, q, 0] - m.amps[0, q, 0]
+    to_full(p, m.dz, m.amps[2], 0, change)
+    of_patches = _dot(w.Q, change)
+    work = lost - of_patches
+    lost += _lost_in_elements(m, p, w, h, change, of_patches)
+    for k in range(len(p.load_coord)):
+        if p.load_varies[k]:
+            work += p.load_value[k] * w.amps[p.load_signal[k], 0] * change[p.load_coord[k]]
+    add_loads(p, w.amps, -1.0, w.Q)
+    for k in range(len(p.motion_coord)):
+        work += w.Q[p.motion_coord[k]] * p.motion_factor[k] * m.amps[2, p.motion_signal[k], 0]
+    of_drive, of_damping = _work_of_inertia(m, p, w, s, h)
+    return work + of_drive, lost + of_damping
 
 
 @inner

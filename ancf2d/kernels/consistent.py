@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from .amplitudes import evaluate
-from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full
+from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full, twice_kinetic
 from .jit import inner, inner_with_memory, kernel, kernel_with_memory
 from .points import point_constraint_rates
 from .sliding import sliding_constraint_rates
-from .symmetric import factored, keep_between, mass_product, product, solve
+from .symmetric import factored, keep_between, product, solve
 
 
 @inner
@@ -57,17 +57,7 @@ def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
 def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
     """Return the kinetic energy of the motion s at t, prescribed motion included."""
     evaluate(p.programs, t, w.amps)
-    mass_product(p, s.v, w.y)
-    total = 0.0
-    for i in range(len(s.v)):
-        total += 0.5 * s.v[i] * w.y[i]
-    for k in range(len(p.motion_mass_signal)):
-        rate = w.amps[p.motion_mass_signal[k], 1]
-        for i in range(len(s.v)):
-            total += rate * p.motion_mass[k, i] * s.v[i]
-        for m in range(len(p.motion_mass_signal)):
-            total += 0.5 * rate * p.motion_mutual[k, m] * w.amps[p.motion_mass_signal[m], 1]
-    return total
+    return 0.5 * twice_kinetic(p, w, s.v)
 
 
 @kernel_with_memory

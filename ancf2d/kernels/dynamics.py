@@ -344,16 +344,27 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
 
 
 @inner
-def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
-    """Return the power alpha v^T M v."""
+def twice_kinetic(p, w, v):  # type: ignore[no-untyped-def]
+    """Return v^T M v of the unknowns' rates v (n,) together with those of prescribed motion in w.amps."""
     total = 0.0
-    if p.alpha != 0.0:
+    for i in range(len(v)):
+        w.x[i] = p.coordinate[i] * v[i]
+    mass_product(p, w.x, w.y)
+    for i in range(len(v)):
+        total += w.x[i] * w.y[i]
+    for k in range(len(p.motion_mass_signal)):
+        rate = w.amps[p.motion_mass_signal[k], 1]
         for i in range(len(v)):
-            w.x[i] = p.coordinate[i] * v[i]
-        mass_product(p, w.x, w.y)
-        for i in range(len(v)):
-            total += p.alpha * w.x[i] * w.y[i]
+            total += 2.0 * rate * p.motion_mass[k, i] * w.x[i]
+        for m in range(len(p.motion_mass_signal)):
+            total += rate * p.motion_mutual[k, m] * w.amps[p.motion_mass_signal[m], 1]
     return total
+
+
+@inner
+def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
+    """Return the power alpha v^T M v, prescribed motion included."""
+    return p.alpha * twice_kinetic(p, w, v) if p.alpha != 0.0 else 0.0
 
 
 @inner

@@ -29,6 +29,8 @@ ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
+# fewer steps than so many between two breaks are no longer where they are to be twice as long
+BROKEN = 4
 
 
 class Estimate:
@@ -128,6 +130,9 @@ class Estimate:
     def warnings(self) -> list[str]:
         """Return what is to be said of an estimate that cannot be trusted."""
         if not self.failed and self._alike():
+            if BROKEN * (len(self.run.stepper.pieces) - 1) > self.run.stepper.s.numbers[COUNT]:
+                return ["no error estimate: amplitudes break so often that runs with longer steps take those of this "
+                        "motion"]
             return ["no error estimate: runs with longer steps were cut to those of this motion, or it has too few; "
                     "the steps are too long for it: smaller ones"]
         if self.failed:

@@ -70,7 +70,7 @@ def _energy_momentum(spec: Dynamic, p: Problem, tolerance: float) -> Conserving:
     n = len(p.weights)
     return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", 3,
                       cubic(), _end(n, 3), np.zeros(len(p.place)), np.zeros(n), np.zeros(n),
-                      np.zeros(n), np.zeros((2, len(p.programs.first) - 1, 3)))
+                      np.zeros(n), np.zeros((3, len(p.programs.first) - 1, 3)))
 
 
 def radau_nodes(stages: int) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from motions import OWN, rigid, rod
 
+from ancf2d.kernels.motion import WORK
 from ancf2d.solve.dynamic import Run
 from ancf2d.solve.energy import Energies
 from ancf2d.solve.schemes import SCHEMES
@@ -165,3 +166,58 @@ def test_ten_breaks_leave_the_order_what_it_is(references, what, method, steps, 
         references[what] = end("radau5", 320)
     errors = [np.abs(end(method, n) - references[what]).max() for n in steps]
     assert errors[1] < 1e-8 or np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0]) > order - 0.3
+
+
+# ---------------------------------------------------------------------- the balance of energy
+
+SMOOTH = "0.02*sin(20*pi*t + 1) - 0.02*sin(1)"
+FED = [{"name": "hand", "type": "prescribed", "at": "a@0", "ux": told(SMOOTH), "uy": told(WAVE), "angle": told(WAVE)}]
+MOVED = [{"name": "hand", "type": "prescribed", "at": "a@0", "ux": told(SMOOTH), "uy": told(WAVE)}]
+DAMPED = {"damping": {"rayleigh": {"alpha": 3.0, "beta": 0.0}},
+          "springs": [{"type": "translational", "between": ["b@1", [2, 0]], "stiffness": 50.0, "damping": 3.0,
+                       "length": 1.0}],
+          "loads": [{"type": kind, "at": "b@1", "value": [0, 3], "amplitude": told("sin(40*t)")}
+                    for kind in ("force", "follower_force")]}
+
+
+@pytest.mark.parametrize("more", [{}, DAMPED], ids=["driven", "and damped and loaded"])
+@pytest.mark.parametrize("held", [MOVED, FED], ids=["moved", "turned"])
+def test_energy_momentum_accounts_for_all_work_to_round_off(held, more):
+    """Drives, with rates that jump, damping and loads that vary: by the forces of the steps themselves."""
+    run, _ = moved({"bodies": BARS, "joints": KNEE, "bc": held, **more}, 0.2, method="energy_momentum", dt=2.5e-3,
+                   estimate=False)
+    assert len(run.stepper.pieces) >= 4
+    assert run.stepper.s.numbers[WORK] > 0.01
+    assert run.balance.drift < 1e-11
+
+
+def test_mass_damping_acts_on_what_is_moved_too():
+    scene = {"bodies": BARS, "joints": KNEE, "bc": MOVED, "damping": {"rayleigh": {"alpha": 30.0, "beta": 0.0}}}
+    drifts = [moved(scene, 0.05, method="radau5", dt=dt, estimate=False)[0].balance.drift for dt in (2e-3, 5e-4)]
+    assert drifts[0] < 1e-3
+    assert drifts[1] < 0.1 * drifts[0]
+
+
+@pytest.mark.parametrize("output", [{}, {"every": 7}, {"interval": 0.0137}])
+def test_the_drift_is_that_of_steps_whatever_is_stored(output):
+    scene = {"bodies": {"a": rod("2d2n", 2)}, "bc": [{"type": "pin", "at": "a@0"}],
+             "loads": [{"type": "gravity", "value": [0, -9.81]}]}
+    run, states = moved(scene, 0.4, output, method="energy_momentum", dt=2e-3, estimate=False)
+    assert len(states) > 20
+    assert run.balance.drift < 1e-11
+
+
+def test_stored_states_of_fixed_steps_are_ends_of_steps():
+    for dt, count in ((1e-3, 201), (2.5e-4, 201), (3e-3, 68)):
+        _, states = moved(FREE, 0.2, method="generalized_alpha", dt=dt, estimate=False)
+        assert len(states) == count
+        times = np.array([s.t for s in states[:-1]])
+        np.testing.assert_array_equal(times, np.round(times / dt) * dt)
+
+
+def test_the_error_is_estimated_where_breaks_cut_steps():
+    """States at every so many steps are those of the same times in coarser runs, behind a break too."""
+    scene = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, INERTIA)}, "bc": [{"type": "pin", "at": "b@0"}],
+             "loads": [{"type": "force", "at": "b@1", "value": [0, 3], "amplitude": told(f"1 if t > {BREAK} else 0")}]}
+    _, states = moved(scene, 0.4, {"every": 4}, method="generalized_alpha", dt=2e-3)
+    assert 1e-7 < states[-1].report["accuracy"]["estimate"] < 1e-3
