@@ -187,7 +187,7 @@ def test_energy_momentum_accounts_for_all_work_to_round_off(held, more):
     run, _ = moved({"bodies": BARS, "joints": KNEE, "bc": held, **more}, 0.2, method="energy_momentum", dt=2.5e-3,
                    estimate=False)
     assert len(run.stepper.pieces) >= 4
-    assert run.stepper.s.numbers[WORK] > 0.01
+    assert abs(run.stepper.s.numbers[WORK]) > 1e-3
     assert run.balance.drift < 1e-11
 
 
