@@ -47,11 +47,6 @@ def turn_fields(point: PointRef) -> tuple[int, list[Field]]:
     return DIRECTION, [Field(coords, along, length), Field(coords, across)]
 
 
-def difference(a: Field, b: Field) -> Field:
-    """Return b - a."""
-    return Field(np.concatenate([a.coords, b.coords]), np.concatenate([-a.weights, b.weights]), b.p0 - a.p0)
-
-
 def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
     """Return the coordinates (n,) of some fields, the matrix (m, n) that gives them from d, and p0 (m,)."""
     used = [f.coords[f.weights != 0.0] for f in fields]
@@ -92,14 +87,16 @@ class PointPatch:
         """The matrix that gives the fields from the coordinates."""
         return self.G
 
-    def forces(self, u: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, f and H at fields p0 + u (m,) at rest; ``u`` gets the field that is prescribed."""
+    def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[float, Array, Array]:
+        """Return energy, f and H at fields p0 + u (m,) and their rates, at rest without; ``u`` gets the field that is
+        prescribed."""
         m = len(self.p0)
         a = np.array([1.0 if self.signal is None else self.signal(t), 0.0, 0.0])
         if self.fed >= 0:
             u[self.fed] = a[0]
         f, H = np.zeros(m), np.zeros((m, m))
-        U = self.law.forces(self.p0, u, np.zeros(m), self.par, a, self.mem, f, H, np.zeros((m, m)))
+        v = np.zeros(m) if rates is None else rates
+        U = self.law.forces(self.p0, u, v, self.par, a, self.mem, f, H, np.zeros((m, m)))
         return float(U), f, H
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:

@@ -16,6 +16,9 @@ from .mesh import BodyMesh
 from .plan import BodyPlan
 from .points import PointRef
 
+# of an element: what keeps a foot point between its ends
+BETWEEN = 1e-12
+
 
 def _nearest(piece: Piece, r: Array) -> float:
     """Return the arclength within a piece of its point nearest to r."""
@@ -95,6 +98,11 @@ class OnAxis:
         axes = np.zeros((2, 2, int(self.table.terms[0])))
         m, z, measured = sliding.foot(self.table, 0, d, axes)
         return m, float(z), measured
+
+    def foot(self, d: Array) -> tuple[int, float]:
+        """Return the element of the body that has the point at d, and xi there, between the element's ends."""
+        m, z, _ = self._foot(d)
+        return m, min(max(0.5 * (z + 1.0), BETWEEN), 1.0 - BETWEEN)
 
     def lost(self) -> ComputationError:
         """Return what to say of a point that is off the end of the body."""

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..case import GroundPoint, RotationalSpring, TranslationalSpring
-from .point_patch import Field, PointPatch, difference, position_fields, turns
+from ..elements.shape import Array
+from .point_patch import NOTHING, Field, PointPatch, position_fields, table_of, turns
 from .points import PointRef
 
 End = PointRef | GroundPoint
@@ -34,9 +35,30 @@ class Spring(PointPatch):
         self.par[2] = self.rest if share == 1.0 else self.slack + share * (self.rest - self.slack)
 
 
+def _distance(ends: list[End]) -> list[list[Field]]:
+    """Return what each end has of x and y of the way from the first to the second."""
+    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _place(end)]
+            for sign, end in zip((-1.0, 1.0), ends, strict=True)]
+
+
+def _turning(ends: list[End]) -> list[list[Field]]:
+    """Return what each end has of the fields that tell how the two sections turn."""
+    own = [turns([end])[1] for end in _sections(ends)]
+    return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
+
+
+def _sections(ends: list[End]) -> list[PointRef | None]:
+    return [end if isinstance(end, PointRef) else None for end in ends]
+
+
+def _sum(parts: list[list[Field]]) -> list[Field]:
+    return [Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
+            for a, b in zip(*parts, strict=True)]
+
+
 def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
     """Along the line between two points: U = k (L - L0)^2/2, and c dL/dt."""
-    fields = [difference(a, b) for a, b in zip(*map(_place, ends), strict=True)]
+    fields = _sum(_distance(ends))
     start = math.hypot(*(f.p0 for f in fields))
     rest = start if spring.length is None else spring.length
     return Spring("translational", fields, spring.stiffness, spring.damping, rest, start, start)
@@ -44,10 +66,33 @@ def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
 
 def _rotational(spring: RotationalSpring, ends: list[End]) -> Spring:
     """Between sections (or the ground): U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-    kinds, fields = turns([end if isinstance(end, PointRef) else None for end in ends])
-    return Spring("rotational", fields, spring.stiffness, spring.damping, spring.angle, 0.0, *kinds)
+    kinds, _ = turns(_sections(ends))
+    return Spring("rotational", _sum(_turning(ends)), spring.stiffness, spring.damping, spring.angle, 0.0, *kinds)
 
 
 SPRINGS: dict[type, Callable[[Any, list[End]], Spring]] = {
     TranslationalSpring: _translational, RotationalSpring: _rotational,
 }
+ENDS: dict[type, Callable[[list[End]], list[list[Field]]]] = {
+    TranslationalSpring: _distance, RotationalSpring: _turning,
+}
+
+
+def end_forces(spring: Any, ends: list[End], patch: PointPatch, d: Array, v: Array | None, t: float,
+               linear: bool) -> list[Array]:
+    """Return the forces (n_q,) that each end of a spring and damper exerts at displacements d and their rates v.
+
+    With ``linear`` they are those about the reference.
+    """
+    u = patch.G @ d[patch.coordinates]
+    rates = np.zeros_like(u) if v is None else patch.G @ v[patch.coordinates]
+    f, H = patch.forces(np.zeros_like(u) if linear else u, t, rates)[1:]
+    if linear:
+        f = f + H @ u
+    out = []
+    for fields in ENDS[type(spring)](ends):
+        coords, G, _ = table_of(fields)
+        full = np.zeros_like(d)
+        full[coords] = -(G.T @ f)
+        out.append(full)
+    return out

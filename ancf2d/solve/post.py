@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..case import Case
 from ..elements.shape import Array
 from ..model.mechanism import rigid_motion
-from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
 from .energy import Energies
-from .mass import full_mass, inertia_rates
+from .inside import equilibrium_rows
 from .section import has_section_forces, section_forces
 from .state import State
 
@@ -108,41 +106,6 @@ def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
         y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
         out -= omega * y * np.array([np.cos(angle), np.sin(angle)])
     return out
-
-
-def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
-    """Return the multipliers of the linear rows and what they leave of the residual (n_q,)."""
-    R = (state.Q - state.F)[:model.n_q]
-    moves = inertia_rates(model, state)
-    if moves is not None:
-        R = R + full_mass(model) @ moves
-    rows = model.rows
-    if not rows:
-        return np.zeros(0), R
-    coords = np.unique(np.concatenate([r.coords for r in rows]))
-    where = {int(c): k for k, c in enumerate(coords)}
-    # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
-    coefs = [r.coefs / model.weights[r.coords] for r in rows]
-    sizes = np.array([np.linalg.norm(c) for c in coefs])
-    data = np.concatenate([c / size for c, size in zip(coefs, sizes, strict=True)])
-    index = np.array([where[int(c)] for r in rows for c in r.coords])
-    owner = np.repeat(np.arange(len(rows)), [len(c) for c in coefs])
-    b = R[coords] / model.weights[coords]
-    if len(rows) * len(coords) <= 4_000_000:
-        A = np.zeros((len(coords), len(rows)))
-        A[index, owner] = data
-        lam = np.linalg.lstsq(A, b, rcond=None)[0]
-    else:
-        lam = _sparse_least_squares(data, index, owner, (len(coords), len(rows)), b)
-    return lam / sizes, R
-
-
-def _sparse_least_squares(data: Array, index: Index, owner: NDArray[np.integer], shape: tuple[int, int],
-                          b: Array) -> Array:
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.linalg import lsmr
-
-    return lsmr(csr_matrix((data, (index, owner)), shape=shape), b, atol=1e-14, btol=1e-14)[0]
 
 
 def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:

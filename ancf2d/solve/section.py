@@ -9,11 +9,12 @@ import numpy as np
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices, viscous_force
-from ..model.loads import LOADS, LoadContext, LoadSet
+from ..model.masses import mass_terms
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.pools import damping_time, place_of
+from .inside import Inside, acting_inside, is_inside
 from .mass import inertia_rates
 from .state import State
 
@@ -35,8 +36,8 @@ class SectionForces:
 
     The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
     balance with them whatever the formulation's stresses are worth. Sections in the first half of an element are
-    reached from its start, the others from its end. Forces and moments between nodes act at their points; what joints,
-    springs and supports do between nodes is not told apart from what the element's ends do.
+    reached from its start, the others from its end. Loads, masses, springs, supports and joints between nodes act at
+    their points.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
@@ -49,11 +50,14 @@ class SectionForces:
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
         self.masses = [mass_matrix(c.sampler) for c in mesh.classes]
         self.volumes = [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in mesh.classes]
-        self.inner = list(_inner_loads(model, mesh))
+        points = [(item, model.point(item.at)) for item in model.case.masses]
+        self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
+        self.inside: list[Inside] = []
 
     def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
         last = len(self.mesh.dofs) if count is None else first + count
+        self.inside = acting_inside(self.model, self.mesh, state)
         out = np.empty((last - first, len(self.xi), 3))
         for start in range(first, last, BLOCK):
             some = slice(start, min(start + BLOCK, last))
@@ -61,20 +65,6 @@ class SectionForces:
                 chosen = np.arange(some.start, some.stop)[self.mesh.cls[some] == k]
                 out[chosen - first] = _Part(self, state, int(k), chosen).forces()
         return out
-
-
-def _inner_loads(model: Model, mesh: BodyMesh) -> Iterator[tuple[PointRef, LoadSet]]:
-    """Yield the forces and moments at points within an element of the body."""
-    for load in model.case.loads:
-        at = getattr(load, "at", None)
-        if at is None or at.body != mesh.plan.name:
-            continue
-        point = model.point(at)
-        if 0.0 < point.xi < 1.0:
-            out = LoadSet()
-            follows = model.timing.follow(load.amplitude)
-            LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
-            yield point, out
 
 
 class _Part:
@@ -124,16 +114,18 @@ class _Part:
 
     def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
         """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
-        state, model = self.state, self.body.model
-        d = np.zeros(model.n_q) if state.linear else state.d[:model.n_q]
-        for point, loads in self.body.inner:
+        for item in self.body.inside:
+            for m in np.flatnonzero(self.chosen == item.ie):
+                yield int(m), item.xi, item.force.reshape(-1, self.body.nc)
+        if self.rates is None:
+            return
+        for point, terms in self.body.point_masses:
             for m in np.flatnonzero(self.chosen == point.ie):
-                full = np.zeros(model.n_q)
-                for dead in loads.dead:
-                    full[dead.dofs] += dead.amplitude(state.side) * dead.values
-                for patch in loads.patches:
-                    np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
-                yield int(m), point.xi, full[self.dofs[m]].reshape(-1, self.body.nc)
+                rates, force, first = self.rates[m].ravel(), np.zeros(self.dofs.shape[1]), self.dofs[m, 0]
+                for term in terms:
+                    for coords, weights in term.columns:
+                        force[coords - first] += term.inertia * (weights @ rates[coords - first]) * weights
+                yield int(m), point.xi, force.reshape(-1, self.body.nc)
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
         """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""

@@ -17,15 +17,15 @@ bodies:
     geometry: {{type: line, start: [0, 0], end: [2, 0]}}
     section: {{height: 0.1, width: 0.2}}
     material: {{E: 2e11, nu: 0.3, rho: 1000}}
-    element: {{type: {element}, count: 3}}
+    element: {{type: {element}, count: 3, nodes: {nodes}}}
 {rest}
 output: {{probes: {{p: beam@{s}}}, fields: [N]}}
 """
 
 
-def forces(element: str, rest: str, s: float) -> tuple[float, float, float]:
+def forces(element: str, rest: str, s: float, nodes: str = "regular") -> tuple[float, float, float]:
     """Return N, Q, M at S = s."""
-    probe = run_case(load_case_text(BEAM.format(element=element, rest=rest, s=s))).summary["probes"]["p"]
+    probe = run_case(load_case_text(BEAM.format(element=element, rest=rest, s=s, nodes=nodes))).summary["probes"]["p"]
     return probe["N"], probe["Q"], probe["M"]
 
 
@@ -79,7 +79,7 @@ boundary_conditions: [{name: hub, type: clamp, at: beam@0}]
 masses: [{at: beam@1, mass: 7}]
 steady_rotation: {omega: 3, about: [-0.5, 0.2]}
 solver: {type: static, steps: 2}"""
-    text = BEAM.format(element="reissner3", rest=rest, s=0.5)
+    text = BEAM.format(element="reissner3", rest=rest, s=0.5, nodes="regular")
     hub = run_case(load_case_text(text)).summary["reactions"]["hub"]
     # the beam stretches by 1e-7 of its length only
     assert math.isclose(-hub["fx"], 9 * (40 * 1.5 + 7 * 2.5), rel_tol=1e-5)
@@ -96,7 +96,7 @@ def test_centrifugal_stiffness_is_the_derivative_of_the_force(element: str) -> N
 boundary_conditions: [{type: clamp, at: beam@0}]
 steady_rotation: {omega: 3, about: [-0.5, 0.3]}
 solver: {type: static}"""
-    model = build_model(load_case_text(BEAM.format(element=element, rest=rest, s=0)))
+    model = build_model(load_case_text(BEAM.format(element=element, rest=rest, s=0, nodes="regular")))
     (patch,) = model.loads.patches
     rng = np.random.default_rng(3)
     d, v = rng.normal(size=(2, model.n_q))
@@ -132,3 +132,47 @@ solver: {type: static, steps: 4}"""
     assert math.hypot(N, Q) == pytest.approx(4e5, rel=1e-5)
     assert pytest.approx(-4e5, rel=1e-2) == Q
     assert pytest.approx(-4e5 * 0.02, rel=5e-2) == M
+
+
+WALL = "boundary_conditions: [{type: clamp, at: beam@0, hold: section}"
+POST = """
+  post:
+    geometry: {type: line, start: [0.9, 0], end: [0.9, 1]}
+    section: {height: 0.1, width: 0.2}
+    material: {E: 2e11, nu: 0.3, rho: 1000}
+    element: {type: reissner3, count: 1}
+"""
+# what acts at S = 0.45, and N, Q, M right before it: beyond nothing is left
+ATTACHED = {
+    "mass": (f"{WALL}]\nmasses: [{{at: beam@0.45, mass: 50}}]\nloads: [{{type: gravity, value: [0, -10], "
+             "amplitude: {type: constant}}]", (0.0, -500.0, 0.0)),
+    "turning mass": (f"{WALL}]\nmasses: [{{at: beam@0.45, mass: 50}}]\nsteady_rotation: {{omega: 2, about: [0, 0]}}",
+                     (50 * 0.9 * 4.0, 0.0, 0.0)),
+    "spring": (f"{WALL}]\nsprings: [{{type: translational, between: [beam@0.45, [0.9, -1]], stiffness: 10, "
+               "length: 0.5}]", (0.0, -5.0, 0.0)),
+    "torsion spring": (f"{WALL}]\nsprings: [{{type: rotational, between: [[0, 0], beam@0.45], stiffness: 10, "
+                       "angle: 0.5}]", (0.0, 0.0, 5.0)),
+    "weld": (POST + f"{WALL}]\njoints: [{{type: weld, between: [beam@0.45, post@0]}}]\n"
+             "loads: [{type: force, at: post@1, value: [20, -100]}]", (20.0, -100.0, -20.0)),
+    "prismatic": (POST + f"{WALL}, {{type: roller, at: post@0, fixed: x}}, {{type: roller, at: post@1, fixed: x}}]\n"
+                  "joints: [{type: prismatic, point: post@0, on: beam}]\n"
+                  "loads: [{type: force, at: post@1, value: [0, -100]}]", (0.0, -100.0, 0.0)),
+    "support": (f"{WALL}, {{type: prescribed, at: beam@0.45, uy: -1e-6}}]",
+                (0.0, -1e-6 * 3 * 2e11 * 0.2e-3 / 12 / 0.9**3, 0.0)),
+}
+
+
+@pytest.mark.parametrize("nodes", ["regular", "acting"])
+@pytest.mark.parametrize("kind", ATTACHED)
+@pytest.mark.parametrize("element", ["vallejo, formulation: structural", "cable", "reissner3"])
+def test_what_is_attached_between_nodes_acts_where_it_is(element: str, kind: str, nodes: str) -> None:
+    rest, (N, Q, M) = ATTACHED[kind]
+    # the beam has no weight worth the name
+    beam = BEAM.replace("rho: 1000", "rho: 1e-9").replace("{rest}", "{rest}\nsolver: {{type: static}}")
+    size, arm = max(abs(N), abs(Q), abs(M)), 0.9 - 0.84
+    for s, expected in ((0.42, (N, Q, M + Q * arm)), (0.48, (0.0, 0.0, 0.0))):
+        text = beam.format(element=element, rest=rest, s=s, nodes=nodes)
+        found = run_case(load_case_text(text)).summary["probes"]["p"]
+        # supports beside a shear of their own, whose stiffness is not the bending one's alone
+        rel = 5e-2 if kind == "support" else 1e-4
+        assert [found[k] for k in "NQM"] == pytest.approx(expected, rel=rel, abs=1e-4 * size)

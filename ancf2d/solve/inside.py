@@ -1,0 +1,136 @@
+"""What acts on elements beside their neighbours: multipliers of supports and joints, and forces between nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..case import GroundPoint, Point
+from ..elements.shape import Array
+from ..model.loads import LOADS, LoadContext, LoadSet
+from ..model.mesh import BodyMesh, Index
+from ..model.model import Model
+from ..model.point_patch import PointPatch
+from ..model.points import PointRef
+from ..model.sliding import OnAxis
+from ..model.springs import end_forces
+from .mass import full_mass, inertia_rates
+from .state import State
+
+
+class Inside(NamedTuple):
+    """A force on the coordinates (n_dof,) of element ``ie`` that acts at ``xi``, between the element's ends."""
+
+    ie: int
+    xi: float
+    force: Array
+
+
+def is_inside(point: PointRef, mesh: BodyMesh) -> bool:
+    """Whether a point is one of this body, and between the ends of its element."""
+    return point.mesh is mesh and 0.0 < point.xi < 1.0
+
+
+def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
+    """Return the multipliers of the linear rows and what they leave of the residual (n_q,)."""
+    R = (state.Q - state.F)[:model.n_q]
+    moves = inertia_rates(model, state)
+    if moves is not None:
+        R = R + full_mass(model) @ moves
+    rows = model.rows
+    if not rows:
+        return np.zeros(0), R
+    coords = np.unique(np.concatenate([r.coords for r in rows]))
+    where = {int(c): k for k, c in enumerate(coords)}
+    # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
+    coefs = [r.coefs / model.weights[r.coords] for r in rows]
+    sizes = np.array([np.linalg.norm(c) for c in coefs])
+    data = np.concatenate([c / size for c, size in zip(coefs, sizes, strict=True)])
+    index = np.array([where[int(c)] for r in rows for c in r.coords])
+    owner = np.repeat(np.arange(len(rows)), [len(c) for c in coefs])
+    b = R[coords] / model.weights[coords]
+    if len(rows) * len(coords) <= 4_000_000:
+        A = np.zeros((len(coords), len(rows)))
+        A[index, owner] = data
+        lam = np.linalg.lstsq(A, b, rcond=None)[0]
+    else:
+        lam = _sparse_least_squares(data, index, owner, (len(coords), len(rows)), b)
+    return lam / sizes, R
+
+
+def _sparse_least_squares(data: Array, index: Index, owner: NDArray[np.integer], shape: tuple[int, int],
+                          b: Array) -> Array:
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.linalg import lsmr
+
+    return lsmr(csr_matrix((data, (index, owner)), shape=shape), b, atol=1e-14, btol=1e-14)[0]
+
+
+def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
+    """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
+    return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state)]
+
+
+def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    d = _displacements(model, state)
+    for load in model.case.loads:
+        at = getattr(load, "at", None)
+        if at is None or not is_inside(point := model.point(at), mesh):
+            continue
+        out, full = LoadSet(), np.zeros(model.n_q)
+        follows = model.timing.follow(load.amplitude)
+        LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
+        for dead in out.dead:
+            full[dead.dofs] += dead.amplitude(state.side) * dead.values
+        for patch in out.patches:
+            np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
+        yield _at(point, full)
+
+
+def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    for spring, patch in zip(model.case.springs, model.springs, strict=True):
+        ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
+        inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
+        if inside != [None, None]:
+            assert isinstance(patch, PointPatch)
+            v = None if state.v is None else state.v[:model.n_q]
+            forces = end_forces(spring, ends, patch, state.d[:model.n_q], v, state.side, state.linear)
+            yield from (_at(end, force) for end, force in zip(inside, forces, strict=True) if end is not None)
+
+
+def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    """Yield what supports and joints do."""
+    places = [(owner, point.ie, point.xi) for owner, point in model.supports if is_inside(point, mesh)]
+    for i, joint in enumerate(model.case.joints):
+        for value in (getattr(joint, f.name) for f in fields(joint)):
+            for p in value if isinstance(value, tuple) else (value,):
+                if isinstance(p, Point) and is_inside(point := model.point(p), mesh):
+                    places.append((joint.name or f"joints.{i}", point.ie, point.xi))
+    d = _displacements(model, state)
+    places += [(c.owner, *c.foot(d)) for c in model.constraints if isinstance(c, OnAxis) and c.body == mesh.plan.name]
+    if not places:
+        return
+    lam, _ = equilibrium_rows(model, state)
+    for owner, ie, xi in places:
+        full = np.zeros(model.n_q)
+        for row, value in zip(model.rows, lam, strict=True):
+            if row.owner == owner:
+                np.add.at(full, row.coords, value * row.coefs)
+        for k, constraint in enumerate(model.constraints):
+            if constraint.owner == owner:
+                _, G, _ = constraint.evaluate(model.e0 + d, d, state.side)
+                np.subtract.at(full, constraint.dofs, state.d[model.n_q + k] * G)
+        yield Inside(ie, xi, full[mesh.dofs[ie]])
+
+
+def _displacements(model: Model, state: State) -> Array:
+    """Return the displacements (n_q,) that a state's forces act at: none where it is linear."""
+    return np.zeros(model.n_q) if state.linear else state.d[:model.n_q]
+
+
+def _at(point: PointRef, full: Array) -> Inside:
+    return Inside(point.ie, point.xi, full[point.mesh.dofs[point.ie]])
