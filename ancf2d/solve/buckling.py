@@ -10,13 +10,12 @@ from ..case import Buckling
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..model.timing import PathTiming
 from .classify import Classifier
 from .eigen import full_shapes
 from .linear import Symmetric
 from .pencil import Pencil, each, ritz
 from .state import State
-from .static import solve_static
+from .static import unscaled
 from .system import System
 
 # half the difference in the load factor that rates are formed with
@@ -34,6 +33,8 @@ LANCZOS = 1e-10
 RESTARTS = 200
 # share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
 GAPS = 1e-3
+# share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
+ROUGH, MISSED = 0.02, 0.5
 
 
 def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
@@ -57,14 +58,41 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
         factors, V = _positive(pencil, spec.modes)
     # a linear response this large says nothing of the beam
     known = factors * size <= LARGEST
-    factors, V = factors[known], V[known]
+    factors, V, doubts = _trusted(pencil, u, factors[known], V[known], size)
     if unstable:
         warnings.append("the state without the scaled loads is unstable already")
+    warnings += doubts
     warnings += _meshed(model, base, factors, V)
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
-                        + ("" if len(factors) else ": these loads do not buckle the model in this direction"))
+                        + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
     yield _state(pencil, base, u, factors, V, warnings, iterations)
+
+
+def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float) -> tuple[Array, Array, list[str]]:
+    """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
+
+    At a factor mu, K + mu dK/dt cancels along phi; what the tangent at mu u itself leaves of phi^T K phi is what the
+    linearisation misses. Axial stiffness times the square of a rotation is as much as the bending stiffness long before
+    the rotation is large: structures that bend before they buckle.
+    """
+    left = []
+    for factor, v in zip(factors, V, strict=True):
+        pencil.system.assemble(pencil.d + factor * u, factor)
+        tangent = pencil.matrix.product(pencil.matrix.target.values, v)
+        left.append(abs(float(v @ tangent) / float(v @ pencil.formed(v))))
+    share = np.array(left)
+    good, out = share <= MISSED, []
+    rough = good & (share > ROUGH)
+    for some, says in ((~good, "are none: linear buckling says nothing here"), (rough, "are estimates")):
+        if some.any():
+            k = int(np.flatnonzero(some)[-1])
+            named = ", ".join(f"{f:.6g}" for f in factors[some])
+            out.append(f"load factors {named} {says}. The structure bends or strains before it buckles, by "
+                       f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, and there the linearisation misses "
+                       f"{share[k]:.2g} of the stiffness that it lets vanish. Solver static with method: arc_length "
+                       "finds critical points, if there are any")
+    return factors[good], V[good], out
 
 
 def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
@@ -78,11 +106,9 @@ def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
 
 def _begin(model: Model) -> tuple[Array, list[str], int]:
     """Return the state under what is constant, warnings on the way, and the iterations it took."""
-    timing = model.timing
-    if not isinstance(timing, PathTiming) or not timing.constant:
+    states = list(unscaled(model))
+    if not states:
         return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), [], 0
-    with timing.preload():
-        states = list(solve_static(model))
     return states[-1].d, [w for s in states for w in s.warnings], sum(int(s.history["iterations"]) for s in states)
 
 

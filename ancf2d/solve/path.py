@@ -11,13 +11,12 @@ from ..case import Static
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..model.timing import PathTiming
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
 from .path_steps import ArcSteps, ProbeSteps, Steps
 from .state import State
-from .static import POOR, solve_static
+from .static import POOR, unscaled
 from .system import System
 
 MOST_STEPS = 1000
@@ -84,16 +83,16 @@ class Follower:
 
     def _begin(self) -> tuple[Found, State | None]:
         """Return the equilibrium at factor 0, and its state where constant loads move the model from the reference."""
-        model, timing = self.model, self.model.timing
-        if not isinstance(timing, PathTiming) or not timing.constant:
-            return Found(model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, 0, 0.0, 0.0), None
+        model = self.model
         try:
-            with timing.preload():
-                *_, state = solve_static(model, None, self.spec.tolerance, self.spec.max_iterations)
+            states = list(unscaled(model, self.spec.tolerance, self.spec.max_iterations))
         except ComputationError as error:
             f = error.failure
             raise ComputationError(f"under the constant loads alone {f.reason}", at=f.at, history=f.history,
                                    advice=f.advice) from error
+        if not states:
+            return Found(model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, 0, 0.0, 0.0), None
+        state = states[-1]
         state.t = 0.0
         state.history.update(step=0, factor=0.0)
         state.report = self.log.report()

@@ -17,6 +17,7 @@ from ..case import (
     LinearStatic,
     LoadedCase,
     LoadFactor,
+    Prescribed,
     Static,
 )
 from ..elements.rigid import RIGID_TYPE
@@ -109,6 +110,23 @@ def unavailable(loaded: LoadedCase) -> list[Problem]:
         return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
                                       expected="linear_static, static, eigen or buckling")]
     return [*_without_potential(loaded), *_without_stiffness(loaded)]
+
+
+def left_out(case: Case) -> list[str]:
+    """Return what a case says that its solver leaves out of the computation, in words."""
+    if not isinstance(case.solver, Eigen):
+        return []
+    dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
+               if body.material is not None and body.material.damping is not None]
+    dampers += [f"springs.{i}.damping" for i, spring in enumerate(case.springs) if spring.damping > 0]
+    out = [f"these modes are undamped: {', '.join(dampers)} do not count"] if dampers else []
+    if case.solver.about == "reference" and case.steady_rotation is None:
+        what = ["loads"] if case.loads else []
+        what += ["prescribed motions"] if any(isinstance(s, Prescribed) for s in case.boundary_conditions) else []
+        if what:
+            out.append(f"these modes are about the reference: {' and '.join(what)} do not count, but by what they hold "
+                       "(about: static finds the state that they lead to)")
+    return out
 
 
 def takes_guess(case: Case) -> bool:

@@ -13,6 +13,7 @@ from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
+from ..model.timing import PathTiming
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_balance, newton
 from .pieces import largest, pieces
 from .refine import refined
@@ -140,6 +141,22 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         state.warnings = warnings + state.warnings
         iterations, warnings = 0, []
         yield state
+
+
+def unscaled(model: Model, tolerance: float | None = None, max_iterations: int | None = None) -> Iterator[State]:
+    """Yield the states that lead to the equilibrium at load factor 0 of a path: constant loads, springs that pull.
+
+    None where that is the reference. Raises ComputationError where it is not found.
+    """
+    timing, system = model.timing, System(model)
+    if isinstance(timing, PathTiming) and timing.constant:
+        with timing.preload():
+            yield from solve_static(model, None, tolerance, max_iterations)
+        return
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    R = system.forces(d, 0.0).R
+    if R.any() and not at_floor(R, system.noise(d, 0.0)):
+        yield from solve_static(model, None, tolerance, max_iterations, 0.0)
 
 
 class _Stride:

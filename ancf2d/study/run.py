@@ -56,7 +56,7 @@ def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
     from ..solve.fields import field_problems
     from ..solve.initial import initial_problems
-    from ..solve.registry import unavailable
+    from ..solve.registry import left_out, unavailable
     from ..solve.schemes import method_problems
 
     problems = unavailable(loaded)
@@ -67,6 +67,7 @@ def prepare(loaded: LoadedCase) -> Model:
     problems += [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
+    model.warnings += left_out(loaded.case)
     return model
 
 

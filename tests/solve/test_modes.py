@@ -248,3 +248,17 @@ def test_fewer_modes_than_wanted_are_said():
     solution = h.solved({"b": beam(h.element("reissner2", 1))}, {"type": "eigen", "modes": 40}, bc=PINNED)
     assert len(solution.state.report["frequencies"]) == 3
     assert solution.state.warnings == ["the model has 3 modes, not 40"]
+
+
+def test_what_modes_leave_out_is_told():
+    """Dashpots, material damping, and loads about the reference change nothing in these modes: a warning names each."""
+    body = h.body(h.line(1.0), h.element("vallejo", 2))
+    damped = {**body, "material": {**body["material"], "damping": {"kelvin_voigt": 1e-3}}}
+    spring = {"type": "translational", "between": ["b@1", [2, 0]], "stiffness": 1, "damping": 0.1}
+    scene = {"bc": [{"type": "clamp", "at": "b@0"}], "springs": [spring], "loads": [
+        {"type": "force", "at": "b@1", "value": [0, 1]}]}
+    told = prepare(h.load({"b": damped}, "eigen", **scene)).warnings
+    assert any("bodies.b.material.damping, springs.0.damping" in w for w in told)
+    assert any("loads do not count" in w for w in told)
+    still = {**scene, "springs": [{**spring, "damping": 0}]}
+    assert prepare(h.load({"b": body}, {"type": "eigen", "about": "static"}, **still)).warnings == []
