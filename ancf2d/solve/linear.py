@@ -184,11 +184,25 @@ class Symmetric(ABC):
         """Return K^-1 b, in ``out`` if given."""
         x = np.empty_like(b) if out is None else out
         x[:] = b
-        if self.multipliers is not None:
-            m = self.multipliers
-            np.add.at(x, m.index, self.pull * x[m.multiplier][m.owner])
-        self._solved(x)
+        m = self.multipliers
+        if m is None:
+            self._solved(x)
+        elif 2 * len(m.multiplier) < len(x):
+            self._solved_with(m, x)
+        else:
+            # constraints alone say where everything is: forces move nothing, not even by round-off
+            moves = x[m.multiplier]
+            x[m.multiplier] = 0.0
+            self._solved(x)
+            carried, x[:] = x[m.multiplier], 0.0
+            x[m.multiplier] = moves
+            self._solved_with(m, x)
+            x[m.multiplier] += carried
         return x
+
+    def _solved_with(self, m: Multipliers, x: Array) -> None:
+        np.add.at(x, m.index, self.pull * x[m.multiplier][m.owner])
+        self._solved(x)
 
     @property
     def knows_inertia(self) -> bool:

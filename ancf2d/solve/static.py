@@ -60,7 +60,6 @@ def solve_linear(model: Model) -> Iterator[State]:
     system, num = System(model), model.numbering
     zero = np.zeros(len(num.place))
     start = system.assemble(zero, 1.0, load_stiffness=False)
-    stiff = bool(system.matrix.diagonal(system.matrix.values).any())
     pivots = system.factor({"solver": "linear_static"})
     d = model.displacements(np.zeros(num.n_unknowns), 1.0)
     R0 = start.Q - start.F
@@ -71,12 +70,8 @@ def solve_linear(model: Model) -> Iterator[State]:
         return num.reduce(system.action(zero, full, 1.0))
 
     load = -num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
-    if stiff:
-        floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
-        z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
-    else:
-        # rigid bodies alone, which constraints hold: there is nothing to refine
-        z, known = system.matrix.solve(load), 0.0
+    floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
+    z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
     if not np.isfinite(system.norm(z)):
         raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
                                advice="check loads and stiffnesses for extreme values")
