@@ -1,4 +1,4 @@
-"""Sections that cannot thin where they bend, or not as they should where they are loaded across."""
+"""Elements too stiff in bending, as their sections cannot thin or their arcs are long, or off where loaded across."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..elements.formulations import FORMULATIONS
 from ..elements.formulations.base import Sampler, rule_points, strains_at
 from ..elements.section import Section
-from .mesh import BodyMesh
+from ..elements.shape import Array
+from .mesh import BodyMesh, ElementClass
 
 # of the bending stiffness: below it, the excess is left to the documents
 TOLD = 0.05
@@ -17,7 +19,7 @@ TOLD_ACROSS = 0.02
 
 
 def thickness_excess(mesh: BodyMesh) -> float:
-    """Return how much stiffer in bending an element is for Poisson's ratio, as a share of EI; 0 where it can thin.
+    """Return how much stiffer in bending a straight element is for Poisson's ratio, as a share of EI; 0 if it can thin.
 
     A section that stays straight, bent by (-x y, 0), has no strain across; a law that couples it with the strain along
     then resists by E/(1 - nu^2) in place of E.
@@ -25,7 +27,7 @@ def thickness_excess(mesh: BodyMesh) -> float:
     plan = mesh.plan
     if plan.rigid or plan.element.section_kind != "interpolated" or plan.element.degree_y > 1:
         return 0.0
-    sampler = mesh.classes[0].sampler
+    sampler = mesh.straight(mesh.classes[0])
     gain = _energy(mesh, sampler, plan.section) - _energy(mesh, sampler, replace(plan.section, nu=0.0))
     return 2.0 * gain / (plan.section.EI * sampler.shape.l)
 
@@ -44,6 +46,44 @@ def _energy(mesh: BodyMesh, sampler: Sampler, section: Section) -> float:
         eps, _ = strains_at(plan.formulation, ref[s], B[s] @ (small * e))
         energy += 0.5 * float(eps @ D[s] @ eps)
     return energy / small**2
+
+
+def arc_excess(mesh: BodyMesh) -> tuple[float, ElementClass | None]:
+    """Return how much stiffer in bending a curved element is than a straight one of its length, and which it is.
+
+    Moments on both ends of an arc change its curvature alone. A section whose direction is interpolated linearly cannot
+    follow a curved axis without being stretched: with omar and patel the share is about 0.07 (turn l/h)^2.
+    """
+    worst: tuple[float, ElementClass | None] = (0.0, None)
+    if not mesh.plan.rigid and mesh.plan.element.section_kind == "interpolated":
+        for one in mesh.classes:
+            if one.key[2] != 0.0:
+                excess = _bent(mesh, mesh.straight(one)) / _bent(mesh, one.sampler) - 1.0
+                worst = max(worst, (excess, one), key=lambda pair: pair[0])
+    return worst
+
+
+def _bent(mesh: BodyMesh, sampler: Sampler) -> float:
+    """Return by how much unit moments turn the ends of an element towards each other."""
+    rows = sampler.derivative(np.array([0.0, 1.0]), np.zeros(2), 0, 1)
+    r_y = rows @ sampler.e0
+    load = np.zeros((2, len(sampler.e0), 2))
+    load[:, :, 0], load[:, :, 1] = -r_y[:, 1:] * rows, r_y[:, :1] * rows
+    turn = load / (r_y**2).sum(axis=1)[:, None, None]
+    moments = (turn[1] - turn[0]).ravel()
+    return float(moments @ _response(mesh, sampler, moments))
+
+
+def _response(mesh: BodyMesh, sampler: Sampler, loads: Array) -> Array:
+    """Return the displacements (n_dof, ...) of an element alone under loads that balance."""
+    B, ref, D = mesh.plan.formulation.sample(sampler, mesh.plan.rule)
+    K = np.zeros((B.shape[2], B.shape[2]))
+    for s in range(len(B)):
+        _, J = strains_at(mesh.plan.formulation, ref[s], np.zeros(B.shape[1]))
+        K += B[s].T @ J.T @ D[s] @ J @ B[s]
+    # coordinates differ in units by powers of the height
+    size = 1.0 / np.sqrt(np.diag(K))
+    return np.asarray((size * np.linalg.lstsq(size[:, None] * K * size, (size * loads.T).T, rcond=1e-13)[0].T).T)
 
 
 def error_across(mesh: BodyMesh) -> float:
@@ -70,18 +110,11 @@ def error_across(mesh: BodyMesh) -> float:
 def _stretched(mesh: BodyMesh, sampler: Sampler, section: Section) -> tuple[float, float]:
     """Return the mean strains along and across of an element of this section under a load in proportion to y."""
     plan, shape = mesh.plan, sampler.shape
-    B, ref, D = plan.formulation.sample(replace(sampler, section=section), plan.rule)
-    K = np.zeros((B.shape[2], B.shape[2]))
-    for s in range(len(B)):
-        _, J = strains_at(plan.formulation, ref[s], np.zeros(B.shape[1]))
-        K += B[s].T @ J.T @ D[s] @ J @ B[s]
     xi, eta, w = rule_points((plan.element.degree_x + 1, plan.element.degree_y + 1))
     S = shape(xi, eta, 0, 0)
     x, y = (xi - xi.mean()) * shape.l, eta * section.height / 2
     loads = [(w * z) @ sampler.spread(S, k) for k, z in ((0, x), (1, y))]
-    # coordinates differ in units by powers of the height
-    size = 1.0 / np.sqrt(np.diag(K))
-    u = size * np.linalg.lstsq(size[:, None] * K * size, size * loads[1], rcond=1e-13)[0]
+    u = _response(mesh, replace(sampler, section=section), loads[1])
     along, across = (float(load @ u) / float(w @ z**2) for load, z in zip(loads, (x, y), strict=True))
     return along, across
 
@@ -93,8 +126,16 @@ def locking_warning(mesh: BodyMesh) -> str | None:
         return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is off by "
                 f"{100 * across:.3g} % where so short a body is loaded across, at nu = {plan.section.nu:g}; "
                 "formulation continuum is not")
+    more, curved = arc_excess(mesh)
+    who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
+    if curved is not None and more >= max(TOLD, excess):
+        _, l, kappa = curved.key
+        return (f"{who} is too stiff in bending by {100 * more:.3g} %, as one element is an arc of "
+                f"{abs(kappa) * l:.2g} rad, {l / plan.section.height:.3g} heights long: more elements, or reissner3")
     if excess < TOLD:
         return None
-    return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} cannot thin "
-            f"where it bends and is too stiff by {100 * excess:.3g} % at nu = {plan.section.nu:g}; formulation "
-            "enhanced or structural is not")
+    better = [name for name in ("enhanced", "structural")
+              if name != plan.formulation.name and FORMULATIONS[name].refuse(plan.element) is None]
+    advice = f"formulation {' or '.join(better)}" if better else "patel in formulation continuum"
+    return (f"{who} cannot thin where it bends and is too stiff by {100 * excess:.3g} % at nu = {plan.section.nu:g}; "
+            f"{advice} is not")

@@ -32,6 +32,7 @@ from .own_element import DefinitionError, own_element, undetermined
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
+WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
 @dataclass(frozen=True)
@@ -293,6 +294,10 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share the axis and its sections' "
                    "directions alone: where so short a body is loaded across, it is off by half and more; patel in "
                    "formulation continuum is not")
+    turn = max(abs(p.kappa) * p.l for p in plan.pieces)
+    if turn > WIDE:
+        out.append(f"bodies.{plan.name}: an element is an arc of {turn:.2g} rad, which can cost some per cent of "
+                   f"accuracy: more elements, so that each turns by less than {WIDE:g} rad")
     if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
     return out

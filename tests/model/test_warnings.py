@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import helpers
 import pytest
 
 from ancf2d.case import load_case_text
@@ -60,3 +63,37 @@ def test_a_short_body_whose_neighbours_part_says_so(element: str) -> None:
     assert not any("loaded across" in w for w in warnings(element, 1.5))
     one = CASE.replace("count: 8", "count: 1").format(element=f"type: {element}", height=2.5, hold="all")
     assert not any("loaded across" in w for w in build_model(load_case_text(one)).warnings)
+
+
+def arc(element: str, formulation: str, count: int) -> helpers.Solution:
+    """Solve a quarter ring of 30 heights, clamped at one end, with a unit moment on the other."""
+    geometry = {"type": "arc", "center": [0, 0], "radius": 1, "from": 0, "to": math.pi / 2}
+    body = helpers.body(geometry, helpers.element(element, count, formulation), {"height": 0.05, "width": 0.1})
+    return helpers.solved({"b": body}, "linear_static", bc=[{"type": "clamp", "at": "b@0", "hold": "section"}],
+                          loads=[{"type": "moment", "at": "b@1", "value": 1e-9}])
+
+
+@pytest.mark.parametrize(("element", "count"), [("omar", 3), ("omar", 5), ("vallejo", 3), ("vallejo", 5), ("li", 3)])
+def test_arcs_that_bend_too_stiffly_say_by_how_much(element: str, count: int) -> None:
+    """The end turns by M L/(E I), whatever the arc: formulation enhanced is too stiff only where its elements are."""
+    out = arc(element, "enhanced", count)
+    exact = 1e-9 * math.pi / 2 / out.model.meshes["b"].plan.section.EI
+    off = 100 * (exact / out.theta("b@1") - 1)
+    said = [w for w in out.model.warnings if "too stiff" in w]
+    assert bool(said) == (off > 5)
+    if said:
+        number = float(said[0].split("too stiff in bending by ")[1].split(" %")[0])
+        assert number == pytest.approx(off, rel=0.05)
+        assert "enhanced or" not in said[0]
+
+
+def test_the_advice_is_not_what_is_in_use_and_does_not_depend_on_the_arc() -> None:
+    (straight,) = (w for w in warnings("vallejo, formulation: continuum", 0.1) if "too stiff" in w)
+    (curved,) = (w for w in arc("vallejo", "continuum", 5).model.warnings if "too stiff" in w)
+    assert "too stiff by 9.89 % at nu = 0.3; formulation enhanced or structural is not" in straight
+    assert straight.split(": ")[1] == curved.split(": ")[1]
+
+
+def test_an_arc_too_wide_for_an_element_is_told() -> None:
+    assert any("an arc of 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
+    assert not any("an arc of" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
