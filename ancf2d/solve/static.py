@@ -23,6 +23,8 @@ from .system import UNIT_ROUNDOFF, System
 STEPS = 10
 # displacements known to less than this many digits are worth a word
 POOR = 1e-6
+# unless they are round-off of the positions themselves, beside the extent of the model
+NOTHING = 32 * UNIT_ROUNDOFF
 # and of no use where this share of them is not known
 HOPELESS = 0.5
 # a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
@@ -356,8 +358,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.energy, "negative_pivots": result.negative_pivots}
     size = system.norm(result.d[system.model.numbering.where])
-    # displacements below round-off of the positions themselves are none
-    if result.uncertainty > max(POOR * size, UNIT_ROUNDOFF * system.model.extent):
+    if result.uncertainty > max(POOR * size, NOTHING * system.model.extent):
         warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                     f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more"]
     return State(t, result.d, result.Q, result.F, result.energy, history=history, warnings=warnings)
