@@ -126,7 +126,10 @@ def superposed(scene: Scene) -> Finding:
     """Linear: two parts of the loads, each with what prescribes, add up: u(A + B) = u(A) + u(B) - u(0)."""
     case = scene.case
     cut = scene.rng.randrange(len(case["loads"]) + 1)
-    parts = [answer({**case, "loads": loads}) for loads in (case["loads"][:cut], case["loads"][cut:], [])]
+    first, last = case["loads"][:cut], case["loads"][cut:]
+    # a load of no size keeps the node that it asks for
+    parts = [answer({**case, "loads": loads}) for loads in
+             ([*first, *without_size(last)], [*without_size(first), *last], without_size(case["loads"]))]
     base = scene.base
     for part in parts:
         if base.refusal or part.refusal:
@@ -135,6 +138,11 @@ def superposed(scene: Scene) -> Finding:
     total.values = {key: parts[0].values[key] + parts[1].values[key] - parts[2].values[key]
                     for key in base.values if key[0] != "energy"}
     return agree(scene, total)
+
+
+def without_size(loads: list[Data]) -> list[Data]:
+    """Return loads that do nothing."""
+    return [{**x, "value": 0.0 if x["type"] == "moment" else [0.0, 0.0]} for x in loads]
 
 
 def reciprocal(scene: Scene) -> Finding:

@@ -14,7 +14,7 @@ import numpy as np
 from .answer import KINDS, Answer, answer, kind_of_message
 from .balance import with_acting_points
 from .disturb import disturbed
-from .roundoff import uncertainty
+from .roundoff import roundings, uncertainty
 from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, stiffness
 from .similar import Similarity
 
@@ -121,13 +121,16 @@ class Scene:
         U = L if self.moved else base.largest("displacement")
         turn = max(base.largest("rotation"), U / L)
         energy = base.largest("energy")
-        F = max(base.largest("force"), largest_load(self.case), energy / U if U else 0.0)
+        # where nothing is strained, forces are what is left of products of stiffness and displacement
+        EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
+        rounded = EA * U / L * roundings(base.model) / self.known if base.model is not None else 0.0
+        F = max(base.largest("force"), largest_load(self.case), energy / U if U else 0.0, rounded)
         M = max(base.largest("moment"), F * L)
         out = {"displacement": U, "rotation": turn, "force": F, "moment": M, "energy": max(energy, F * U),
                "N": max(F, base.largest("N")), "Q": max(F, base.largest("Q")), "M": max(M, base.largest("M"))}
         if self.solver == "dynamic":
             # forces that hold follow from displacements by the stiffest way there is
-            F += max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
+            F += EA
             V = max(L / self.case["solver"]["t_end"], base.largest("velocity"))
             mass = sum(mass_per_length(b) * length(b["geometry"]) for b in self.case["bodies"].values())
             out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / L, base.largest("rate")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from collections.abc import Callable
@@ -29,7 +30,9 @@ def scene(seed: int, number: int, solver: str | None = None) -> Data:
     """Return the scene of a number as the data of a case; the same in every process."""
     rng = random.Random(f"scene {seed} {number}")
     kind = solver or rng.choices(list(SOLVERS), list(SOLVERS.values()))[0]
-    return Maker(rng, kind).made()
+    # plain numbers, as files have them
+    made: Data = json.loads(json.dumps(Maker(rng, kind).made()))
+    return made
 
 
 def type_of(spec: Data) -> ElementType:
