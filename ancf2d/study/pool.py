@@ -16,7 +16,8 @@ from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from multiprocessing import spawn
+from typing import Any, TypeVar
 
 from ..interrupts import uninterrupted
 
@@ -119,7 +120,8 @@ def _processes(count: int) -> Iterator[Executor]:
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), begin_worker, (tuple(sys.warnoptions),))
     try:
-        yield pool
+        with silent_orphans():
+            yield pool
     except BaseException:
         with no_interrupts():
             for child in set(multiprocessing.active_children()) - others:
@@ -127,6 +129,24 @@ def _processes(count: int) -> Iterator[Executor]:
             pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
+
+
+@contextmanager
+def silent_orphans() -> Iterator[None]:
+    """Let processes that begin meanwhile end without a traceback where this one dies before it tells them anything."""
+    begin = spawn.get_command_line
+
+    def silent(**given: Any) -> list[str]:
+        line = begin(**given)
+        if "-c" in line:
+            code = line.index("-c") + 1
+            line[code] = f"try:\n {line[code]}\nexcept EOFError: raise SystemExit(1)"
+        return line
+    spawn.get_command_line = silent  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        spawn.get_command_line = begin
 
 
 @contextmanager

@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import spawn
 from pathlib import Path
 
 import pytest
 from jobs import die, square, threads
 
 from ancf2d.cores import cores
-from ancf2d.study.pool import Workers, run_jobs
+from ancf2d.study.pool import Workers, run_jobs, silent_orphans
 
 HERE = Path(__file__).parent
 
@@ -80,3 +81,15 @@ def _wait_for_numbers(folder: Path, count: int) -> list[str]:
             return found
         time.sleep(0.05)
     raise AssertionError("the processes did not begin")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes are handed on in another way")
+def test_a_process_whose_parent_died_before_it_was_told_what_to_do_is_silent() -> None:
+    (tracker, other), (reader, writer) = os.pipe(), os.pipe()
+    os.close(writer)
+    with silent_orphans():
+        line = spawn.get_command_line(tracker_fd=tracker, pipe_handle=reader)
+    found = subprocess.run(line, pass_fds=(tracker, reader), capture_output=True, text=True, timeout=60)
+    assert (found.returncode, found.stdout, found.stderr) == (1, "", "")
+    for descriptor in (tracker, other, reader):
+        os.close(descriptor)
