@@ -25,7 +25,7 @@ BELOW = {
 }
 ROOMS = sorted(BELOW)
 # the loop of a motion, and the step that keeps energy: one compiled function each, as calls there cost time
-LONG = {"advance": 75, "conserving_step": 60}
+LONG = {"advance": 80, "conserving_step": 60}
 
 
 def imported(path: Path, tree: ast.AST) -> Iterator[str]:

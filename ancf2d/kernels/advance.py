@@ -18,6 +18,7 @@ from .motion import (
     GRID,
     LIMIT,
     LOST,
+    NOT_CONVERGED,
     OLD_ERROR,
     OLD_STEP,
     REJECTED,
@@ -28,10 +29,12 @@ from .motion import (
     WORK,
 )
 from .newmark import Newmark, newmark_accept, newmark_restart, newmark_step
-from .points import point_accept
+from .points import point_accept, turn_on
 from .radau import Radau, radau_accept, radau_restart, radau_step
 from .sliding import sliding_accept
 
+# rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
+FAR = 2.5
 # why ``advance`` comes back
 REACHED, FULL, FAILED = range(3)
 # what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
@@ -89,8 +92,8 @@ class Rows(NamedTuple):
     """What is stored. wanted : times of states, in order; every : steps between states (0: the wanted times).
 
     t, number, kind (m,), z, v, a (m, n), work (m, 2) : states (INSIDE, END or CHECK); turns (m, items, memory), feet
-    (m, joints, 2) : what point laws and prismatic joints remembered there; log (k, 7) : step, t, dt, iterations,
-    rejected, error, violation of every step.
+    (m, joints, 2) : what point laws and prismatic joints remembered there; turned (m, sections) : rotations through
+    full turns; log (k, 7) : step, t, dt, iterations, rejected, error, violation of every step.
     """
 
     wanted: Any
@@ -104,6 +107,7 @@ class Rows(NamedTuple):
     work: Any
     turns: Any
     feet: Any
+    turned: Any
     log: Any
 
 
@@ -172,6 +176,7 @@ def _remember(points, sliding, rows, r):  # type: ignore[no-untyped-def]
 def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
     _remember(p.points, p.sliding, rows, r)
+    copy(at.turned[0], rows.turned[r])
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
     copy(at.a, rows.a[r])
@@ -187,6 +192,31 @@ def _accept_patches(points, sliding, d):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` with the turns of s, taken over a time h to z with rates v at t; d and v (n_full,) are left in w."""
+    evaluate(p.programs, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    if len(p.turning.length) > 0:
+        to_full(p, v, w.amps, 1, w.v)
+        copy(s.turned[0], out[0])
+        copy(s.turned[1], out[1])
+        turn_on(p.turning, w.d, w.v, h, out[0], out[1])
+
+
+@inlined
+def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
+    """Step, and return what that answers: NOT_CONVERGED too where springs may have been taken on another turn."""
+    outcome, iterations, error, contraction = step(m, p, w, s, t, h)
+    if outcome != DONE or not p.winds:
+        return outcome, iterations, error, contraction
+    _turn(p, w, s, m.end.z, m.end.v, t + h, h, at.turned)
+    largest = 0.0
+    for i in range(at.turned.shape[1]):
+        largest = max(largest, abs(at.turned[0, i] - s.turned[0, i]))
+    return (NOT_CONVERGED if largest > FAR else DONE), iterations, error, contraction
+
+
+@inlined
 def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     """Make the end of the step the motion; return the violation of constraints there."""
     accept(m, s)
@@ -196,10 +226,12 @@ def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
-    if p.points is None and p.sliding is None:
+    alone = p.points is None and p.sliding is None
+    if alone and len(p.turning.length) == 0:
         return 0.0
-    evaluate(p.programs, t, w.amps)
-    to_full(p, s.z, w.amps, 0, w.d)
+    _turn(p, w, s, s.z, s.v, t, h, s.turned)
+    if alone:
+        return 0.0
     _accept_patches(p.points, p.sliding, w.d)
     return violation(p.points, p.sliding, w.d, w.amps)
 
@@ -252,7 +284,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         h = min(s.numbers[STEP_SIZE], target - t)
         if target - t < 1.1 * h:
             h = target - t
-        outcome, iterations, error, contraction = step(m, p, w, s, t, h)
+        outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h)
         size = max(s.numbers[SIZE], norm(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
@@ -279,6 +311,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             if plan.tracks:
                 work, lost = _work(m, p, w, s, at, t, h, x)
             interpolate(m, p, s, h, x, at.z, at.v, at.a)
+            _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
             _store(p, rows, stored, rows.wanted[next_wanted], logged, INSIDE, at, s.numbers[WORK] + work,
                    s.numbers[LOST] + lost)
             stored, next_wanted = stored + 1, next_wanted + 1

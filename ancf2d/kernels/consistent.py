@@ -61,11 +61,11 @@ def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
-def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
+def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     """Make rates, accelerations and multipliers of the motion s consistent at t; return whether that went well.
 
-    Rates change by the least kinetic energy that meets the constraints. ``jump`` (signals,): by how much the rates of
-    signals have jumped just now; the impulse of that acts on what is free.
+    Rates change by ``impulse`` (n,), that of rates which the unknowns do not have, and by the least kinetic energy that
+    meets the constraints.
     """
     n = len(s.z)
     evaluate(p.programs, t, w.amps)
@@ -83,9 +83,8 @@ def consistent(p, w, s, t, jump):  # type: ignore[no-untyped-def]
         for i in range(n):
             if p.coordinate[i] == 0.0:
                 rhs[i] = -velocity[p.full[i]] - w.y[i] - by_motion[i]
-    for k in range(len(p.motion_mass_signal)):
-        for i in range(n):
-            rhs[i] -= jump[p.motion_mass_signal[k]] * p.motion_mass[k, i]
+    for i in range(n):
+        rhs[i] += impulse[i]
     factors = w.A.copy()
     if not factored(p.fronts, factors, 1e-16, w.y):
         return False

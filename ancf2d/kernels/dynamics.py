@@ -24,15 +24,12 @@ FORCES, TANGENTS, FACTORS = range(3)
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau :
-    (groups,) Kelvin-Voigt times [s]; points, sliding : tables of point
-    laws and prismatic joints or None; programs : signals; place, indptr, index, value, full, dependents : numbering;
-    fronts : those of matrices, or None where they are bands, as ``kernels.symmetric`` has it; mass : T^T M T, stored so;
-    diagonals (k,), along (k, n) : the diagonals d of a band that are not zero, entries (j + d, j);
-    load_* : dead loads, entry by entry; motion_* : entries of P and (signals, n) T^T M P;
-    alpha : mass damping [1/s]; pairs : (m, 2) unknowns that are x and y of one vector; turns : (m, 4) what tells how it
-    turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], 0 for multipliers; coordinate : (n,) 1, 0 for multipliers;
-    extent : size of the scene [m].
+    bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau : (groups,) Kelvin-Voigt times [s]; points, sliding : tables
+    of point laws and prismatic joints or None; turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
+    signals; place, indptr, index, value, full, dependents : numbering; fronts : those of matrices, or None where they are bands, as ``kernels.symmetric`` has
+    it; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries (j + d, j); load_*, motion_* : dead loads,
+    entry by entry, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a coordinate theta,
+    x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], coordinate : (n,) 1, both 0 for multipliers; extent : of the scene [m].
     """  # noqa: E501
 
     bodies: Any
@@ -40,6 +37,8 @@ class Problem(NamedTuple):
     tau: Any
     points: Any
     sliding: Any
+    turning: Any
+    winds: bool
     programs: Any
     place: Any
     indptr: Any
@@ -210,8 +209,7 @@ def turned(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
         angle = x - x0
         if abs(angle) > 0.5:
             return np.cos(angle), np.sin(angle)
-        # their series, to 1e-11
-        q = angle * angle
+        q = angle * angle  # their series, to 1e-11
         cosine = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40320.0 - q * (1.0 / 3628800.0)))))
         sine = 1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362880.0))))
         return cosine, angle * sine

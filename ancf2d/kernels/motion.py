@@ -19,7 +19,8 @@ DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)
 class Motion(NamedTuple):
     """z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME].
 
-    extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above).
+    extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above);
+    turned : (2, sections) rotations, counted through full turns, and their rates, of ``kernels.points.Turning``.
     """
 
     z: Any
@@ -27,6 +28,7 @@ class Motion(NamedTuple):
     a: Any
     extra: Any
     numbers: Any
+    turned: Any
 
 
 class Step(NamedTuple):
@@ -38,9 +40,10 @@ class Step(NamedTuple):
     dense: Any
 
 
-def motion(n: int, kept: int) -> Motion:
-    """Return a motion of n unknowns at rest, with ``kept`` rows for the method."""
-    out = Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS))
+def motion(n: int, kept: int, sections: int) -> Motion:
+    """Return a motion of n unknowns at rest, with ``kept`` rows for the method and sections whose turns count."""
+    out = Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS),
+                 np.zeros((2, sections)))
     # how fast Newton converges is not known yet
     out.numbers[CONTRACTION] = 1.0
     return out

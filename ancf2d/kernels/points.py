@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from numba.extending import register_jitable
 
 from ..elements import point_laws
-from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns
+from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns, turn
 from .jit import inlined, kernel
 from .matrix import scatter
 from .stack import array, vector
@@ -45,6 +45,20 @@ class Points(NamedTuple):
     fed: Any
     multiplier: Any
     scale: Any
+
+
+class Turning(NamedTuple):
+    """Section directions whose rotations are counted through full turns.
+
+    Direction i has the components ``along`` and ``across`` (weights of d[dofs], from begin[i] to begin[i + 1]) in the
+    frame of its reference, (length[i], 0) there.
+    """
+
+    begin: Any
+    dofs: Any
+    along: Any
+    across: Any
+    length: Any
 
 
 @kernel
@@ -297,6 +311,23 @@ def point_accept(points, d):  # type: ignore[no-untyped-def]
             b, m = points.field[i], points.field[i + 1] - points.field[i]
             _fields(points, i, d, u)
             count_turns(points.p0[b:b + m], u[:m], points.par[i], points.mem[i])
+
+
+@kernel
+def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
+    """Take angles with their rates (n,) over a time h to d with rates v (n_full,), by more than half a turn too."""
+    for i in range(len(angle)):
+        ux, uy, vx, vy = 0.0, 0.0, 0.0, 0.0
+        for k in range(turning.begin[i], turning.begin[i + 1]):
+            c = turning.dofs[k]
+            ux += turning.along[k] * d[c]
+            uy += turning.across[k] * d[c]
+            vx += turning.along[k] * v[c]
+            vy += turning.across[k] * v[c]
+        x = turning.length[i] + ux
+        new = (x * vy - uy * vx) / (x * x + uy * uy)
+        angle[i] = turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
+        rate[i] = new
 
 
 @kernel

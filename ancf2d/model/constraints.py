@@ -48,6 +48,14 @@ class Constraint(Protocol):
         """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""
         ...
 
+    def reference_gradient(self) -> Array:
+        """Return the gradient (n,) in the reference, where nothing is prescribed yet."""
+        ...
+
+    def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
+        """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
+        ...
+
 
 @dataclass
 class Equations:
@@ -102,7 +110,7 @@ def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointCo
     """The section direction of a point stands at the angle signal(t) from its reference."""
     _, fields = turn_fields(point)
     return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
-                           facing=_at_angle)
+                           facing=_at_angle, sections=[point])
 
 
 def keep_lengths(mesh: BodyMesh, out: Equations) -> None:

@@ -17,6 +17,7 @@ from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
 from .pools import Pool
+from .rotation import Turns
 from .springs import Spring
 from .timing import Timing
 
@@ -150,6 +151,16 @@ class Model:
         from .order import coordinate_weights
 
         return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
+
+    @cached_property
+    def turns(self) -> Turns:
+        """How rotations are counted through full turns."""
+        return Turns(self.meshes)
+
+    @property
+    def winds(self) -> bool:
+        """Whether forces depend on whole turns: those of torsion springs on sections without theta."""
+        return any(end is not None for spring in self.springs for end in spring.sections)
 
     @property
     def symmetric(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, count_turns
+from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .mesh import Index
@@ -62,19 +62,20 @@ class PointPatch:
     """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
 
     ``par`` are the constants of the law, ``signal`` its amplitude (None: 1), ``fed`` the field that the signal
-    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted; ``symmetric`` tells whether
-    the stiffness is.
+    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted, those of ``sections`` (None
+    where nothing has to be counted); ``symmetric`` tells whether the stiffness is.
     """
 
     multiplier = -1
     scale = 1.0
 
     def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float],
-                 signal: Callable[[float], float] | None = None, fed: int = -1) -> None:
+                 signal: Callable[[float], float] | None = None, fed: int = -1,
+                 sections: Sequence[PointRef | None] = ()) -> None:
         self.law, self.par, self.signal, self.fed = LAWS[law], np.array(par, dtype=float), signal, fed
         coords, self.G, self.p0 = table_of(fields)
         self.dofs: Index = coords[None, :]
-        self.mem = np.zeros(MAX_MEM)
+        self.mem, self.sections = np.zeros(MAX_MEM), tuple(sections)
         self.symmetric = self.law.symmetric
 
     @property
@@ -100,11 +101,8 @@ class PointPatch:
         return float(U), f, H
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, Q (1, n) and K (1, n, n); turns are counted from the last evaluation."""
-        u = self.G @ d[self.dofs[0]]
-        U, f, H = self.forces(u, t)
-        if self.law.name == "rotational":
-            count_turns(self.p0, u, self.par, self.mem)
+        """Return energy, Q (1, n) and K (1, n, n)."""
+        U, f, H = self.forces(self.G @ d[self.dofs[0]], t)
         return U, (self.G.T @ f)[None], (self.G.T @ H @ self.G)[None]
 
 
@@ -118,8 +116,8 @@ class PointConstraint(PointPatch):
 
     def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str, scale: float,
                  signal: Callable[[float], float] | None = None, fed: int = -1,
-                 facing: Callable[[Array], float] | None = None) -> None:
-        super().__init__(law, [*fields, NOTHING], par, signal, fed)
+                 facing: Callable[[Array], float] | None = None, sections: Sequence[PointRef | None] = ()) -> None:
+        super().__init__(law, [*fields, NOTHING], par, signal, fed, sections)
         self.dofs = self.dofs[0]
         self.owner, self.holds, self.scale, self.facing = owner, holds, scale, facing
 
@@ -135,6 +133,12 @@ class PointConstraint(PointPatch):
         out = np.zeros((m, n + 1))
         out[:, :n], out[-1, -1] = self.G, 1.0
         return out
+
+    def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
+        """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
+        if self.signal is None:
+            return []
+        return [(point, self.signal(t)) for point in self.sections if point is not None]
 
     def opposed(self, d: Array, t: float) -> bool:
         """Whether directions that should agree stand against each other at d (n_full,): g vanishes there too."""
@@ -152,6 +156,16 @@ class PointConstraint(PointPatch):
         H[-1], H[:, -1] = 0.0, 0.0
         return g, self.G.T @ f, self.G.T @ H @ self.G
 
+    def reference_gradient(self) -> Array:
+        """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""
+        u = np.zeros(len(self.p0))
+        u[-1] = 1.0
+        f, H = np.zeros_like(u), np.zeros((len(u), len(u)))
+        self.law.forces(self.p0, u, np.zeros_like(u), self.par, np.zeros(3), self.mem, f, H, np.zeros_like(H))
+        f[-1] = 0.0
+        gradient: Array = self.G.T @ f
+        return gradient
+
 
 class ConstraintBatch:
     """Constraints of one law over as many coordinates each, evaluated together."""
@@ -164,14 +178,19 @@ class ConstraintBatch:
         self.par = np.stack([c.par for c in constraints], axis=1)
         self.fed = [(c.fed, k, c.signal) for k, c in enumerate(constraints) if c.signal is not None]
 
-    def evaluate(self, d: Array, t: float) -> tuple[Array, Array]:
-        """Return Q (m, n) and K (m, n, n) of lambda g along ``dofs`` (m, n), the multiplier last."""
+    def evaluate(self, d: Array, t: float, linear: bool = False) -> tuple[Array, Array]:
+        """Return Q (m, n) and K (m, n, n) of lambda g along ``dofs`` (m, n), the multiplier last.
+
+        ``linear``: g is that of linear theory, also in what is prescribed.
+        """
         u = np.einsum("mfn,mn->fm", self.G, d[self.dofs])
-        for field, k, signal in self.fed:
+        for field, k, signal in [] if linear else self.fed:
             u[field, k] = signal(t)
         f, H = np.zeros_like(u), np.zeros((len(u), *u.shape))
         self.law.forces(self.p0, u, np.zeros_like(u), self.par, np.zeros(3), np.zeros(MAX_MEM), f, H,
                         np.zeros_like(H))
+        for field, k, signal in self.fed if linear else []:
+            f[-1, k] += H[field, -1, k] * signal(t)
         Gt = self.G.transpose(0, 2, 1)
         return (Gt @ f.T[:, :, None])[:, :, 0], Gt @ H.transpose(2, 0, 1) @ self.G
 

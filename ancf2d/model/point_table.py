@@ -9,11 +9,12 @@ import numpy as np
 
 from ..elements.point_laws import MAX_MEM, MAX_PAR, POINT_LAWS
 from ..elements.shape import Array
-from ..kernels.points import Points
+from ..kernels.points import Points, Turning
 from .loads import FollowerLine
 from .mesh import Index
 from .model import Model
 from .point_patch import PointPatch
+from .rotation import Turns
 
 _NUMBER = {law.name: k for k, law in enumerate(POINT_LAWS)}
 
@@ -55,3 +56,8 @@ def point_table(patches: Sequence[PointPatch], signals: list[Any] | None = None)
                   par, mem, rows, np.array([p.fed for p in patches], dtype=np.int64),
                   np.array([p.multiplier for p in patches], dtype=np.int64),
                   np.array([p.scale for p in patches], dtype=np.float64))
+
+
+def turning_table(turns: Turns) -> Turning:
+    """Return the table of the sections whose turns are counted."""
+    return Turning(turns.begin, turns.dofs, turns.along, turns.across, turns.length)

@@ -1,13 +1,20 @@
-"""The rotation of the section at a point and its derivatives by the coordinates."""
+"""The rotation of the section at a point, its derivatives by the coordinates, and its whole turns."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
 
 from ..elements.shape import Array
-from .points import PointRef
+from .mesh import BodyMesh
+from .point_patch import DIRECTION, PointPatch, turn_fields
+from .points import PointRef, point_ref
+
+# rotation and strain below which no section can be on another turn than its neighbours
+SMALL = 0.5
 
 
 class Rotation:
@@ -59,3 +66,131 @@ class Rotation:
         angle = self.point.angle + self.value(e, d)
         c, s = math.cos(angle), math.sin(angle)
         return np.array([[c, -s], [s, c]])
+
+
+class Course:
+    """How sections turn along a body, of a type whose directions tell it and not theta."""
+
+    def __init__(self, mesh: BodyMesh) -> None:
+        self.mesh = mesh
+        self.coordinates = slice(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
+        self.xi = np.linspace(0.0, 1.0, 2 * mesh.plan.element.degree_x + 2)
+
+    def _rows(self, xi: Array, i: int, j: int) -> Array:
+        """Return derivatives of the shape functions (classes, stations, n_shape) on the axis."""
+        return np.array([cls.shape(xi, np.zeros_like(xi), i, j) for cls in self.mesh.classes])
+
+    def _along(self, rows: Array, q: Array) -> Array:
+        """Return x and y (2, elements, stations) of what rows give of the body's coordinates q (n_dofs,)."""
+        mesh = self.mesh
+        values = q[mesh.dofs - mesh.first_dof]
+        parts = [values[:, k::mesh.plan.element.components] for k in (0, 1)]
+        if len(rows) == 1:
+            return np.array([part @ rows[0].T for part in parts])
+        return np.array([np.einsum("esk,ek->es", rows[mesh.cls], part) for part in parts])
+
+    @cached_property
+    def _reference(self) -> tuple[Array, Array]:
+        """The rows that give the sections' directions, and these in the reference."""
+        across = self.mesh.plan.element.section_kind == "interpolated"
+        rows = self._rows(self.xi, *((0, 1) if across else (1, 0)))
+        return rows, self._along(rows, self.mesh.e0)
+
+    def small(self, d: Array) -> bool:
+        """Whether all sections stand about as in the reference, so that none can be on another turn than the others."""
+        gradients = self.mesh.gradients
+        return bool(gradients.any()) and float((gradients * np.abs(d[self.coordinates])).max()) < SMALL
+
+    def angles(self, d: Array) -> Array:
+        """Return theta (elements, stations) at d without a jump along the body; the first is the one nearest to 0."""
+        rows, (x, y) = self._reference
+        dx, dy = self._along(rows, d[self.coordinates])
+        angles = np.arctan2(x * dy - y * dx, x * (x + dx) + y * (y + dy))
+        return np.unwrap(angles.ravel()).reshape(angles.shape)
+
+    def follow(self, before: Array, turned: float, d: Array) -> float:
+        """Return theta at S = 0 at d after a state ``before``, where it was ``turned``.
+
+        Of all sections the one that moved least tells on which turn they are.
+        """
+        old, new = self.angles(before), self.angles(d)
+        old += whole_turns(turned - old[0, 0])
+        ends = self._rows(self.xi[[0, -1]], 0, 0)
+        dx, dy = self._along(ends, (d - before)[self.coordinates]) / self.mesh.plan.length
+        moved = np.hypot(dx, dy) + np.abs(np.sin(0.5 * (new - old)[:, [0, -1]]))
+        ie, end = divmod(int(np.argmin(moved)), 2)
+        return float(new[0, 0] + whole_turns(old[ie, -end] - new[ie, -end]))
+
+    def near(self, point: PointRef, d: Array, turned: float) -> float:
+        """Return theta next to a point at d, where it is ``turned`` at S = 0."""
+        angles = self.angles(d)
+        k = int(np.argmin(np.abs(self.xi - point.xi)))
+        return float(angles[point.ie, k] + whole_turns(turned - angles[0, 0]))
+
+
+def whole_turns(angle: float) -> float:
+    """Return the multiple of a full turn that is nearest to an angle."""
+    return 2 * math.pi * round(angle / (2 * math.pi))
+
+
+class Turns:
+    """Rotations of all sections, counted through full turns.
+
+    What has to be known of a state beside its coordinates is ``turned`` (bodies,): theta at S = 0 of each body. The
+    others follow, as theta has no jumps along a body. ``counted`` are the bodies where directions tell it, with the
+    fields ``along`` and ``across`` of ``turn_fields``: those of body counted[i] are weights of d[dofs] from begin[i] to
+    begin[i + 1], ``length`` that of the direction.
+    """
+
+    def __init__(self, meshes: dict[str, BodyMesh]) -> None:
+        self.number = {name: k for k, name in enumerate(meshes)}
+        self.courses = [Course(mesh) for mesh in meshes.values()]
+        told = [turn_fields(point_ref(mesh, 0.0)) for mesh in meshes.values()]
+        self.counted = np.array([k for k, (kind, _) in enumerate(told) if kind == DIRECTION], dtype=np.int64)
+        self.by_theta = [(k, fields[0]) for k, (kind, fields) in enumerate(told) if kind != DIRECTION]
+        fields = [told[k][1] for k in self.counted]
+        self.begin = np.cumsum([0, *(len(along.coords) for along, _ in fields)])
+        self.dofs, self.along, self.across = (np.concatenate([np.zeros(0), *parts]) for parts in (
+            [a.coords for a, _ in fields], [a.weights for a, _ in fields], [b.weights for _, b in fields]))
+        self.dofs = self.dofs.astype(np.int64)
+        self.length = np.array([a.p0 for a, _ in fields])
+
+    def at(self, d: Array, near: Array) -> Array:
+        """Return ``turned`` at d; where it is counted, on the turn nearest to that of ``near`` (counted,)."""
+        out = np.zeros(len(self.courses))
+        for k, field in self.by_theta:
+            out[k] = field.weights @ d[field.coords]
+        if len(self.counted):
+            x, y = (np.add.reduceat(w * d[self.dofs], self.begin[:-1]) for w in (self.along, self.across))
+            angle = np.arctan2(y, self.length + x)
+            out[self.counted] = angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi))
+        return out
+
+    def follow(self, before: Array, turned: Array, d: Array) -> Array:
+        """Return ``turned`` at d, a load step after a state ``before``, also where sections turn far in between."""
+        near = [turned[k] if self.courses[k].small(d) and self.courses[k].small(before)
+                else self.courses[k].follow(before, float(turned[k]), d) for k in self.counted]
+        return self.at(d, np.array(near))
+
+    def hold(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
+        """Put the body of a point, in ``turned``, on the turn on which the section there is at the angle."""
+        turned[self.number[point.mesh.plan.name]] += whole_turns(angle - self.theta(Rotation(point), e, d, turned))
+
+    def from_reference(self, d: Array) -> Array:
+        """Return ``turned`` at d, of which nothing else is known."""
+        return self.follow(np.zeros_like(d), np.zeros(len(self.courses)), d)
+
+    def theta(self, rotation: Rotation, e: Array, d: Array, turned: Array) -> float:
+        """Return the rotation of a section at nodal coordinates e with displacements d."""
+        point = rotation.point
+        k = self.number[point.mesh.plan.name]
+        near, course = float(turned[k]), self.courses[k]
+        if not point.turns_by_theta and point.s > 0.0 and not course.small(d):
+            near = course.near(point, d, near)
+        return rotation.value(e, d, near)
+
+    def recall(self, springs: Iterable[PointPatch], e: Array, d: Array, turned: Array) -> None:
+        """Let torsion springs count on from a state."""
+        for spring in springs:
+            for k, end in enumerate(spring.sections):
+                spring.mem[k] = 0.0 if end is None else self.theta(Rotation(end), e, d, turned)

@@ -132,6 +132,15 @@ class OnAxis:
         full[np.ix_(at, at)] = H
         return g - float(self.table.gap[0]), G, full
 
+    def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
+        """Return that no rotation is prescribed."""
+        return []
+
+    def reference_gradient(self) -> Array:
+        """Return the gradient (n,) of g in the reference."""
+        none = np.zeros(len(self.table.e0))
+        return self.evaluate(none, none, 0.0)[1]
+
 
 def check_ends(constraints: Iterable[object], d: Array) -> None:
     """Raise ComputationError where a point has left the body along which it slides."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..case import GroundPoint, RotationalSpring, TranslationalSpring
+from ..elements.point_laws import DIRECTION
 from ..elements.shape import Array
 from .point_patch import NOTHING, Field, PointPatch, position_fields, table_of, turns
 from .points import PointRef
@@ -26,8 +27,8 @@ class Spring(PointPatch):
     """A spring and damper; ``slack`` is the length or angle of the reference, where it would not pull."""
 
     def __init__(self, law: str, fields: list[Field], stiffness: float, damping: float, rest: float, slack: float,
-                 *more: float) -> None:
-        super().__init__(law, fields, [stiffness, damping, rest, *more])
+                 *more: float, sections: Sequence[PointRef | None] = ()) -> None:
+        super().__init__(law, fields, [stiffness, damping, rest, *more], sections=sections)
         self.rest, self.slack = rest, slack
 
     def tighten(self, share: float) -> None:
@@ -66,8 +67,11 @@ def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
 
 def _rotational(spring: RotationalSpring, ends: list[End]) -> Spring:
     """Between sections (or the ground): U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-    kinds, _ = turns(_sections(ends))
-    return Spring("rotational", _sum(_turning(ends)), spring.stiffness, spring.damping, spring.angle, 0.0, *kinds)
+    sections = _sections(ends)
+    kinds, _ = turns(sections)
+    counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
+    return Spring("rotational", _sum(_turning(ends)), spring.stiffness, spring.damping, spring.angle, 0.0, *kinds,
+                  sections=counted)
 
 
 SPRINGS: dict[type, Callable[[Any, list[End]], Spring]] = {

@@ -13,6 +13,7 @@ from ancf2d.results.records import Column, Units, escape, known_column, unescape
 from ancf2d.results.series import CHUNK_BYTES, Series
 
 STATE_FIELDS = ("d", "v", "a")  # of nq numbers per state
+BODIES = "turned"  # of one number per body and state
 
 
 class Growth:
@@ -24,7 +25,8 @@ class Growth:
 
     def __init__(self, file: h5py.File, nq: int, units: Units, dynamic: bool,
                  columns: Sequence[Column] = ()) -> None:
-        self._file, self._nq, self._units, self._dynamic = file, nq, units, dynamic
+        self._file, self._units, self._dynamic = file, units, dynamic
+        self._widths = dict.fromkeys(STATE_FIELDS, nq) | {BODIES: len(file["mesh/bodies"])}
         self._columns = {column.name: column for column in columns}
         self.states = self.logged = self.probed = 0
         self._fields: dict[str, Series] = {}
@@ -52,13 +54,14 @@ class Growth:
 
     def state(self, t: float, history_row: int, arrays: Mapping[str, np.ndarray | None],
               energies: Mapping[str, float], fields: Mapping[tuple[str, str], np.ndarray]) -> None:
-        """Add one state: ``arrays`` d, v, a (nq,) where they are known, ``fields`` by body and name."""
+        """Add one state: ``arrays`` d, v, a (nq,), turned (bodies,) where they are known, ``fields`` by body and name.
+        """
         self._field("t").append(float(t))
         self._field("history_row").append(history_row)
-        for name in STATE_FIELDS:
+        for name, width in self._widths.items():
             row = arrays.get(name)
             if row is not None:
-                self._store(name, row)
+                self._store(name, row, width)
         for place, values in fields.items():
             self._field_over(place, np.size(values), self.states).append(np.ravel(values))
         for name, value in energies.items():
@@ -67,12 +70,12 @@ class Growth:
         for series in self._energies.values():
             series.pad_to(self.states)
 
-    def _store(self, name: str, row: np.ndarray) -> None:
-        if np.shape(row) != (self._nq,):
-            raise ResultsError(f"a state of {np.shape(row)} does not fit {self._nq} coordinates")
+    def _store(self, name: str, row: np.ndarray, width: int) -> None:
+        if np.shape(row) != (width,):
+            raise ResultsError(f"'{name}' of a state has the shape {np.shape(row)}, not ({width},)")
         field = self._field(name)
         field.pad_to(self.states)
-        if self._nq * 8 >= CHUNK_BYTES:
+        if width * 8 >= CHUNK_BYTES:
             field.write_through(row)
         else:
             field.append(row)
@@ -87,9 +90,9 @@ class Growth:
                 "d": (units, "displacements of the nodal coordinates: they are e0 + d"),
                 "v": (f"({units})/{time_unit}", "rates of the nodal coordinates"),
                 "a": (f"({units})/{time_unit}^2", "second rates of the nodal coordinates"),
+                BODIES: ("rad", "rotation of the section at S = 0 of each body, counted through full turns"),
             }[name]
-            width = self._nq if name in STATE_FIELDS else 0
-            self._fields[name] = Series(group, name, *labels, width=width,
+            self._fields[name] = Series(group, name, *labels, width=self._widths.get(name, 0),
                                         integer=name == "history_row")
         return self._fields[name]
 

@@ -14,7 +14,7 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
-from ancf2d.results.columns import Table, read_columns
+from ancf2d.results.columns import Table, enough, read_columns
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
 from ancf2d.results.rows import StateRows
@@ -55,11 +55,11 @@ class Results:
         self.nq: int = self._reference.shape[0]
         self._states = safe.child(self._file, "states", h5py.Group)
         if self.nt:
-            self._times = None if self._states is None else safe.child(self._states, "t", h5py.Dataset)
-            if self._times is None or self._times.ndim != 1:
+            times = None if self._states is None else safe.child(self._states, "t", h5py.Dataset)
+            if times is None:
                 raise ValueError("the states are missing")
-            if len(self._times) < self.nt:
-                raise ValueError(f"it has {len(self._times)} states where {self.nt} were stored")
+            if times.ndim != 1 or len(times) < self.nt:
+                raise ValueError(f"it has {len(times)} states where {self.nt} were stored")
 
     # ------------------------------------------------------------------ about the run
 
@@ -125,7 +125,9 @@ class Results:
     def t(self) -> np.ndarray:
         """Load factor or time of each stored state (nt,)."""
         with safe.damage(self.path):
-            return safe.values(self._times, 1)[:self.nt] if self.nt else np.empty(0)
+            if not self.nt:
+                return np.empty(0)
+            return enough(safe.numbers(self._states, "t", 1), self.nt)
 
     def _state_rows(self, name: str) -> StateRows | None:
         if name not in self._rows:
@@ -197,6 +199,15 @@ class Results:
     def a(self, i: int) -> np.ndarray:
         """Second rates (nq,) of the nodal coordinates in state i, where they were stored."""
         return self._row("a", i)
+
+    def turned(self, i: int) -> np.ndarray | None:
+        """Rotations (bodies,) at S = 0 of each body in state i, through full turns; None where they were not stored."""
+        number = self._number(i)
+        with safe.damage(self.path):
+            dataset = safe.child(self._states, "turned", h5py.Dataset)
+            if dataset is None or len(dataset) <= number:
+                return None
+            return StateRows(dataset, (len(self.bodies),)).row(number)
 
     # ------------------------------------------------------------------ bodies
 

@@ -132,6 +132,7 @@ class ResultWriter:
     def append(self, t: float, d: np.ndarray, history: Mapping[str, float] | None = None,
                probes: Mapping[str, Mapping[str, float]] | None = None,
                v: np.ndarray | None = None, a: np.ndarray | None = None, *,
+               turned: np.ndarray | None = None,
                steps: Mapping[str, np.ndarray] | None = None,
                energies: Mapping[str, float] | None = None,
                fields: Mapping[tuple[str, str], np.ndarray] | None = None,
@@ -140,8 +141,9 @@ class ResultWriter:
 
         ``t`` is the load factor in static cases and the time in dynamic ones; ``history`` and
         ``probes`` are logged as by ``log``, ``steps`` (columns of the steps since the last state)
-        as by ``log_block``; ``v`` and ``a`` (nq,) are time derivatives of d; ``energies`` are those
-        of this state; ``fields`` are (ne, nx, ny, components) by body and name;
+        as by ``log_block``; ``v`` and ``a`` (nq,) are time derivatives of d; ``turned`` (bodies,) is
+        the rotation at S = 0 of each body through full turns; ``energies`` are those of this state;
+        ``fields`` are (ne, nx, ny, components) by body and name;
         ``checkpoint`` is what the run can be resumed from once this state is on disk.
         """
         with self._disk_errors():
@@ -149,7 +151,7 @@ class ResultWriter:
             if steps:
                 grown.log_block(steps)
             row = grown.logged if history is not None else grown.logged - 1 if steps is not None else -1
-            grown.state(t, row, {"d": d, "v": v, "a": a}, energies or {}, fields or {})
+            grown.state(t, row, {"d": d, "v": v, "a": a, "turned": turned}, energies or {}, fields or {})
             self._log(history, probes, t)
             if checkpoint is not None:
                 self._checkpoint = checkpoint.copied(grown.rows, self._wall_time())

@@ -43,8 +43,8 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     (K + mu dK/dt) phi = 0, dK/dt the derivative of the tangent along the linear response to the loads that the factor
     scales. Loads with an amplitude of their own are constant: they have moved and stressed the model before.
     """
-    base, warnings, iterations = _begin(model)
-    pencil = Pencil(model, base, 0.0, loads=True)
+    base, turned, warnings, iterations = _begin(model)
+    pencil = Pencil(model, base, 0.0, True, turned)
     pivots = pencil.system.factor({"solver": "buckling"})
     unstable = pencil.negative(pivots)
     u = _response(pencil)
@@ -104,12 +104,13 @@ def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
             if classifier(v, False).gaps > GAPS]
 
 
-def _begin(model: Model) -> tuple[Array, list[str], int]:
-    """Return the state under what is constant, warnings on the way, and the iterations it took."""
+def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:
+    """Return the state under what is constant, its turns, warnings on the way, and the iterations it took."""
     states = list(unscaled(model))
     if not states:
-        return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), [], 0
-    return states[-1].d, [w for s in states for w in s.warnings], sum(int(s.history["iterations"]) for s in states)
+        return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), None, [], 0
+    warnings, iterations = [w for s in states for w in s.warnings], sum(int(s.history["iterations"]) for s in states)
+    return states[-1].d, states[-1].turned, warnings, iterations
 
 
 def _response(pencil: Pencil) -> Array:
@@ -160,6 +161,7 @@ def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     K-orthogonal to what they hold, and in these their turning is of second order.
     """
     system = System(pencil.model)
+    system.count_from(pencil.system.turns())
     out = np.zeros_like(pencil.K)
     for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
         system.assemble(pencil.d + k * h * u, k * h)

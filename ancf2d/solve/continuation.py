@@ -130,9 +130,10 @@ class ProbeValue:
         self.motion -= model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
         self.theta = 0.0
 
-    def settle(self, d: Array) -> None:
-        """Count turns from this state on."""
-        self.theta = self._theta(d)
+    def settle(self, d: Array, turned: Array) -> None:
+        """Count turns from an equilibrium on, whose own are ``turned`` (``model.rotation.Turns``)."""
+        n = self.model.n_q
+        self.theta = self.model.turns.theta(self.rotation, self.model.e0 + d[:n], d[:n], turned)
 
     def _theta(self, d: Array) -> float:
         n = self.model.n_q
@@ -179,11 +180,15 @@ class AtProbe:
 
 
 class Curve:
-    """The equilibrium path of a model; ``tangent`` scales a direction to one unit of the path's parameter."""
+    """The equilibrium path of a model; ``tangent`` scales a direction to one unit of the path's parameter.
+
+    ``turns`` are those of the last point, which corrections count from.
+    """
 
     def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
         self.system, self.model = system, system.model
         self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.turns = system.turns()
         squares = system.weights**2
         self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
         zero = np.zeros(self.model.numbering.n_unknowns)
@@ -211,6 +216,7 @@ class Curve:
     def correct(self, control: Control, d: Array, t: float) -> Found:
         """Return the equilibrium that meets the control, from a guess. Raises ComputationError."""
         system, num = self.system, self.model.numbering
+        system.count_from(self.turns)
         increments: list[float] = []
         residuals: list[float] = []
         for iteration in range(1, self.max_iterations + 1):

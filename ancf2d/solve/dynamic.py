@@ -30,6 +30,8 @@ STATES = 200
 BEGIN, AHEAD = 1e-3, 0.02
 # share of the energy that may be lost without a word
 LOST = 0.01
+# share of the kinetic energy of initial velocities that supports and joints may change without a word
+TAKEN = 1e-6
 # times what anything has moved, that turning, by half of a section's height, may count as without a word
 WOUND = 10.0
 
@@ -63,6 +65,7 @@ class Balance:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
         model, d_q = self.model, d[:self.model.n_q]
         e = model.e0 + d_q
+        model.turns.recall(model.springs, e, d_q, model.turns.at(d, row.turned))
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
         springs = sum(float(s.evaluate(e, d, row.side)[0]) for s in model.springs)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
@@ -105,13 +108,15 @@ class Run:
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""
         if kept is None:
-            d, v = initial_motion(self.model)
-            self.stepper.start(d, v)
+            d, v, turned = initial_motion(self.model)
+            self.stepper.start(d, v, turned)
             if self.spec.tolerance is not None and self.stepper.looks_ahead:
-                self.stepper.expect(self._look_ahead(d, v))
+                self.stepper.expect(self._look_ahead(d, v, turned))
             if self.estimate is not None:
-                self.estimate.start(d, v)
-            yield self._state(self.stepper.last())
+                self.estimate.start(d, v, turned)
+            first = self._state(self.stepper.last())
+            self._tell_lost(v, first)
+            yield first
         else:
             self._resume(kept)
         while not self.stepper.done:
@@ -127,13 +132,25 @@ class Run:
                     yield self._state(row, keep=last)
         yield self._end()
 
-    def _look_ahead(self, d: Array, v: Array) -> float:
+    def _tell_lost(self, v: Array, first: State) -> None:
+        """Tell with the first state what supports and joints took of the kinetic energy of the rates v (n_full,)."""
+        given, kinetic = self.balance.energies.kinetic(v), first.history["kinetic"]
+        if given == 0.0:
+            return
+        lost = given - kinetic
+        first.report["initial"] = {"given": given, "kinetic": kinetic, "lost": lost}
+        if abs(lost) > TAKEN * given:
+            how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
+            first.warnings.append(f"supports and joints do not allow the initial velocities as given: {abs(lost):.6g} "
+                                  f"of {given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
+
+    def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""
         size = BEGIN * self.problem.extent
         spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
         scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
         try:
-            scout.start(d.copy(), v.copy())
+            scout.start(d, v, turned)
             scout.expect(size)
             while not scout.done:
                 scout.run()
@@ -149,7 +166,9 @@ class Run:
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
         if self.inverted is None and (found := inverted(self.model, d)) is not None:
             self.inverted = f"{found} at t = {row.t:.6g}: what follows is the motion of no body"
-        state = State(row.t, d, Q, F, energies["strain"], history=energies, v=v, a=a, blocks=blocks, side=row.side)
+        turned = self.model.turns.at(d, row.turned)
+        state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
+                      side=row.side)
         if self.estimate is not None:
             self.estimate.take(row.t, d)
         if keep:

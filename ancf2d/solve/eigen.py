@@ -31,12 +31,12 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     """
     base = rest(replace(model, loads=LoadSet())) if spec.about == "reference" else _equilibrium(model)
     model = base.model
-    pencil = Pencil(model, base.state.d, base.state.t, loads=spec.about == "static").with_mass()
+    state = base.state
+    pencil = Pencil(model, state.d, state.t, spec.about == "static", state.turned).with_mass()
     modes = lowest(pencil, spec.modes)
     shapes = full_shapes(model, modes.vectors)
-    classifier = Classifier(model, base.state.d)
+    classifier = Classifier(model, state.d)
     verdicts = [classifier(v, abs(value) <= modes.floor) for v, value in zip(shapes, modes.values, strict=True)]
-    state = base.state
     state.report = {"frequencies": frequencies(modes, verdicts)}
     state.arrays = {"modes/shapes": (shapes, "1", "mode shapes: rows of nodal coordinates, unit modal mass")}
     state.tables = {"modes": table(state.report["frequencies"], verdicts)}

@@ -60,10 +60,10 @@ class Estimate:
         spec = run.spec if run.stepper.dt > 0.0 else replace(run.spec, tolerance=factor * run.stepper.tolerance)
         return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, run.times)
 
-    def start(self, d: Array, v: Array) -> None:
+    def start(self, d: Array, v: Array, turned: Array) -> None:
         """Begin where the motion begins."""
         for stepper in self.coarse:
-            stepper.start(d, v)
+            stepper.start(d, v, turned)
             if stepper.dt == 0.0:
                 stepper.expect(self.run.stepper.size)
 

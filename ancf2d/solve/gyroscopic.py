@@ -142,7 +142,7 @@ def solve_turning(model: Model, spec: Eigen) -> Iterator[State]:
     """Yield the equilibrium in the turning frame with its lowest modes, frequencies as seen in that frame."""
     base = equilibrium(model)
     state, model = base.state, base.model
-    pencil = Pencil(model, state.d, state.t, loads=True).with_mass()
+    pencil = Pencil(model, state.d, state.t, True, state.turned).with_mass()
     assert model.case.steady_rotation is not None
     pairs = gyroscopic_pairs(pencil, Gyroscope(model, model.case.steady_rotation.omega), spec.modes)
     shapes = full_shapes(model, np.array([pairs.shape(k, pencil) for k in range(len(pairs.s))]))

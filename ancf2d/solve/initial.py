@@ -14,30 +14,33 @@ from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, ResultsError
 from ..model.build import build_model
 from ..model.model import Model
+from ..model.point_patch import PointConstraint
 from .energy import Kinds
+from .system import describe_coordinate
 
-# relative to the size of the scene: reference coordinates that are the same
-SAME = 1e-9
+# relative to the size of the scene: reference coordinates that are the same, and states that supports hold
+SAME, HELD = 1e-9, 1e-6
 
 
-def initial_motion(model: Model) -> tuple[Array, Array]:
-    """Return displacements and rates (n_full,) at t = 0 as the case tells them; multipliers and their rates are 0.
+def initial_motion(model: Model) -> tuple[Array, Array, Array]:
+    """Return displacements and rates (n_full,) at t = 0 as the case tells them, and the bodies' turns (bodies,).
 
-    The displacements meet all supports and joints. The rates are those that were asked for: what supports and joints
-    leave of them is their projection in the metric of the mass. Raises CaseError for a state that cannot be had,
-    ComputationError where the static equilibrium is not found.
+    Multipliers and their rates are 0. The displacements meet all supports and joints. The rates are those that were
+    asked for: what supports and joints leave of them is their projection in the metric of the mass. The turns are those
+    of ``model.rotation.Turns``. Raises CaseError for a state that cannot be had, ComputationError where the static
+    equilibrium is not found.
     """
     initial = model.case.initial or Initial()
     n_q = model.n_q
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
-    v = np.zeros(len(d))
+    v, turned = np.zeros(len(d)), None
     if initial.from_ == "static":
-        d[:n_q] = _static(model)
+        d[:n_q], turned = _static(model)
     elif initial.from_ != "rest":
-        d[:n_q], v[:n_q] = _from_file(model, initial.from_)
+        d[:n_q], v[:n_q], turned = _from_file(model, initial.from_)
     e = model.e0 + d[:n_q]
     v[:n_q] = _rates(model, initial, e, v[:n_q])
-    return d, v
+    return d, v, model.turns.from_reference(d) if turned is None else turned
 
 
 def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
@@ -78,8 +81,8 @@ def static_case(case: Case) -> Case:
                    boundary_conditions=tuple(held(s) for s in case.boundary_conditions), solver=Static())
 
 
-def _static(model: Model) -> Array:
-    """Return the displacements (n_q,) of the static equilibrium at t = 0."""
+def _static(model: Model) -> tuple[Array, Array | None]:
+    """Return the displacements (n_q,) of the static equilibrium at t = 0, and the bodies' turns."""
     from .static import solve_static
 
     loaded = _loaded(model)
@@ -93,11 +96,14 @@ def _static(model: Model) -> Array:
         f = error.failure
         raise ComputationError(f"the equilibrium that the motion starts from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
-    return state.d[:model.n_q]
+    return state.d[:model.n_q], state.turned
 
 
-def _from_file(model: Model, name: str) -> tuple[Array, Array]:
-    """Return the last displacements and rates (n_q,) that a result file of the same meshes holds."""
+def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
+    """Return the last displacements and rates (n_q,) that a result file of the same meshes holds, and the turns.
+
+    These are None of a file that does not tell them.
+    """
     from ..results import open_results
 
     fail = _failing(model, ("initial", "from"))
@@ -107,7 +113,9 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array]:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
             _check_mesh(model, results, path, fail)
-            return results.d(-1), results.v(-1) if results.holds("v") else np.zeros(model.n_q)
+            d, v = results.d(-1), results.v(-1) if results.holds("v") else np.zeros(model.n_q)
+            _check_held(model, d, path, fail)
+            return d, v, results.turned(-1)
     except ResultsError as error:
         raise fail(str(error), "the result file of another run, named relative to the case") from error
 
@@ -130,6 +138,25 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
     if gap > SAME * model.extent:
         raise fail(f"the reference in '{path}' is another one: nodes or directions differ by {gap:.3g}",
                    "a result of the same reference geometry")
+
+
+def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError]) -> None:
+    """Raise CaseError where supports and joints do not hold a state d (n_q,): the motion would begin with a tear."""
+    full = np.zeros(len(model.numbering.place))
+    full[:model.n_q] = d
+    gaps = model.weights * np.abs(model.displacements(full[model.numbering.free], 0.0)[:model.n_q] - d)
+    worst = int(np.argmax(gaps))
+    expected = "a result whose last state the supports and joints of this case hold"
+    if gaps[worst] > HELD * model.extent:
+        raise fail(f"supports or joints hold {describe_coordinate(model, worst)} elsewhere than the last state of "
+                   f"'{path}', by {gaps[worst]:.3g}", expected)
+    for constraint in model.constraints:
+        if not isinstance(constraint, PointConstraint):
+            continue
+        g = constraint.evaluate(model.e0 + d, full, 0.0)[0] / constraint.scale
+        if abs(g) > HELD:
+            raise fail(f"{constraint.owner}: the {constraint.holds} is another one in the last state of '{path}', by "
+                       f"{abs(g):.3g} of its size", expected)
 
 
 def _loaded(model: Model) -> LoadedCase:

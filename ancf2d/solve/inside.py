@@ -92,6 +92,9 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 
 def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    if state.turned is not None:
+        d = state.d[:model.n_q]
+        model.turns.recall(model.springs, model.e0 + d, d, state.turned)
     for spring, patch in zip(model.case.springs, model.springs, strict=True):
         ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
         inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
@@ -122,7 +125,8 @@ def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
                 np.add.at(full, row.coords, value * row.coefs)
         for k, constraint in enumerate(model.constraints):
             if constraint.owner == owner:
-                _, G, _ = constraint.evaluate(model.e0 + d, d, state.side)
+                G = (constraint.reference_gradient() if state.linear
+                     else constraint.evaluate(model.e0 + d, d, state.side)[1])
                 np.subtract.at(full, constraint.dofs, state.d[model.n_q + k] * G)
         yield Inside(ie, xi, full[mesh.dofs[ie]])
 

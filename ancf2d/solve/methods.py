@@ -16,9 +16,12 @@ from ..kernels.motion import Step
 from ..kernels.newmark import Newmark
 from ..kernels.radau import Radau
 from ..kernels.stages import TILE
-from .schemes import spectral_radius
+from .schemes import Integrator, spectral_radius
 
 MAX_ITERATIONS = 12
+# of Newton's increments, relative to the size of the motion
+TIGHT = 1e-10
+CONSERVING = 1e-18
 
 
 Maker = Callable[[Dynamic, Problem, float], Any]
@@ -133,3 +136,10 @@ MAKERS: dict[str, Maker] = {
 def make_method(name: str, spec: Dynamic, p: Problem, tolerance: float) -> Any:
     """Return the kernel tuple of an integrator; None where SciPy steps it."""
     return MAKERS[name](spec, p, tolerance) if name in MAKERS else None
+
+
+def newton_tolerance(method: Integrator, tolerance: float) -> float:
+    """Return how far Newton's increments are brought down, relative to the size of the motion."""
+    if method.conserves:
+        return CONSERVING
+    return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT

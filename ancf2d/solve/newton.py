@@ -111,7 +111,7 @@ def has_converged(increments: list[float], size: float, tolerance: float) -> boo
     last = increments[-1]
     if last == 0.0:
         return True
-    if len(increments) < 2:
+    if len(increments) < 2 or increments[-2] == 0.0:
         return False
     contraction = last / increments[-2]
     return contraction < 0.5 and last * contraction <= tolerance * size

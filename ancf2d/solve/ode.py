@@ -13,7 +13,6 @@ from ..errors import ComputationError
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
-from ..kernels.points import point_accept
 from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
@@ -73,16 +72,13 @@ class OdeStepper(Stepper):
             mass_factors(self.p, self.w, self.factors)
         self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
         self.begun = self.scale
-        self.inner: Motion = motion(n, 0)
+        self.inner: Motion = motion(n, 0, 0)
         self.solver: Any = None
         self.log: list[list[float]] = []
 
-    def start(self, d: Array, v: Array) -> None:
-        """Begin at full coordinates d with rates v, which the constraints may change."""
-        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
-        if self.p.points is not None:
-            point_accept(self.p.points, d)
-        self._consistent(0.0, np.zeros(len(self.signals)))
+    def start(self, d: Array, v: Array, turned: Array) -> None:
+        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow."""
+        self._begin_from(d, v, turned)
 
     def _restart(self) -> None:
         """Let SciPy begin anew, and choose its first step, from the motion."""
@@ -162,17 +158,19 @@ class OdeStepper(Stepper):
         path: Any = solver.dense_output() if self.tracks or len(inside) else None
         error = self._local_error(h)
         at_end = bool(len(inside)) and inside[-1] >= solver.t - NEAR * h
-        states = [(x, path(x), self._work(path, t, x)) for x in inside[:len(inside) - at_end]]
+        states = [(x, path(x), self._work(path, t, x), self._turned(x - t, x, path(x)))
+                  for x in inside[:len(inside) - at_end]]
         self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
         worst = self._keep(h)
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
-        for x, y, work in states:
-            self._store(found, x, INSIDE, y, work)
+        for x, y, work, turned in states:
+            self._store(found, x, INSIDE, y, work, turned)
         self.next_wanted += len(inside)
         if len(inside) or (self.every and self.s.numbers[COUNT] % self.every == 0):
             kind = CHECK if len(states) and not at_end else END
-            self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]])
+            self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]],
+                        self.s.turned[0])
 
     def _inside(self, t: float, end: float) -> Array:
         """Return the wanted times up to the end of a step."""
@@ -186,6 +184,7 @@ class OdeStepper(Stepper):
         solver, s = self.solver, self.s
         place(s, self.free, solver.y)
         worst = float(settle(self.p, self.w, s, solver.t))
+        s.turned[:] = self.turns_on(solver.t, h, s.z, s.v)
         if self.constrained:
             solver.y = np.concatenate([s.z[self.free], s.v[self.free]])
             solver.f = self.rates(solver.t, solver.y)
@@ -222,12 +221,18 @@ class OdeStepper(Stepper):
             out += (x - t) * weight * np.array(rates)
         return out
 
-    def _store(self, found: list[Row], t: float, kind: int, y: Array, work: Array) -> None:
+    def _turned(self, h: float, t: float, y: Array) -> Array:
+        """Return the rotations (sections,) that are counted, at y a time h after the motion."""
+        place(self.inner, self.free, y)
+        turned: Array = self.turns_on(t, h, self.inner.z, self.inner.v)[0]
+        return turned
+
+    def _store(self, found: list[Row], t: float, kind: int, y: Array, work: Array, turned: Array) -> None:
         at = self.inner
         place(at, self.free, y)
         accelerations(self.p, self.w, self.factors, at, t)
         log = [] if kind == CHECK else self.log
-        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, *self._memory(),
+        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, *self._memory(), turned,
                                np.array(log).reshape(-1, len(LOG))))
         self.log = self.log[len(log):]
 

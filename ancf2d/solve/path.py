@@ -77,8 +77,7 @@ class Follower:
                 warnings = []
             h = self._after(b, b.s - a.s, self._inertia_differs(a, b)) * self.steps.renew(b)
             h = min(h, self.steps.largest(b))
-            if self.goal is not None:
-                self.goal.settle(b.d)
+            self._settle(b.d, b.t)
             a = b
 
     def _begin(self) -> tuple[Found, State | None]:
@@ -97,10 +96,17 @@ class Follower:
         state.history.update(step=0, factor=0.0)
         state.report = self.log.report()
         self.log.observe(state, False)
+        self._settle(state.d, 0.0, state.turned)
         if self.goal is not None:
-            self.goal.settle(state.d)
             state.last = self.goal.distance(state.d, 0.0) == 0.0
         return Found(state.d, 0.0, 0, 0.0, 0.0), state
+
+    def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
+        """Count turns on from an equilibrium."""
+        turned = self.curve.system.count(d, t) if turned is None else turned
+        self.curve.turns = d, turned
+        if self.goal is not None:
+            self.goal.settle(d, turned)
 
     def _resting(self, begin: Found) -> PathPoint:
         """Return where a path begins that does not go anywhere."""
@@ -198,7 +204,8 @@ class Follower:
             warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are known to "
                                    f"about {point.uncertainty / size:.1g} of the largest; fewer or longer elements "
                                    "know more"]
-        state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, history=history,
+        turned = self.curve.system.count(point.d, point.t)
+        state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)
         self.log.observe(state, kind == "limit")
         state.last = kind == "end" or (kind == "limit" and len(self.log.limit_points) == self.count)

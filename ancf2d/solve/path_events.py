@@ -39,7 +39,7 @@ class Goal(Protocol):
         """Return the equation that is met at the value exactly."""
         ...
 
-    def settle(self, d: Array) -> None:
+    def settle(self, d: Array, turned: Array) -> None:
         """Take notice of an accepted state."""
         ...
 
@@ -66,7 +66,7 @@ class FactorGoal:
         """Return t = value."""
         return AtFactor(self.value, self.n)
 
-    def settle(self, d: Array) -> None:
+    def settle(self, d: Array, turned: Array) -> None:
         """Nothing to notice."""
 
     def __str__(self) -> str:
@@ -93,9 +93,9 @@ class ProbeGoal:
         """Return quantity = value."""
         return AtProbe(self.probe, self.until.reaches)
 
-    def settle(self, d: Array) -> None:
+    def settle(self, d: Array, turned: Array) -> None:
         """Count the probe's turns from here on."""
-        self.probe.settle(d)
+        self.probe.settle(d, turned)
 
     def __str__(self) -> str:
         return f"{self.until.probe} {self.until.quantity} = {self.until.reaches:.6g}"
@@ -216,10 +216,9 @@ class PathLog:
         self.bifurcations: list[dict[str, Any]] = []
 
     def observe(self, state: State, limit: bool) -> None:
-        """Read the probes (so that their turns are counted), and note a limit point."""
-        probes = self.observer.observe(state)
+        """Note a limit point, with what the probes show there."""
         if limit:
-            self.limit_points.append({"factor": state.t, "probes": probes})
+            self.limit_points.append({"factor": state.t, "probes": self.observer.observe(state)})
 
     def branch(self, a: PathPoint, b: PathPoint) -> str:
         """Note a bifurcation between two points; return it in words."""

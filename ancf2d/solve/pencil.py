@@ -17,12 +17,14 @@ from .system import System
 class Pencil:
     """Tangent K of a model at (d, t) beside another matrix B of its unknowns, stored alike.
 
-    ``loads`` tells whether loads that turn or move add their stiffness. The model's tangent must be symmetric.
+    ``loads`` tells whether loads that turn or move add their stiffness; ``turned`` (bodies,) the whole turns at d. The
+    model's tangent must be symmetric.
     """
 
-    def __init__(self, model: Model, d: Array, t: float, loads: bool) -> None:
+    def __init__(self, model: Model, d: Array, t: float, loads: bool, turned: Array | None = None) -> None:
         self.model, self.d, self.t, self.loads = model, d, t, loads
         self.system = System(model)
+        self.system.count_from((d, model.turns.from_reference(d) if turned is None else turned))
         self.balance = self.system.assemble(d, t, load_stiffness=loads)
         self.matrix = self.system.matrix
         self.K: Array = self.matrix.target.values.copy()

@@ -25,53 +25,37 @@ def asks_for_forces(case: Case) -> bool:
 
 
 class Observer:
-    """Reads the probes of a case from states, counting rotations through full turns."""
+    """Reads the probes of a case from states."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()}
         self.rotations = {name: Rotation(p) for name, p in self.probes.items()}
-        self.theta = dict.fromkeys(self.probes, 0.0)
-        self.omega = dict.fromkeys(self.probes, 0.0)
-        self.t = 0.0
         self.forces = asks_for_forces(model.case)
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
         """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
-        out = {}
+        out, d = {}, state.d[:self.model.n_q]
+        e, turned = self.model.e0 + d, turns_of(self.model, state)
         for name, point in self.probes.items():
-            theta = self._turned(name, state)
-            reference, u = place(point, self.model.e0, state.d[:self.model.n_q], theta, state.linear)
+            rotation = self.rotations[name]
+            theta = (rotation.linear(self.model.e0, d) if state.linear
+                     else self.model.turns.theta(rotation, e, d, turned))
+            reference, u = place(point, self.model.e0, d, theta, state.linear)
             values = {"x": reference[0] + u[0], "y": reference[1] + u[1], "ux": u[0], "uy": u[1], "theta": theta}
             if state.v is not None:
-                velocity = place_rate(point, state.v, theta, self.omega[name])
-                values.update(vx=velocity[0], vy=velocity[1], omega=self.omega[name])
+                omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
+                velocity = place_rate(point, state.v, theta, omega)
+                values.update(vx=velocity[0], vy=velocity[1], omega=omega)
             if self.forces and has_section_forces(point.mesh):
                 values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
             out[name] = {k: float(v) for k, v in values.items()}
-        self.t = state.t
         return out
 
-    def recall(self, t: float, probes: dict[str, dict[str, float]]) -> None:
-        """Go on counting rotations from what was observed at t."""
-        self.t = t
-        for name in self.probes:
-            self.theta[name] = probes[name]["theta"]
-            self.omega[name] = probes[name].get("omega", 0.0)
 
-    def _turned(self, name: str, state: State) -> float:
-        """Return the rotation of a probe and keep it, with its rate, for the next state."""
-        rotation, d = self.rotations[name], state.d[:self.model.n_q]
-        if state.linear:
-            return rotation.linear(self.model.e0, d)
-        e, near = self.model.e0 + d, self.theta[name]
-        if state.v is not None:
-            omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
-            # between stored states a section may turn by more than half a turn
-            near += 0.5 * (self.omega[name] + omega) * (state.t - self.t)
-            self.omega[name] = omega
-        self.theta[name] = rotation.value(e, d, near)
-        return self.theta[name]
+def turns_of(model: Model, state: State) -> Array:
+    """Return the rotation (bodies,) at S = 0 of each body in a state, counted through full turns."""
+    return model.turns.from_reference(state.d) if state.turned is None else state.turned
 
 
 def _carried(point: PointRef) -> bool:
@@ -122,7 +106,7 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
                 total += value * (row.coefs @ rigid_motion(point.mesh, row.coords, e, centre))
         for k, constraint in enumerate(model.constraints):
             if constraint.owner == name:
-                _, G, _ = constraint.evaluate(e, d, state.side)
+                G = constraint.reference_gradient() if state.linear else constraint.evaluate(e, d, state.side)[1]
                 total -= state.d[model.n_q + k] * (G @ rigid_motion(point.mesh, constraint.dofs, e, centre))
         out[name] = dict(zip(("fx", "fy", "m"), (float(v) for v in total), strict=True))
     return out

@@ -12,7 +12,7 @@ from ..kernels.dynamics import Problem
 from ..kernels.tree import entries
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
-from ..model.point_table import point_table, points_of
+from ..model.point_table import point_table, points_of, turning_table
 from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
@@ -160,7 +160,7 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
         "calls": element_calls(model),
-        "points": _points(model, signals),
+        "points": _points(model, signals), "turning": turning_table(model.turns), "winds": model.winds,
         "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         "fronts": num.fronts, **_mass((T.T @ M @ T).tocsr(), num), "alpha": damping.rayleigh.alpha if damping else 0.0,
@@ -168,3 +168,24 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     return Problem(programs=programs(signals.all), **data), signals.all
 
+
+def own(problem: Problem) -> Problem:
+    """Return a problem with tables of its own, where they remember something."""
+    points, sliding, programs = problem.points, problem.sliding, problem.programs
+    return problem._replace(points=None if points is None else points._replace(mem=points.mem.copy()),
+                            sliding=None if sliding is None else sliding._replace(memory=sliding.memory.copy()),
+                            programs=programs._replace(window=programs.window.copy()))
+
+
+def driving(p: Problem) -> list[int]:
+    """Return the signals that positions or angles follow."""
+    fed = [] if p.points is None else p.points.signal[p.points.fed >= 0].tolist()
+    return sorted({*p.motion_signal.tolist(), *fed})
+
+
+def tracks(model: Model, p: Problem) -> bool:
+    """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
+    dampers = any(spring.damping > 0.0 for spring in model.case.springs)
+    fed = p.points is not None and bool((p.points.fed >= 0).any())
+    return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
+                or model.loads.patches)

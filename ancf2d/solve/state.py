@@ -13,7 +13,8 @@ from ..elements.shape import Array
 class State:
     """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.
 
-    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``report`` is merged into the
+    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``turned`` (bodies,) tells whole
+    turns (``model.rotation.Turns``; None: as far as d alone tells them). ``report`` is merged into the
     summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
     ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
 
@@ -30,6 +31,7 @@ class State:
     Q: Array
     F: Array
     energy: float
+    turned: Array | None = None
     linear: bool = False
     last: bool = False
     history: dict[str, float] = field(default_factory=dict)

@@ -18,7 +18,7 @@ from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_bal
 from .pieces import largest, pieces
 from .refine import refined
 from .state import State
-from .system import UNIT_ROUNDOFF, System
+from .system import UNIT_ROUNDOFF, System, Turned
 
 STEPS = 10
 # displacements known to less than this many digits are worth a word
@@ -48,10 +48,14 @@ NEAR = 0.5
 
 @dataclass(frozen=True)
 class Start:
-    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there."""
+    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there.
+
+    ``turned`` (bodies,) are its whole turns.
+    """
 
     d: Array
     negative_pivots: int
+    turned: Array | None = None
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -69,9 +73,9 @@ def solve_linear(model: Model) -> Iterator[State]:
     def apply(z: Array) -> Array:
         full = np.zeros(len(d))
         num.expand(z, full)
-        return num.reduce(system.action(zero, full, 1.0))
+        return num.reduce(system.action(zero, full, 1.0, linear=True))
 
-    load = -num.reduce(R0 + (system.action(zero, d, 1.0) if d.any() else 0.0))
+    load = -num.reduce(R0 + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
     floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
     z, known = refined(apply, system.matrix.solve, system.norm, load, floor)
     if not np.isfinite(system.norm(z)):
@@ -223,6 +227,7 @@ class _March:
         self.negative = 0
         # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
         self.held: Array | None = None
+        self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
 
     def settle(self) -> tuple[int, list[str]]:
@@ -247,9 +252,9 @@ class _March:
         result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
         return _state(self.system, result, 0.0, 1, 0, [])
 
-    def _set(self, load: _Load) -> None:
-        """Let a load act, and count turns from the last state on."""
-        self.system.count_from(self.turns)
+    def _set(self, load: _Load, turns: Turned) -> None:
+        """Let a load act, and count turns from a state on."""
+        self.system.count_from(turns)
         if self.held is not None:
             self.system.held = (1.0 - load.share) * self.held
             for spring in self.model.springs:
@@ -267,14 +272,17 @@ class _March:
                 if not stride.cut(target):
                     raise _stuck(error, old.factor, number) from error
                 continue
+            turns = self.system.turns()
             if result.negative_pivots != self.negative and self.system.knows_inertia:
                 result.negative_pivots = _negative_pivots(self.system, result.d, new.factor)
                 if self._bends_away(path, result, old.factor) and stride.corner(target):
                     continue
             number += 1
+            self.system.count_from(turns)
+            state = _state(self.system, result, new.factor, number, stride.cutbacks,
+                           self._stability(result, new.factor))
             self.turns = self.system.turns()
-            yield _state(self.system, result, new.factor, number, stride.cutbacks,
-                         self._stability(result, new.factor))
+            yield state
             self.d, self.negative, old = result.d, result.negative_pivots, new
             path.push(target, result.d)
             stride.accept(target)
@@ -282,7 +290,7 @@ class _March:
     def _step(self, path: _Path, target: float, old: _Load, new: _Load) -> NewtonResult:
         """Return the equilibrium at s = ``target``. Raises ComputationError where none follows from the last one."""
         model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
-        self._set(new)
+        self._set(new, self.turns)
         result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
                         self.max_iterations)
         check_ends(model.constraints, result.d)
@@ -290,11 +298,10 @@ class _March:
         check_inverted(model, result.d, last, t)
         # where Newton's method has changed little of what the last states foretold, nothing has jumped
         if sum(result.increments) > 0.5 * self.system.distance(result.d, last):
-            turns = self.system.turns()
-            self._check_jump(last, result.d, result.first if first else self._foretold(last, old, new), t)
-            self._check_jump(result.d, last, self._foretold(result.d, new, old), t)
-            self._set(new)
-            self.system.count_from(turns)
+            turns = result.d, self.system.count(result.d, t)
+            self._check_jump(last, result.d, result.first if first else self._foretold(self.turns, old, new), t)
+            self._check_jump(result.d, last, self._foretold(turns, new, old), t)
+            self._set(new, turns)
         return result
 
     def _check_jump(self, start: Array, end: Array, foretold: Array, t: float) -> None:
@@ -305,10 +312,10 @@ class _March:
         if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
             raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")})
 
-    def _foretold(self, d: Array, here: _Load, there: _Load) -> Array:
-        """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at the equilibrium d."""
-        system, t = self.system, there.factor
-        self._set(there)
+    def _foretold(self, state: Turned, here: _Load, there: _Load) -> Array:
+        """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
+        system, t, d = self.system, there.factor, state[0]
+        self._set(there, state)
         R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
         system.factor({"factor": float(f"{t:.6g}")})
         return -system.matrix.solve(R)
@@ -333,18 +340,24 @@ class _March:
 
 def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
     """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
-    free = system.model.numbering.free
+    free, turns = system.model.numbering.free, system.turns()
     guess = system.model.displacements(start.d[free], t)
+    if start.turned is not None:
+        system.count_from((guess, start.turned))
     try:
         result = newton(system, guess.copy(), t, t, tolerance, max_iterations)
         check_ends(system.model.constraints, result.d)
         check_facing(system.model.constraints, result.d, t)
         check_inverted(system.model, result.d, None, t)
     except ComputationError:
+        system.count_from(turns)
         return None
     strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
     crossed = system.knows_inertia and _negative_pivots(system, result.d, t) != start.negative_pivots
-    return None if strayed or crossed else result
+    if strayed or crossed:
+        system.count_from(turns)
+        return None
+    return result
 
 
 def _negative_pivots(system: System, d: Array, t: float) -> int:
@@ -361,7 +374,8 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
     if result.uncertainty > max(POOR * size, NOTHING * system.model.extent):
         warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                     f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more"]
-    return State(t, result.d, result.Q, result.F, result.energy, history=history, warnings=warnings)
+    turned = system.count(result.d, t)
+    return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:

@@ -16,14 +16,16 @@ from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import Problem, Scratch, forces, scratch, to_full
 from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
-from ..kernels.points import point_accept
+from ..kernels.points import turn_on
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
-from .methods import make_method
-from .schemes import DEFAULT, INTEGRATORS, Integrator
+from .mass import full_mass
+from .methods import make_method, newton_tolerance
+from .problem import driving, own, tracks, unknowns_to_coordinates
+from .schemes import DEFAULT, INTEGRATORS
 from .system import describe_coordinate
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
@@ -31,9 +33,6 @@ CHUNK_SECONDS = 0.2
 LOG_ROWS = 4096
 STATE_BYTES = 16 << 20
 LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
-# of Newton's increments, relative to the size of the motion
-TIGHT = 1e-10
-CONSERVING = 1e-18
 # of the scene: errors of a motion that is smaller, as at its start, are relative to this
 LEAST = 1e-9
 
@@ -43,7 +42,8 @@ class Row:
     """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
 
     ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
-    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there.
+    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there,
+    ``turned`` the rotations through full turns of the sections that count them.
     """
 
     t: float
@@ -56,6 +56,7 @@ class Row:
     lost: float
     turns: Array
     feet: Array
+    turned: Array
     log: Array
 
 
@@ -75,7 +76,7 @@ class Stepper:
         self.method = INTEGRATORS[spec.method or DEFAULT]
         self.tolerance = spec.tolerance or 0.0
         self.m = make_method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
-        self.s: Motion = motion(n, self.method.rows)
+        self.s: Motion = motion(n, self.method.rows, len(self.p.turning.length))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
         self.pieces: list[Piece] = pieces(signals, spec.t_end)
@@ -84,7 +85,7 @@ class Stepper:
         self.rows = self._rows(n)
         self.steps = 64
         self.failed: ComputationError | None = None
-        self._at = motion(n, 0)
+        self._at = motion(n, 0, len(self.p.turning.length))
         self.tracks = tracks(model, problem)
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
@@ -94,8 +95,9 @@ class Stepper:
         number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
         z, v, a = (np.zeros((m, n)) for _ in range(3))
         turns, feet = (np.zeros((m, *x.shape)) for x in self._memory())
+        turned = np.zeros((m, len(self.p.turning.length)))
         return kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns, feet,
-                            np.zeros((LOG_ROWS, len(LOG))))
+                            turned, np.zeros((LOG_ROWS, len(LOG))))
 
     def _memory(self) -> tuple[Array, Array]:
         """Return what point laws and prismatic joints remember of the state last accepted."""
@@ -113,18 +115,40 @@ class Stepper:
         """Whether the end is reached, and was reached well."""
         return self.t >= self.spec.t_end and self.failed is None
 
-    def start(self, d: Array, v: Array) -> None:
-        """Begin at full coordinates d with rates v, which the constraints may change."""
-        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+    def start(self, d: Array, v: Array, turned: Array) -> None:
+        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow.
+
+        ``turned`` (bodies,) is that of ``model.rotation.Turns``.
+        """
+        self._begin_from(d, v, turned)
         self.s.numbers[SIZE] = LEAST * self.p.extent
-        if self.p.points is not None:
-            point_accept(self.p.points, d)
-        self._consistent(0.0, np.zeros(len(self.signals)))
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self._first_step()
 
-    def _consistent(self, t: float, jump: Array) -> None:
-        if not consistent(self.p, self.w, self.s, t, jump):
+    def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
+        model, n_q = self.model, self.model.n_q
+        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        self.s.turned[0] = turned[model.turns.counted]
+        model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
+        for k, spring in enumerate(model.springs):
+            self.p.points.mem[k] = spring.mem
+        self._consistent(0.0, self._impulse(v))
+
+    def _impulse(self, v: Array) -> Array:
+        """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.
+
+        Coordinates that supports and joints have eliminated follow others: what they were to have of v acts on these.
+        """
+        own = np.zeros(len(v))
+        evaluate(self.p.programs, 0.0, self.w.amps)
+        to_full(self.p, self.s.v, self.w.amps, 1, own)
+        missing = (v - own)[:self.model.n_q]
+        if not missing.any():
+            return np.zeros(len(self.s.z))
+        return np.asarray(unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing))
+
+    def _consistent(self, t: float, impulse: Array) -> None:
+        if not consistent(self.p, self.w, self.s, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
                 advice="give every body a density (rhoI too where the section is given by stiffnesses); let each joint "
@@ -133,7 +157,17 @@ class Stepper:
             self._check_signals(t)
             raise ComputationError("the accelerations are no finite numbers", at={"t": t},
                                    advice="check loads, masses and stiffnesses for extreme values")
+        self.s.turned[:] = self.turns_on(t, 0.0, self.s.z, self.s.v)
         self._restart()
+
+    def turns_on(self, t: float, h: float, z: Array, v: Array) -> Array:
+        """Return rotations and rates (2, sections) at z with rates v at t, a time h after the motion."""
+        out, d, rates = self.s.turned.copy(), np.zeros(len(self.p.place)), np.zeros(len(self.p.place))
+        evaluate(self.p.programs, t, self.w.amps)
+        to_full(self.p, z, self.w.amps, 0, d)
+        to_full(self.p, v, self.w.amps, 1, rates)
+        turn_on(self.p.turning, d, rates, h, *out)
+        return out
 
     def _restart(self) -> None:
         """Let the method begin anew from the motion."""
@@ -216,17 +250,17 @@ class Stepper:
             last = len(self.pending) + int(rows.number[k]) + 1
             last = first if rows.kind[k] == kernels.CHECK else max(min(last, len(log)), first)
             found.append(self._row(float(rows.t[k]), int(rows.kind[k]), rows.z[k], rows.v[k], rows.a[k], rows.work[k],
-                                   rows.turns[k], rows.feet[k], log[first:last]))
+                                   rows.turns[k], rows.feet[k], rows.turned[k], log[first:last]))
             first = last
         self.pending = log[first:]
         self.next_wanted += 0 if self.every else int(np.count_nonzero(rows.kind[:stored] != kernels.CHECK))
 
     def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
-             log: Array) -> Row:
+             turned: Array, log: Array) -> Row:
         """Return a state of the piece that the motion is in."""
         first, last, _ = self.pieces[self.piece]
         return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
-                   turns.copy(), feet.copy(), log)
+                   turns.copy(), feet.copy(), turned.copy(), log)
 
     def _enter(self, piece: int) -> None:
         """Take signals as they are in a piece of the motion."""
@@ -252,7 +286,7 @@ class Stepper:
         self._enter(self.piece + 1)
         evaluate(self.p.programs, t, after)
         jump = after[:, 1] - before[:, 1]
-        self._consistent(t, jump)
+        self._consistent(t, -jump[self.p.motion_mass_signal] @ self.p.motion_mass)
         s.v[:] += off
         if jump[self.driving].any():
             s.numbers[WORK] += kinetic(self.p, self.w, s, t) - energy
@@ -264,7 +298,8 @@ class Stepper:
     def last(self) -> Row:
         """Return the state at the time reached, with what is left of the log."""
         s = self.s
-        row = self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), self.pending)
+        row = self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
+                        self.pending)
         self.pending = self.pending[:0]
         return row
 
@@ -316,8 +351,8 @@ class Stepper:
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
         self._enter(int(kept["places"][1]))
-        for own, name in zip(self._memory(), ("turns", "feet"), strict=True):
-            own[:] = kept[name]
+        for values, name in zip(self._memory(), ("turns", "feet"), strict=True):
+            values[:] = kept[name]
 
     # ------------------------------------------------------------------ what can go wrong
 
@@ -356,32 +391,3 @@ class Stepper:
             f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
             advice="an element may have turned inside out, or the motion run into a singular position: look at the "
                    "last states; smaller steps before it, or a tighter tolerance, may lead past")
-
-
-def own(problem: Problem) -> Problem:
-    """Return a problem with tables of its own, where they remember something."""
-    points, sliding, programs = problem.points, problem.sliding, problem.programs
-    return problem._replace(points=None if points is None else points._replace(mem=points.mem.copy()),
-                            sliding=None if sliding is None else sliding._replace(memory=sliding.memory.copy()),
-                            programs=programs._replace(window=programs.window.copy()))
-
-
-def driving(p: Problem) -> list[int]:
-    """Return the signals that positions or angles follow."""
-    fed = [] if p.points is None else p.points.signal[p.points.fed >= 0].tolist()
-    return sorted({*p.motion_signal.tolist(), *fed})
-
-
-def newton_tolerance(method: Integrator, tolerance: float) -> float:
-    """Return how far Newton's increments are brought down, relative to the size of the motion."""
-    if method.conserves:
-        return CONSERVING
-    return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT
-
-
-def tracks(model: Model, p: Problem) -> bool:
-    """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
-    dampers = any(spring.damping > 0.0 for spring in model.case.springs)
-    fed = p.points is not None and bool((p.points.fed >= 0).any())
-    return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
-                or model.loads.patches)

@@ -35,6 +35,10 @@ class Balance:
     energy: float
 
 
+# a state (n_full,) and its whole turns (bodies,), as ``model.rotation.Turns`` has them
+Turned = tuple[Array, Array]
+
+
 class System:
     """A model with its tangent matrix; one object per solve."""
 
@@ -52,6 +56,7 @@ class System:
         # forces (n_unknowns,) that hold a state in balance beside the loads
         self.held: Array | None = None
         self._dead: tuple[float, Array] | None = None
+        self._counted: Turned = np.zeros(len(n.place)), np.zeros(len(model.meshes))
 
     def _dead_loads(self, t: float) -> Array:
         """Return the dead loads (n_full,) at t, made anew where t has changed; not to be written to."""
@@ -81,19 +86,25 @@ class System:
         out.Q.fill(0.0)
         return out.Q, out.R
 
-    def patches(self, d: Array, t: float, elastic: bool = False) -> list[tuple[float, Array, Array, Index]]:
-        """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move."""
+    def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False
+                ) -> list[tuple[float, Array, Array, Index]]:
+        """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move.
+
+        ``linear``: constraints are those of linear theory about the reference.
+        """
         model, n_q = self.model, self.model.n_q
         out: list[tuple[float, Array, Array, Index]] = []
         if not (model.springs or model.loads.patches or model.constraints):
             return out
         e = model.e0 + d[:n_q]
+        if model.winds:
+            model.turns.recall(model.springs, e, d[:n_q], self.count(d, t))
         for spring in model.springs:
             out.append((*spring.evaluate(e, d, t), spring.dofs))
         for patch in [] if elastic else model.loads.patches:
             out.append((*patch.evaluate(e, d, t), patch.dofs))
         for batch in self._batches:
-            Q, K = batch.evaluate(d, t)
+            Q, K = batch.evaluate(d, t, linear)
             out.append((0.0, Q, K, batch.dofs))
         for k, constraint in enumerate(model.constraints):
             if isinstance(constraint, PointConstraint):
@@ -110,13 +121,14 @@ class System:
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
         """Return the forces at d (n_full,), in arrays of ``out`` if given, and fill the tangent matrix.
 
-        ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory).
+        ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory about the
+        reference).
         """
         self.evaluations += 1
         self.matrix.clear()
         Q, R = self._no_forces(out)
         energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, *self.tables))
-        for u, q, K, dofs in self.patches(d, t, elastic=not load_stiffness):
+        for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), 0, len(dofs),
@@ -180,11 +192,11 @@ class System:
             np.add.at(Q, dofs, q)
         return self._balance(Q, R, t, energy)
 
-    def action(self, d: Array, v: Array, t: float) -> Array:
-        """Return K(d) v of elements, springs and constraints in full coordinates."""
+    def action(self, d: Array, v: Array, t: float, linear: bool = False) -> Array:
+        """Return K(d) v of elements, springs and constraints in full coordinates; ``linear`` as for ``patches``."""
         out = np.zeros(len(d))
         self._act(d, v, out)
-        for _, _, K, dofs in self.patches(d, t, elastic=True):
+        for _, _, K, dofs in self.patches(d, t, True, linear):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
 
@@ -201,14 +213,22 @@ class System:
                 advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
         return pivots
 
-    def turns(self) -> list[Array]:
-        """Return the angles that springs count turns from: those of the state that they were last evaluated at."""
-        return [spring.mem.copy() for spring in self.model.springs]
+    def turns(self) -> Turned:
+        """Return what turns are counted from: the state last counted or, where torsion springs wind, evaluated."""
+        return self._counted
 
-    def count_from(self, turns: list[Array]) -> None:
-        """Let springs count turns from a state again, after others were tried."""
-        for spring, mem in zip(self.model.springs, turns, strict=True):
-            spring.mem[:] = mem
+    def count_from(self, turns: Turned) -> None:
+        """Count turns from a state again, after others were tried."""
+        self._counted = turns
+
+    def count(self, d: Array, t: float) -> Array:
+        """Count turns on to a state d (n_full,); return them (bodies,). A prescribed angle means its full turns."""
+        turns, n_q = self.model.turns, self.model.n_q
+        turned = turns.follow(*self._counted, d)
+        for point, angle in (told for c in self.model.constraints for told in c.turns_by(t)):
+            turns.hold(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
+        self._counted = d.copy(), turned
+        return turned
 
     @property
     def knows_inertia(self) -> bool:

@@ -101,12 +101,10 @@ class Recorder:
             self.progress.warn(text)
 
     def _reference(self) -> None:
-        from ..solve.post import Observer
         from ..solve.registry import initial_state
 
         start = initial_state(self.model)
-        self.writer.append(start.t, start.d[:self.model.n_q], None, Observer(self.model).observe(start),
-                           fields=self._over_bodies(start))
+        self._store(start, None, self.observer.observe(start))
 
     def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
         return {} if self.fields is None else self.fields.read(state)
@@ -118,8 +116,7 @@ class Recorder:
             return
         self._write_once(state)
         if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
-            self.writer.append(state.t, state.d[:self.model.n_q], state.history, self.probes,
-                               fields=self._over_bodies(state))
+            self._store(state, state.history, self.probes)
         else:
             self.writer.log(state.history, t=state.t, probes=self.probes)
 
@@ -135,10 +132,16 @@ class Recorder:
         if self.writer is None:
             return
         self._write_once(state)
-        n = self.model.n_q
-        v = None if state.v is None else state.v[:n]
-        self.writer.append(state.t, state.d[:n], None, self.probes, v, steps=state.blocks, energies=state.history,
-                           fields=self._over_bodies(state), checkpoint=self._checkpoint(state))
+        v = None if state.v is None else state.v[:self.model.n_q]
+        self._store(state, None, self.probes, v=v, steps=state.blocks, energies=state.history,
+                    checkpoint=self._checkpoint(state))
+
+    def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],
+               **more: Any) -> None:
+        from ..solve.post import turns_of
+
+        self.writer.append(state.t, state.d[:self.model.n_q], history, probes, turned=turns_of(self.model, state),
+                           fields=self._over_bodies(state), **more)
 
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):
@@ -158,14 +161,13 @@ class Recorder:
             return None
         from ..results import Checkpoint
 
-        notes = {"probes": self.probes, "totals": dict(self.totals), "report": dict(self.report),
+        notes = {"totals": dict(self.totals), "report": dict(self.report),
                  "warnings": list(self.warnings), "wall_s": self.clock.seconds}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
         """Take up what was known at a checkpoint."""
         notes = found.notes
-        self.observer.recall(found.t, notes["probes"])
         self.totals.update(notes["totals"])
         self.report.update(notes["report"])
         self.warnings[:] = notes["warnings"]

@@ -184,8 +184,11 @@ def test_springs_are_relaxed_in_the_reference_unless_told_otherwise():
 @pytest.mark.parametrize("name", helpers.KINDS.values())
 def test_a_torsion_spring_is_wound_through_full_turns(name):
     model, patch = sprung(name, "line", {"type": "rotational", "between": ["b@1", [0.0, 0.0]], "stiffness": 3.0})
+    before, turned = np.zeros(model.n_q), np.zeros(1)
     for angle in np.linspace(0, -15, 12):
         d = helpers.rotate(np.zeros(model.n_q), model, angle)
+        before, turned = d, model.turns.follow(before, turned, d)
+        model.turns.recall([patch], model.e0 + d, d, turned)
         energy = patch.evaluate(model.e0 + d, d, 1.0)[0]
         assert energy == pytest.approx(1.5 * angle**2, abs=1e-10)
 

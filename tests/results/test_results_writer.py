@@ -233,7 +233,7 @@ def test_a_failed_run_without_states_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_state_of_wrong_size_is_refused(tmp_path: Path) -> None:
-    with start(tmp_path / "a.h5") as w, pytest.raises(ResultsError, match="12 coordinates"):
+    with start(tmp_path / "a.h5") as w, pytest.raises(ResultsError, match=r"shape \(11,\), not \(12,\)"):
         w.append(0, np.zeros(11))
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import helpers as h
 import numpy as np
 import pytest
@@ -79,26 +77,6 @@ def test_velocities_of_probes_on_and_off_the_axis(name):
         np.testing.assert_allclose([probe["vx"], probe["vy"]], [-30 * probe["y"], 30 * probe["x"]], rtol=1e-12)
         assert probe["omega"] == pytest.approx(30.0, rel=1e-12)
     assert probes["off"]["vx"] == pytest.approx(-30 * 0.03, rel=1e-3)
-
-
-@pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3"])
-def test_turns_are_counted_between_stored_states_far_apart(name):
-    model, state = whirl(name)
-    observer = Observer(model)
-    observer.observe(state)
-    n_q = model.n_q
-    for k in range(1, 4):
-        # 30 rad/s for 0.5 s: more than two turns from one state to the next
-        d, v = h.rotate(state.d[:n_q], model, 15.0 * k), np.zeros(n_q)
-        Kinds(model).rotation(v, model.e0 + d, 30.0)
-        there = replace(state, t=0.5 * k, d=d, v=v, a=None)
-        values = observer.observe(there)["p"]
-        assert values["theta"] == pytest.approx(15.0 * k, abs=1e-9)
-    again = Observer(model)
-    again.recall(1.5, {"p": values, "off": values})
-    d = h.rotate(state.d[:n_q], model, 60.0)
-    Kinds(model).rotation(v := np.zeros(n_q), model.e0 + d, 30.0)
-    assert again.observe(replace(state, t=2.0, d=d, v=v, a=None))["p"]["theta"] == pytest.approx(60.0, abs=1e-9)
 
 
 def pushed(name: str, at: float, force: tuple[float, float], s: float) -> tuple[float, float, float]:

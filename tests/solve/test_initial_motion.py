@@ -8,11 +8,14 @@ import helpers as h
 import numpy as np
 import pytest
 import yaml
+from motions import Ride, rigid, rod
 
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.build import build_model
 from ancf2d.model.points import point_ref
+from ancf2d.solve.dynamic import Run
+from ancf2d.solve.energy import Energies
 from ancf2d.solve.initial import initial_motion, initial_problems
 from ancf2d.solve.mass import full_mass
 from ancf2d.solve.system import System
@@ -31,7 +34,7 @@ def strain_power(model, d, v) -> float:
 @pytest.mark.parametrize(("name", "formulation"), h.SMALL_VARIANTS, ids=h.ids(h.SMALL_VARIANTS))
 def test_a_rigid_velocity_field_strains_nothing(name, formulation):
     model = h.build({"b": h.body(h.ARC, h.element(name, 2, formulation))}, DYNAMIC, initial=SPIN)
-    d, v = initial_motion(model)
+    d, v, _ = initial_motion(model)
     other = h.random_state(model, 1.0)
     assert strain_power(model, d, v) < 1e-24 * strain_power(model, d, other) * (v @ v) / (other @ other)
 
@@ -42,7 +45,7 @@ def test_a_deformed_body_turns_as_it_is(name):
     bodies = {"b": h.body(h.line(2.0), h.element(name, 4), {"height": 0.1, "width": 0.1}, h.STEEL)}
     scene = {"bc": [{"type": "clamp", "at": "b@0"}], "loads": [{"type": "force", "at": "b@1", "value": [0, -1e5]}]}
     model = h.build(bodies, DYNAMIC, initial={"from": "static", **SPIN}, **scene)
-    d, v = initial_motion(model)
+    d, v, _ = initial_motion(model)
     assert abs(d).max() > 0.1
     power, typical = strain_power(model, d, v), strain_power(model, d, h.random_state(model, 1.0))
     assert power < 1e-20 * typical
@@ -53,7 +56,7 @@ def test_a_deformed_body_turns_as_it_is(name):
 
 def test_velocities_of_points_are_those_of_the_field():
     model = h.build({"b": h.body(h.ARC, h.element("2d2n", 3))}, DYNAMIC, initial=SPIN)
-    _, v = initial_motion(model)
+    _, v, _ = initial_motion(model)
     point = point_ref(model.meshes["b"], 0.4)
     x, y = (w @ model.e0[c] for c, w in point.position())
     found = [w @ v[c] for c, w in point.position()]
@@ -64,7 +67,7 @@ def test_single_bodies_override_what_is_said_of_all():
     bodies = {n: h.body(h.LINE, h.element("reissner2", 2)) for n in ("a", "b", "c")}
     own = {"b": {"velocity": [7.0, 0.0]}, "c": {"rotation_rate": {"omega": -1.0}}}
     model = h.build(bodies, DYNAMIC, initial={**SPIN, "bodies": own})
-    _, v = initial_motion(model)
+    _, v, _ = initial_motion(model)
     parts = {n: v[m.first_dof:m.first_dof + m.n_dofs].reshape(-1, 3) for n, m in model.meshes.items()}
     assert np.all(parts["a"][:, 2] == 3.0)
     np.testing.assert_array_equal(parts["b"], np.tile([7.0, 0.0, 0.0], (3, 1)))
@@ -86,7 +89,7 @@ def test_forces_balance_in_the_static_start(name):
     """With loads at their size at t = 0 (a ramp from 0 is not there yet), nothing accelerates."""
     bodies = {"b": h.body(h.LINE, h.element(name, 3), {"height": 0.05, "width": 0.1}, h.STEEL)}
     model = h.build(bodies, DYNAMIC, bc=[{"type": "clamp", "at": "b@0"}], loads=LOADS, initial={"from": "static"})
-    d, v = initial_motion(model)
+    d, v, _ = initial_motion(model)
     assert abs(d).max() > 1e-3
     assert not v.any()
     system = System(model)
@@ -139,7 +142,7 @@ def dynamic(place: Path, from_: str, start=None, **changes):
 
 def test_a_file_is_found_beside_the_case_and_gives_its_last_state(bent):
     place, d = bent
-    start, v = initial_motion(dynamic(place, "bent.h5"))
+    start, v, _ = initial_motion(dynamic(place, "bent.h5"))
     np.testing.assert_array_equal(start, d)
     assert not v.any()
     assert abs(d).max() > 0.1
@@ -193,6 +196,17 @@ def test_a_file_with_other_bodies_is_refused(bent):
         initial_motion(model)
 
 
+@pytest.mark.parametrize(("support", "message"), [
+    ({"type": "pin", "at": "b@1"}, r"hold [xy] of b at S = 1 elsewhere than the last state of '.*bent\.h5', by 0\."),
+    ({"type": "prescribed", "at": "b@1", "angle": {"type": "expression", "value": "t"}},
+     r"support_1: the rotation is another one in the last state of '.*bent\.h5'"),
+])
+def test_a_file_whose_state_supports_do_not_hold_is_refused(bent, support, message):
+    model = dynamic(bent[0], "bent.h5", boundary_conditions=[{"name": "support_1", **support}])
+    with pytest.raises(CaseError, match=message):
+        initial_motion(model)
+
+
 def test_a_file_that_is_missing_or_no_result_is_refused(bent):
     place, _ = bent
     (place / "text.h5").write_text("no results")
@@ -215,3 +229,104 @@ def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_i
         out = np.zeros(model.n_q)
         out[model.numbering.free] = matrix.product(matrix.values, x[model.numbering.free])
         np.testing.assert_allclose(full_mass(model) @ x, out, atol=1e-12)
+
+
+# ------------------------------------------------------------------ velocities that supports and joints do not allow
+
+
+def begun(scene):
+    """Return the model of a scene, d and the rates that its motion begins with."""
+    ride = Ride(scene, 1e-3, method="radau5", tolerance=1e-6).start()
+    d, v, _ = ride.full(0)
+    return ride.model, d, v
+
+
+def test_a_rod_on_two_sliders_keeps_the_velocity_along_their_line():
+    """Pushed along x at 30 degrees to the line: cos^2 of the energy is left."""
+    along = [np.cos(np.pi / 6), np.sin(np.pi / 6)]
+    slide = [{"type": "slider", "at": f"b@{s}", "through": [0, 0], "along": along} for s in (0, 1)]
+    model, _, v = begun({"bodies": {"b": rigid((0, 0), along, 3.0, 0.25)}, "joints": slide,
+                         "initial": {"velocity": [1, 0]}})
+    np.testing.assert_allclose(v[:4], np.cos(np.pi / 6) * np.tile(along, 2), rtol=1e-12)
+    assert Energies(model).kinetic(v) == pytest.approx(1.5 * 0.75, rel=1e-12)
+
+
+@pytest.mark.parametrize("order", ["ab", "ba"])
+@pytest.mark.parametrize("make", [lambda *ends: rigid(*ends, 1.0, 1 / 12), lambda *ends: rod("cable", 2, *ends)],
+                         ids=["rigid", "cable"])
+def test_a_joint_keeps_momentum_in_whichever_order_bodies_are_listed(order, make):
+    bodies = {"a": make((0, 0), (1, 0)), "b": make((1, 0), (2, 0))}
+    scene = {"bodies": {name: bodies[name] for name in order},
+             "joints": [{"type": "pin", "between": ["a@1", "b@0"]}],
+             "initial": {"bodies": {"a": {"velocity": [0.6, 0.8]}}}}
+    model, d, v = begun(scene)
+    energies = Energies(model)
+    asked = initial_motion(model)[1]
+    # also about the origin: the joint's forces are opposite ones at one point
+    np.testing.assert_allclose(energies.momentum(d, v), energies.momentum(d, asked), rtol=1e-12, atol=1e-13)
+    assert energies.kinetic(v) < 0.99 * energies.kinetic(asked)
+
+
+def test_two_rigid_rods_that_are_joined_in_flight():
+    """One of two rods of 1 kg has (0, 1) m/s: the impulse at the pin is 1/8 N s, by m = 1 and J = 1/12 of both."""
+    scene = {"bodies": {"a": rigid((0, 0), (1, 0), 1.0, 1 / 12), "b": rigid((1, 0), (2, 0), 1.0, 1 / 12)},
+             "joints": [{"type": "pin", "between": ["a@1", "b@0"]}], "initial": {"bodies": {"a": {"velocity": [0, 1]}}}}
+    model, _, v = begun(scene)
+    # an impulse at an end changes its velocity by 4 times, the other end's by -2 times what it gives the centre
+    np.testing.assert_allclose(v[1:8:2], [1 + 2 / 8, 0.5, 0.5, -2 / 8], rtol=1e-12)
+    assert Energies(model).kinetic(v) == pytest.approx(0.5 - 1 / 16, rel=1e-12)
+
+
+def test_a_falling_rod_that_is_caught_at_its_end_turns_about_it():
+    """The moment of momentum about the pin is kept: omega = 3 v/(2 L); a quarter of the energy is lost, and told."""
+    scene = {"bodies": {"b": rigid((0, 0), (2, 0), 3.0, 1.0)}, "bc": [{"type": "pin", "at": "b@0"}],
+             "initial": {"velocity": [0, -1]}}
+    model, _, v = begun(scene)
+    np.testing.assert_allclose(v[:4], [0, 0, 0, -1.5], atol=1e-14)
+    first = next(Run(model, model.case.solver).states())
+    assert first.report["initial"] == pytest.approx({"given": 1.5, "kinetic": 1.125, "lost": 0.375}, rel=1e-12)
+    assert len(first.warnings) == 1
+    assert "0.375 of 1.5" in first.warnings[0]
+    assert "25 %" in first.warnings[0]
+
+
+def test_a_driven_end_starts_as_after_an_impact():
+    """A rod at rest whose end is suddenly driven across at 1 m/s: its other end recoils at half of that."""
+    drive = {"type": "prescribed", "at": "b@0", "uy": {"type": "expression", "value": "t"}}
+    model, _, v = begun({"bodies": {"b": rigid((0, 0), (1, 0), 3.0, 0.25)}, "bc": [drive]})
+    np.testing.assert_allclose(v[:4], [0, 1, 0, -0.5], atol=1e-14)
+    assert Energies(model).kinetic(v) == pytest.approx(3.0 / 8, rel=1e-12)
+
+
+def test_a_linkage_keeps_velocities_that_its_joints_allow():
+    """A four-bar with the angular velocities of its closure, 7 rad/s at the crank."""
+    a, b, c, d = (np.array(x) for x in ((0.0, 0.0), (0.0, 0.5), (1.2, 1.0), (1.0, 0.0)))
+
+    def turn(r):
+        return np.array([-r[1], r[0]])
+
+    w = 7.0
+    coupler, rocker = np.linalg.solve(np.array([turn(c - b), -turn(c - d)]).T, -w * turn(b - a))
+    spin = {"crank": (w, a), "coupler": (coupler, b), "rocker": (rocker, d)}
+    own = {name: {"rotation_rate": {"omega": rate, "about": about.tolist()}} for name, (rate, about) in spin.items()}
+    own["coupler"]["velocity"] = (w * turn(b - a)).tolist()
+    scene = {"bodies": {"crank": rigid(a, b, 1, 0.02), "coupler": rigid(b, c, 2, 0.2), "rocker": rigid(c, d, 1.5, 0.1)},
+             "joints": [{"type": "pin", "between": ["crank@1", "coupler@0"]},
+                        {"type": "pin", "between": ["coupler@1", "rocker@0"]}],
+             "bc": [{"type": "pin", "at": "crank@0"}, {"type": "pin", "at": "rocker@1"}], "initial": {"bodies": own}}
+    model, _, v = begun(scene)
+    asked = initial_motion(model)[1]
+    np.testing.assert_allclose(v[:model.n_q], asked[:model.n_q], atol=1e-13)
+    first = next(Run(model, model.case.solver).states())
+    assert not first.warnings
+    assert abs(first.report["initial"]["lost"]) < 1e-13 * first.report["initial"]["given"]
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
+def test_flexible_rods_keep_a_rotation_about_their_joint_and_support(name):
+    scene = {"bodies": {"a": rod(name, 2, (0, 0), (1, 0)), "b": rod(name, 2, (1, 0), (2, 0))},
+             "joints": [{"type": "pin", "between": ["a@1", "b@0"]}], "bc": [{"type": "pin", "at": "a@0"}],
+             "initial": {"rotation_rate": {"omega": 3.0}}}
+    model, _, v = begun(scene)
+    asked = initial_motion(model)[1]
+    np.testing.assert_allclose(v[:model.n_q], asked[:model.n_q], rtol=1e-12, atol=1e-12)

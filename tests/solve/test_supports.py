@@ -152,6 +152,20 @@ def test_prescribed_angles_are_reached_and_resisted_by_a_moment(name, geometry, 
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_prescribed_angle_of_linear_theory_is_the_linear_rotation(name):
+    """It is met at any size, and what resists it is in proportion."""
+    resisted = []
+    for angle in (1e-3, 0.5, 1.6, -3.0):
+        bc = [{"type": "clamp", "at": "b@0"}, {"name": "m", "type": "prescribed", "at": "b@1", "angle": angle}]
+        out = scene(name, "inclined", "linear_static", bc, loads=[])
+        assert out.theta("b@1") == pytest.approx(angle, rel=1e-9)
+        resisted.append(out.reactions()["m"]["m"] / angle)
+    np.testing.assert_allclose(resisted, resisted[0], rtol=1e-8)
+    # 2d3n is too stiff on so coarse a mesh
+    assert resisted[0] == pytest.approx(EI / 1.2, rel=0.2)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_body_turned_by_its_support_moves_rigidly(name):
     """Half a turn about a pin by a prescribed angle: every point goes where a rigid body goes, without stress."""
     bc = [{"name": "p", "type": "pin", "at": "b@0"}, {"name": "m", "type": "prescribed", "at": "b@0", "angle": 3.0}]

@@ -62,9 +62,10 @@ class BodyInitial:
 class Initial:
     """How a motion starts."""
 
-    from_: str = key(StartText(), "State it starts from: rest (the reference), static (equilibrium "
-                     "under the loads), or a result file", default="rest")
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything", default=None)
+    from_: str = key(StartText(), "State it starts from: rest (the reference), static (equilibrium under the loads), "
+                     "or the last state of a result file, which supports and joints have to hold", default="rest")
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything; what supports and joints do not "
+                                               "allow of it is lost as in a plastic impact", default=None)
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of everything; added "
                                              "to the velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),

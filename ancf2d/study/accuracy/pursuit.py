@@ -104,7 +104,7 @@ class Pursuit:
         if latest is None:
             return None
         d = transferred(latest.state.d, latest.model, model)
-        return None if d is None else Start(d, int(latest.state.history["negative_pivots"]))
+        return None if d is None else Start(d, int(latest.state.history["negative_pivots"]), latest.state.turned)
 
     def _run(self, level: Level, told: Told | None, begin: Begin | None = None) -> None:
         """Solve a level; where its error is ``told`` it is the result, for now."""
