@@ -88,7 +88,7 @@ def _made(called: Called, name: str) -> list[str]:
     """Return what is wrong with the file that a command should have made."""
     if name and (called.code == 0) != Path(name).exists():
         return [f"{' '.join(called.arguments)} ends with {called.code}, {name} is {'' if called.code else 'not '}there"]
-    rest = [n for n in os.listdir() if n.endswith((".part", ".tmp"))]
+    rest = [n for n in os.listdir() if ".part" in n or n.endswith(".tmp")]
     return [f"{' '.join(called.arguments)} leaves {rest}"] if rest else []
 
 
