@@ -97,3 +97,17 @@ def test_the_advice_is_not_what_is_in_use_and_does_not_depend_on_the_arc() -> No
 def test_an_arc_too_wide_for_an_element_is_told() -> None:
     assert any("an arc of 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
     assert not any("an arc of" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
+
+
+@pytest.mark.parametrize(("nu", "rule", "soft"), [(1e-3, None, True), (0.0, None, True), (1e-3, [3, 2], False),
+                                                  (0.3, None, False)])
+def test_hidden_motions_that_nu_alone_makes_stiff_are_told(nu: float, rule: list[int] | None, soft: bool) -> None:
+    """Of x^2 + nu y^2 and x^3, two points along see nothing but the part with nu: without it, modes below bending."""
+    spec = helpers.element("2d2n-nu", 2, **({} if rule is None else {"quadrature": rule}))
+    material = {"E": 1e7, "nu": nu, "rho": 1000.0}
+    beam = helpers.body(helpers.line(1.0), spec, {"height": 0.1, "width": 0.1}, material)
+    found = helpers.solved({"beam": beam}, {"type": "eigen", "modes": 1},
+                           bc=[{"type": "clamp", "at": "beam@0"}])
+    assert any("soft hidden motions" in text for text in found.model.warnings) == soft
+    bending = 1.8751**2 * math.sqrt(1e7 * 0.1**2 / 12 / 1000.0)
+    assert (found.state.report["frequencies"][0]["omega"] < 0.5 * bending) == soft
