@@ -71,9 +71,7 @@ def report(audit: Audit) -> str:
     s, plan = audit.subject, audit.subject.plan
     lines = [f"{s.name}: basis {', '.join(s.element.basis)}; {s.element.n_dof} coordinates"]
     if plan is not None:
-        nx, ny = plan.rule.normal
-        lines.append(f"formulation {plan.formulation.name}, {nx} x {ny} Gauss points"
-                     + ("" if plan.rule.uniform else f" (shear {plan.rule.shear[0]} x {plan.rule.shear[1]})"))
+        lines.append(f"formulation {plan.formulation.name}, {plan.rule}")
     rows = [["check", "value", "verdict", "meaning"]]
     made = audit.made
     for answer in made:

@@ -68,14 +68,15 @@ def _nodes(found: dict[str, Any]) -> str:
 
 def _describe(element: Any) -> dict[str, Any]:
     """Return an element type as a JSON-able object."""
-    from ..elements.formulations import FORMULATIONS
+    from ..elements.formulations import FORMULATIONS, Rule
 
     formulations = []
     for f in FORMULATIONS.values():
         refused = f.refuse(element)
         rule = None if refused else list(element.quadrature.get(f.name, f.rule(element)))
+        points = None if rule is None else str(Rule((rule[0], rule[1]), (rule[0], rule[1]), f.lobatto))
         formulations.append({"name": f.name, "default": f.name == element.formulation, "quadrature": rule,
-                             "refused": refused, "doc": f.doc, "source": f.source})
+                             "points": points, "refused": refused, "doc": f.doc, "source": f.source})
     return {"name": element.name, "basis": [_tidy(b) for b in element.basis], "dofs": element.n_dof,
             "nodes": [{"at": n.at, "coordinates": list(n.coordinates)} for n in element.nodes],
             "formulations": formulations,
@@ -108,8 +109,8 @@ def _one(found: dict[str, Any]) -> str:
     if not any(f["default"] for f in found["formulations"]):
         return "\n".join([*lines, "", "  no strain: a constraint keeps its length"])
     lines += ["", "  formulations"]
-    offered = [[f["name"], "default" if f["default"] else "", f"{' x '.join(map(str, f['quadrature']))} Gauss points",
-                f["doc"]] for f in found["formulations"] if f["refused"] is None]
+    offered = [[f["name"], "default" if f["default"] else "", f["points"], f["doc"]]
+               for f in found["formulations"] if f["refused"] is None]
     lines += table(offered, left=(0, 1, 2, 3), indent="    ")
     refused = [[f["name"], f["refused"]] for f in found["formulations"] if f["refused"] is not None]
     if refused:

@@ -145,12 +145,9 @@ def built_report(model: Any) -> str:
         if plan.rigid:
             lines.append(f"body {name}: rigid, {many(plan.count, 'piece')}")
             continue
-        rule = " x ".join(map(str, plan.rule.normal))
-        if not plan.rule.uniform:
-            rule += f" (shear {' x '.join(map(str, plan.rule.shear))})"
         alike = "all alike" if len(mesh.classes) == 1 else f"{len(mesh.classes)} different ones"
         lines.append(f"body {name}: {many(plan.count, 'element')} {plan.element.name} ({alike}), "
-                     f"{plan.formulation.name}, {rule} Gauss points")
+                     f"{plan.formulation.name}, {plan.rule}")
         if plan.split:
             lines.append("    unequal elements meet where something acts, at S = "
                          + ", ".join(f"{s:.6g}" for s in plan.split))

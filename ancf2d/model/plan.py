@@ -157,10 +157,8 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
             why = "on an arc" if curved else f"for formulation {formulation.name}"
             raise RefusedError(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
-    if chosen is None:
-        chosen = element.quadrature.get(formulation.name, formulation.rule(element))
-    nx, ny = chosen
-    return Rule((nx, ny), (nx, ny))
+    nx, ny = chosen or element.quadrature.get(formulation.name, formulation.rule(element))
+    return Rule((nx, ny), (nx, ny), formulation.lobatto and chosen is None)
 
 
 def acting_points(case: Case) -> dict[str, list[float]]:

@@ -128,12 +128,18 @@ def curve(b: Body, xi: float, e):
     return x / j0, (xx - x * (p @ q) / j0**2) / j0**2
 
 
+def stretch_and_curvature(b: Body, strains) -> float:
+    """Return the energy with the stretch at Lobatto points, and the curvature at as many Gauss points."""
+    n, section = b.plan.rule.normal[0], b.plan.section
+    return on_axis(b, lobatto(n), strains, (section.EA, 0.0)) + on_axis(b, gauss(n), strains, (0.0, section.EI))
+
+
 def cable(b: Body) -> float:
     def strains(e, xi, j0):
         r_s, r_ss = curve(b, xi, e)
         return np.linalg.norm(r_s), cross(r_s, r_ss) / (r_s @ r_s)
 
-    return on_axis(b, gauss(b.plan.rule.normal[0]), strains, (b.plan.section.EA, b.plan.section.EI))
+    return stretch_and_curvature(b, strains)
 
 
 def green_cable(b: Body) -> float:
@@ -141,7 +147,7 @@ def green_cable(b: Body) -> float:
         r_s, r_ss = curve(b, xi, e)
         return 0.5 * r_s @ r_s, cross(r_s, r_ss) / np.linalg.norm(r_s) ** 3
 
-    return on_axis(b, gauss(b.plan.rule.normal[0]), strains, (b.plan.section.EA, b.plan.section.EI))
+    return stretch_and_curvature(b, strains)
 
 
 def geometrically_exact(b: Body) -> float:

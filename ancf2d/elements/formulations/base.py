@@ -44,15 +44,26 @@ class PointLaw:
 
 @dataclass(frozen=True)
 class Rule:
-    """Quadrature: Gauss points (along, across) for the normal strains and for shear (usually the same)."""
+    """Quadrature: Gauss points (along, across) for the normal strains and for shear (usually the same).
+
+    ``lobatto``: the stretch of a curve is sampled at as many Gauss-Lobatto points along.
+    """
 
     normal: tuple[int, int]
     shear: tuple[int, int]
+    lobatto: bool = False
 
     @property
     def uniform(self) -> bool:
         """Whether one rule serves both."""
         return self.normal == self.shear
+
+    def __str__(self) -> str:
+        """Return the rule in words."""
+        words = f"{self.normal[0]} x {self.normal[1]} Gauss points"
+        if self.lobatto:
+            words += ", stretch at as many Lobatto points"
+        return words if self.uniform else f"{words} (shear {self.shear[0]} x {self.shear[1]})"
 
 
 @dataclass(frozen=True)
@@ -88,7 +99,7 @@ class Formulation:
     None where no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations,
     any) and D (stations, strains, strains) of one element class, quadrature weight and volume included; fields,
     reference values and strains of a station are those of its points, one after another.
-    ``selective`` tells whether shear may have a rule of its own.
+    ``selective`` tells whether shear may have a rule of its own, ``lobatto`` whether the default rule is such a one.
     """
 
     name: str
@@ -100,6 +111,7 @@ class Formulation:
     source: str
     doc: str
     selective: bool = True
+    lobatto: bool = False
 
 
 def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..definition import ElementType
-from ..shape import Array
-from .base import Formulation, PointLaw, Rule, Sampler, rule_points
+from ..shape import Array, gauss, lobatto
+from .base import Formulation, PointLaw, Rule, Sampler, join
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -119,8 +119,9 @@ def green_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-de
         J[1, 2, l], J[1, 3, l] = -fy / L3, fx / L3
 
 
-def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[Array, Array, Array]:
-    xi, _, w = rule_points((n, 1))
+def _stations(sampler: Sampler, points: tuple[Array, Array], weights: tuple[float, float],
+              ) -> tuple[Array, Array, Array]:
+    xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sxx = sampler.derivative(xi, zero, 1, 0), sampler.derivative(xi, zero, 2, 0)
     rx, rxx = Sx @ sampler.e0, Sxx @ sampler.e0
@@ -135,8 +136,16 @@ def _stations(sampler: Sampler, n: int, weights: tuple[float, float]) -> tuple[A
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample EA and EI with one rule."""
-    return _stations(sampler, rule.normal[0], (sampler.section.EA, sampler.section.EI))
+    """Sample stretch and curvature at Gauss points, or the stretch at Gauss-Lobatto points.
+
+    Those at the nodes ask the same of both neighbours: n elements of degree 3 have 2 n + 1 stretches, which their
+    4 n + 4 coordinates can keep at zero while they bend, and no motion is without strain. At Gauss points three for
+    each element lock, and two leave a stretch that they do not see.
+    """
+    section, n = sampler.section, rule.normal[0]
+    if not rule.lobatto:
+        return _stations(sampler, gauss(n), (section.EA, section.EI))
+    return join(_stations(sampler, lobatto(n), (section.EA, 0.0)), _stations(sampler, gauss(n), (0.0, section.EI)))
 
 
 def _refuse(element: ElementType) -> str | None:
@@ -154,7 +163,8 @@ GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean)
 FORMULATIONS = (
     Formulation("cable", ENGINEERING, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
-                selective=False),
+                selective=False, lobatto=True),
     Formulation("green", GREEN, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, "Berzeri & Shabana 2000",
-                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False),
+                "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
+                lobatto=True),
 )

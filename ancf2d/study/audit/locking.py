@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...elements.formulations.base import rule_points
+from ...elements.formulations.base import product_points
 from ...elements.section import timoshenko
-from ...elements.shape import Array
+from ...elements.shape import Array, gauss, lobatto
 from ...errors import ComputationError
 from ...model.model import Model
 from .beams import NU
@@ -101,7 +101,8 @@ def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
     """
     mesh, shape = beam(model), beam(model).classes[0].shape
     section, kind = mesh.plan.section, s.element.section_kind
-    xi, eta, w = rule_points(s.rule.normal if kind == "interpolated" else (s.rule.normal[0], 1))
+    along = lobatto(s.rule.normal[0]) if s.rule.lobatto else gauss(s.rule.normal[0])
+    xi, eta, w = product_points(along, gauss(s.rule.normal[1] if kind == "interpolated" else 1))
     u = d[mesh.dofs].reshape(len(mesh.dofs), s.element.n_shape, -1)
 
     def at(height: Array, i: int, j: int) -> Array:
