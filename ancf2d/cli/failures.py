@@ -15,6 +15,9 @@ FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
 def explain(error: BaseException, session: Session) -> int:
     """Tell what went wrong and return the exit code."""
+    if isinstance(error, MemoryError):
+        # lets go of what the work held, which saying so takes some of
+        error.__traceback__ = error.__context__ = None
     if session.debug:
         import traceback
 

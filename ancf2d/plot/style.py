@@ -50,9 +50,10 @@ def label(name: str, units: str) -> str:
 
 
 def verbatim(text: Text | None) -> None:
-    """Show a user's text as it stands: a dollar sign in it is no formula."""
+    """Show a user's text as it stands: a dollar sign in it is no formula, and a name of a file may be no UTF-8."""
     if text is not None:
         text.set_parse_math(False)
+        text.set_text(text.get_text().encode(errors="backslashreplace").decode())
 
 
 def title(figure: Figure, text: str, note: str = "") -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
-from ancf2d.results.columns import Table, enough, read_columns
+from ancf2d.results.columns import Table, read_columns
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
 from ancf2d.results.rows import StateRows
@@ -55,11 +55,11 @@ class Results:
         self.nq: int = self._reference.shape[0]
         self._states = safe.child(self._file, "states", h5py.Group)
         if self.nt:
-            times = None if self._states is None else safe.child(self._states, "t", h5py.Dataset)
-            if times is None:
+            self._times = None if self._states is None else safe.child(self._states, "t", h5py.Dataset)
+            if self._times is None or self._times.ndim != 1:
                 raise ValueError("the states are missing")
-            if times.ndim != 1 or len(times) < self.nt:
-                raise ValueError(f"it has {len(times)} states where {self.nt} were stored")
+            if len(self._times) < self.nt:
+                raise ValueError(f"it has {len(self._times)} states where {self.nt} were stored")
 
     # ------------------------------------------------------------------ about the run
 
@@ -125,9 +125,7 @@ class Results:
     def t(self) -> np.ndarray:
         """Load factor or time of each stored state (nt,)."""
         with safe.damage(self.path):
-            if not self.nt:
-                return np.empty(0)
-            return enough(safe.numbers(self._states, "t", 1), self.nt)
+            return safe.values(self._times, 1)[:self.nt] if self.nt else np.empty(0)
 
     def _state_rows(self, name: str) -> StateRows | None:
         if name not in self._rows:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,11 +62,20 @@ class Answer:
         return out
 
 
-def answer(case: Data, out: str | None = None, **how: Any) -> Answer:
-    """Return what is answered to a case; ``out`` names a result file to write, ``how`` goes to ``run_case``."""
+def answer(case: Data, out: str | None = None, watch: Callable[[State], None] = lambda state: None,
+           **how: Any) -> Answer:
+    """Return what is answered to a case.
+
+    ``out`` names a result file to write, ``watch`` is called with each state, ``how`` goes to ``run_case``.
+    """
     states: deque[State] = deque(maxlen=1)
+
+    def seen(state: State) -> None:
+        states.append(state)
+        watch(state)
+
     try:
-        outcome = run_case(ancf2d.load(case), out, progress=Progress(state=states.append), **how)
+        outcome = run_case(ancf2d.load(case), out, progress=Progress(state=seen), **how)
     except ancf2d.CaseError as error:
         return Answer(case, refusal=error.problems[0].message)
     except ancf2d.ComputationError as error:

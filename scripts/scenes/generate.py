@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import numpy as np
 from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, element_type
-from ancf2d.solve.schemes import INTEGRATORS
+from ancf2d.solve.schemes import INTEGRATORS, SCHEMES
 
 from .amplitudes import random_amplitude
 from .shapes import Data, at, extent, is_rigid, length, mass_per_length, pieces, point, position, stiffness
@@ -20,6 +21,10 @@ from .shapes import Data, at, extent, is_rigid, length, mass_per_length, pieces,
 SOLVERS = {"linear_static": 5, "static": 5, "path": 1, "eigen": 3, "buckling": 2, "dynamic": 5}
 # degrees of the family: higher ones cost more and are no other code
 ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (2, 3), (3, 3))
+# SciPy's integrators call Python at every stage, and explicit ones take steps as short as the fastest vibration: theirs
+# are a smaller share of the motions, and these are shorter
+METHODS = tuple(name for name in INTEGRATORS if name not in SCHEMES)
+SHORT = 0.01
 NAMES = ("a", "b", "c", "d")
 # S of points that something acts on or is joined to
 SOMEWHERE = (0.25, 0.3, 0.5, 2.0 / 3.0, 0.8)
@@ -29,7 +34,9 @@ def scene(seed: int, number: int, solver: str | None = None) -> Data:
     """Return the scene of a number as the data of a case; the same in every process."""
     rng = random.Random(f"scene {seed} {number}")
     kind = solver or rng.choices(list(SOLVERS), list(SOLVERS.values()))[0]
-    return Maker(rng, kind).made()
+    # plain numbers, as files have them
+    made: Data = json.loads(json.dumps(Maker(rng, kind).made()))
+    return made
 
 
 def type_of(spec: Data) -> ElementType:
@@ -469,15 +476,13 @@ class Maker:
             return {"type": "eigen", "modes": rng.choice((3, 6)), **about}
         if self.kind == "buckling":
             return {"type": "buckling", "modes": rng.choice((1, 3))}
-        t_end = T * rng.uniform(0.2, 1.0)
-        method = rng.choice((None, None, None, None, *INTEGRATORS))
+        method = rng.choice((None, *METHODS, rng.choice(tuple(SCHEMES))))
+        t_end = T * rng.uniform(0.2, 1.0) * (SHORT if method in SCHEMES else 1.0)
         out: Data = {"type": "dynamic", "t_end": t_end, "estimate": False,
                      **({} if method is None else {"method": method})}
-        out["dt"] = t_end / rng.choice((10, 25, 40))
-        if method in ("RK45", "DOP853", "Radau", "BDF", "LSODA") or (method is None and self.chance(0.3)):
-            del out["dt"]
-            out["tolerance"] = 1e-5
-        return out
+        if method in SCHEMES or (method is None and self.chance(0.4)):
+            return {**out, "tolerance": 1e-5}
+        return {**out, "dt": t_end / rng.choice((10, 25, 40))}
 
     def ask(self) -> None:
         """Put probes on every body, off the axis sometimes, and ask for section forces sometimes."""

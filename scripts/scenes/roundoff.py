@@ -9,8 +9,6 @@ displacement.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ancf2d.model.model import Model
@@ -46,7 +44,12 @@ def condition(K: Array) -> float:
     return float(np.linalg.cond(A)) if len(A) else 1.0
 
 
-def uncertainty(model: Model, d: Array, t: float, shift: Any = None) -> float:
-    """Return (n + ROUNDINGS) kappa u of a model at a state, with ``shift`` (n, n) added where it moves freely."""
+def uncertainty(model: Model, d: Array, t: float) -> float:
+    """Return (n + ROUNDINGS) kappa u of a model at a state."""
     K = tangent(model, d, t)
-    return (len(K) + ROUNDINGS) * UNIT_ROUNDOFF * condition(K if shift is None else K + shift)
+    return roundings(model) * condition(K)
+
+
+def roundings(model: Model) -> float:
+    """Return (n + ROUNDINGS) u: the relative error of a product of stiffness and displacements."""
+    return (model.numbering.n_unknowns + ROUNDINGS) * UNIT_ROUNDOFF

@@ -107,7 +107,7 @@ class _Case:
         to = self.to
         if isinstance(value, dict):
             return {k: self.general(v, k) for k, v in value.items()}
-        if key in PLACES:
+        if key in PLACES and isinstance(value, list):
             return to.place(value)
         if key in DIRECTIONS:
             return to.vector(value)

@@ -59,6 +59,14 @@ def test_dollar_signs_in_units_and_titles_are_no_formulas(tmp_path: Path, kind: 
     save(draw(open_results(bent_beam(tmp_path / "a.h5", header=header)), kind), tmp_path / "a.png")
 
 
+def test_names_of_files_that_are_no_utf_8_can_be_drawn(tmp_path: Path) -> None:
+    one, other = (bent_beam(tmp_path / f"{name}\udcff.h5", header={"title": ""}) for name in "ab")
+    with open_results(one) as a, open_results(other) as b:
+        for kind in ("shape", "load_deflection"):
+            save(draw([a, b], kind, title="\udcff"), tmp_path / "\udcff.svg")
+            data_csv([a, b], tmp_path / "\udcff.csv", kind)
+
+
 def test_drawing_leaves_the_global_settings_alone(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
     save(draw(open_results(bent_beam(tmp_path / "a.h5"))), tmp_path / "a.png")

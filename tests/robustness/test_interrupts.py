@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -47,6 +48,16 @@ def test_an_interruption_waits_until_a_kernel_is_compiled(module: str) -> None:
         with pytest.raises(KeyboardInterrupt):
             _interrupt_now()
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="shells that ignore signals")
+def test_interruptions_are_tested_where_the_shell_ignores_them() -> None:
+    """As a shell without job control does for what it starts in the background."""
+    test = "test_what_must_not_be_left_midway_is_done_first"
+    found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{__file__}::{test}"],
+                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN), capture_output=True,
+                           text=True, timeout=120)
+    assert found.returncode == 0, found.stdout
 
 
 def test_interruptions_that_a_caller_handles_are_left_to_it() -> None:

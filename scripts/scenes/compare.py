@@ -1,0 +1,224 @@
+"""A scene with its answer, and how an answer to the same in other words compares with it."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from .answer import KINDS, Answer, answer, kind_of_message
+from .balance import with_acting_points
+from .disturb import disturbed
+from .roundoff import roundings, uncertainty
+from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, stiffness
+from .similar import Similarity
+
+# Newton's method ends where displacements are known to 1e-9 of themselves and forces balance to 1e-8 of the largest
+NEWTON = 1e-8
+# modes are found by iterations that end at this residual; and of factors, what is known of the state before buckling,
+# of the stiffness, of the geometric stiffness and of the shapes adds up
+LANCZOS, PARTS = 1e-8, 4.0
+# what is left of Newton's increments in each step of a motion, relative to the scene's size
+STEP = 1e-10
+# answers that round-off leaves fewer digits than these are not compared
+BLUNT = 1e-4
+ILL = "ill-conditioned: round-off leaves fewer than four digits"
+# how much the numbers of a scene are disturbed to see what its motion makes of it
+DISTURBED = 1e-7
+# what a warning must speak of to explain that two answers differ
+ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jumps", "not known")
+
+
+class Check(Protocol):
+    """What is checked of a scene."""
+
+    @property
+    def name(self) -> str:
+        """Return what the table calls it."""
+        ...
+
+    @property
+    def find(self) -> Callable[[Scene], Finding]:
+        """Return what does it."""
+        ...
+
+
+class Scene:
+    """A case with its answer, found once, and how far round-off may carry it."""
+
+    def __init__(self, case: Data, seed: object = 0) -> None:
+        self.case = with_acting_points(case)
+        self.seed = seed
+        self.rng = random.Random()
+
+    def find(self, check: Check) -> Finding:
+        """Return what a check finds; the same whatever else is checked."""
+        self.rng.seed(f"{check.name} {self.seed}")
+        return check.find(self)
+
+    @property
+    def solver(self) -> str:
+        """Return the solver as the table names it."""
+        solver = self.case["solver"]
+        return "path" if solver.get("method") == "arc_length" else str(solver["type"])
+
+    @cached_property
+    def base(self) -> Answer:
+        """Return the answer to the case as it is."""
+        return answer(self.case)
+
+    @property
+    def moved(self) -> bool:
+        """Return whether displacements are large, and so positions are what is rounded."""
+        state = self.base.state
+        return state is not None and not state.linear
+
+    @property
+    def steps(self) -> int:
+        """Return the number of steps of a motion."""
+        return int(self.base.summary.get("steps", 0))
+
+    @cached_property
+    def known(self) -> float:
+        """Return how far round-off, and Newton's method, may carry answers, relative to their size."""
+        base, solver = self.base, self.case["solver"]
+        if self.solver == "dynamic":
+            return self.steps * STEP + solver.get("tolerance", 0.0 if "dt" in solver else 1e-6)
+        assert base.model is not None
+        assert base.state is not None
+        d = base.state.d if self.moved else np.zeros_like(base.state.d)
+        follows = self.moved and (self.solver != "eigen" or solver.get("about") == "static")
+        return uncertainty(base.model, d, base.state.t) + (NEWTON if follows else 0.0)
+
+    @cached_property
+    def growth(self) -> dict[str, float]:
+        """Return by how much each kind of quantity of a motion changes, per relative disturbance of the scene."""
+        if self.solver != "dynamic":
+            return {}
+        other = answer(disturbed(self.case, DISTURBED, random.Random(f"disturb {self.seed}")))
+        out: dict[str, float] = {}
+        for (kind, name), value in self.base.values.items():
+            if (kind, name) in other.values:
+                change = float(np.max(np.abs(other.values[kind, name] - value)))
+                out[kind] = max(out.get(kind, 0.0), change / DISTURBED)
+        return out
+
+    @property
+    def blunt(self) -> bool:
+        """Return whether too few digits are known for answers to be compared."""
+        grown = self.growth.get("displacement", 0.0) / extent(self.case)
+        return self.known * (1.0 + grown) > BLUNT
+
+    @cached_property
+    def sizes(self) -> dict[str, float]:
+        """Return what each kind of quantity is measured by."""
+        base, L = self.base, extent(self.case)
+        U = L if self.moved else base.largest("displacement")
+        turn = max(base.largest("rotation"), U / L)
+        energy = base.largest("energy")
+        # where nothing is strained, forces are what is left of products of stiffness and displacement
+        EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
+        rounded = EA * U / L * roundings(base.model) / self.known if base.model is not None else 0.0
+        F = max(base.largest("force"), largest_load(self.case), energy / U if U else 0.0, rounded)
+        M = max(base.largest("moment"), F * L)
+        out = {"displacement": U, "rotation": turn, "force": F, "moment": M, "energy": max(energy, F * U),
+               "N": max(F, base.largest("N")), "Q": max(F, base.largest("Q")), "M": max(M, base.largest("M"))}
+        if self.solver == "dynamic":
+            # forces that hold follow from displacements by the stiffest way there is
+            F += EA
+            V = max(L / self.case["solver"]["t_end"], base.largest("velocity"))
+            mass = sum(mass_per_length(b) * length(b["geometry"]) for b in self.case["bodies"].values())
+            out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / L, base.largest("rate")),
+                    "momentum": mass * V}
+        return out
+
+    def allowed(self, kind: str, value: Any) -> Any:
+        """Return how far values of a kind may be off."""
+        if kind == "omega^2":
+            positive = value[value > 0]
+            return (self.known + LANCZOS) * (np.abs(value) + (positive.min() if positive.size else 0.0))
+        if kind == "factor":
+            # 1/factor are eigenvalues: what is known of them is a share of the largest, of either sign
+            least = bending_load(self.case) / (largest_load(self.case) or 1.0)
+            return (PARTS * self.known + LANCZOS) * value**2 / value.min(initial=least)
+        return self.known * (self.sizes[kind] + self.growth.get(kind, 0.0))
+
+
+def bending_load(case: Data) -> float:
+    """Return the least EI/L^2 of a scene."""
+    flexible = [b for b in case["bodies"].values() if not is_rigid(b)]
+    return min((stiffness(b)[1] / extent(case) ** 2 for b in flexible), default=math.inf)
+
+
+def largest_load(case: Data) -> float:
+    """Return the largest force among the loads."""
+    L, out = extent(case), 0.0
+    weight = sum(mass_per_length(b) * length(b["geometry"]) for b in case["bodies"].values() if has_mass(b))
+    for load in case.get("loads", ()):
+        size = float(np.max(np.abs(load["value"])))
+        out = max(out, size * {"moment": 1.0 / L, "distributed": L, "gravity": weight}.get(load["type"], 1.0))
+    return out
+
+
+@dataclass
+class Finding:
+    """How far a check is off, in multiples of what is allowed; what is off; or why nothing can be said."""
+
+    ratio: float = 0.0
+    what: str = ""
+    refusal: str = ""
+    announced: str = ""
+
+    @property
+    def violated(self) -> bool:
+        """Return whether something is wrong that nothing explains."""
+        return not self.ratio <= 1.0 and not self.announced
+
+
+def announced(*answers: Answer) -> str:
+    """Return the first warning that explains why answers may differ."""
+    return next((w for a in answers for w in a.warnings if any(word in w for word in ANNOUNCED)), "")
+
+
+def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float = 0.0,
+          exempt: Callable[[str, str], bool] = lambda kind, name: False) -> Finding:
+    """Compare an answer with that of the scene seen by a similarity; ``shift`` is how many sizes away it is."""
+    base, to = scene.base, to or Similarity()
+    if base.refusal or got.refusal:
+        return refusals(base, got)
+    if scene.blunt or scene.known * (1.0 + shift) > BLUNT:
+        return Finding(refusal=ILL)
+    worst = Finding(announced=announced(base, got))
+    held_twice = any("held twice" in w for w in (*base.warnings, *got.warnings))
+    for (kind, name), value in base.seen(to).items():
+        if exempt(kind, name) or (held_twice and kind in ("force", "moment")) or (kind, name) not in got.values:
+            continue
+        other = got.values[kind, name]
+        if other.shape != value.shape:
+            return Finding(math.inf, f"{kind} {name}: {len(other)} values in place of {len(value)}",
+                           announced=worst.announced)
+        room = scene.allowed(kind, base.values[kind, name]) * to.unit(KINDS[kind][0]) * (1.0 + shift)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.where(value == other, 0.0, np.abs(value - other) / room)
+        if off.size and not np.max(off) <= worst.ratio:
+            worst.ratio = float(np.max(off))
+            worst.what = f"{kind} {name}: {other} in place of {value}, allowed {np.max(room):.2g}"
+    return worst
+
+
+def refusals(base: Answer, got: Answer) -> Finding:
+    """Compare two answers of which one at least is none."""
+    for found in (base, got):
+        if found.crash:
+            return Finding(math.inf, found.refusal)
+    if bool(base.refusal) != bool(got.refusal):
+        return Finding(math.inf, f"refused in one form alone: {base.refusal or got.refusal}",
+                       announced=announced(base, got))
+    return Finding(refusal=kind_of_message(base.refusal))
+
+

@@ -1,0 +1,44 @@
+"""Small scenes that once violated an invariance, as ``scripts/invariance.py`` wrote them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from scenes import campaign
+from scenes.checks import CHECKS
+from scenes.compare import Scene
+
+HERE = Path(__file__).parent / "scenes"
+MOVED = ("turned by any angle", "mirrored", "shifted by 1000 sizes", "in other units", "in another order")
+
+
+def violations(name: str, *checks: str) -> dict[str, str]:
+    case = yaml.safe_load((HERE / f"{name}.yaml").read_text())
+    found = {}
+    for seed in range(3):
+        scene = Scene(case, seed)
+        assert scene.base.refusal == ""
+        for check in CHECKS:
+            if check.name in checks:
+                word, what = campaign.outcome(scene, check)
+                if word not in ("held", "unfit"):
+                    found[check.name] = f"{word}: {what}"
+    return found
+
+
+def test_reactions_of_rigid_bars_balance_what_a_welded_beam_is_loaded_by() -> None:
+    assert violations("rigid_frame", "forces and moments balance", *MOVED) == {}
+
+
+def test_a_moved_cable_does_not_depend_on_where_it_is() -> None:
+    assert violations("moved_cable", "forces and moments balance", *MOVED) == {}
+
+
+@pytest.mark.parametrize("check", MOVED)
+def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(check: str) -> None:
+    assert violations("unlike_column", check) == {}
