@@ -137,7 +137,8 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
     gap = float(np.max(np.abs(results.e0 - model.e0) * model.weights, initial=0.0))
     if gap > SAME * model.extent:
         raise fail(f"the reference in '{path}' is another one: nodes or directions differ by {gap:.3g}",
-                   "a result of the same reference geometry")
+                   "a result of the same reference geometry, with nodes at the same places: there is one wherever "
+                   "something acts, unless element.nodes is regular")
 
 
 def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError]) -> None:

@@ -64,7 +64,8 @@ class Row:
     """The goal on one mesh, or with one time ``step`` (dt [s], or tolerance).
 
     ``error`` is relative (see ``Answer``), in motion the largest over time; ``order`` is the observed one between
-    this row and the coarser ones. ``status`` is converged, or failed with a ``reason``.
+    this row and the coarser ones; ``kinks``: whether something acts inside its elements. ``status`` is converged, or
+    failed with a ``reason``.
     """
 
     element: str
@@ -79,10 +80,11 @@ class Row:
     status: str = "converged"
     reason: str = ""
     answer: Answer | None = field(default=None, repr=False)
+    kinks: bool = field(default=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints of the row."""
-        named = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "answer"}
+        named = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         return {k: v for k, v in named.items() if v not in ("", None) or k not in ("reason", "step")}
 
 
@@ -174,6 +176,9 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     flat = [job for group in jobs for job in group]
     count = itertools.count(1)
     rows = run_jobs(solve_job, flat, workers, _lost, lambda i, row: done(next(count) / len(flat)))
+    if any(row.kinks for row in rows):
+        warnings.append("something acts inside elements of some meshes, as nodes: regular or preset: paper asks for: "
+                        "orders are rough")
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
@@ -250,6 +255,7 @@ def _solve(job: Job, row: Row) -> None:
     plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
     row.element = "+".join(dict.fromkeys(p.element.name for p in plans))
     row.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))
+    row.kinks = any(p.inside() for p in plans)
     row.elements, row.dofs = found.model.n_elements, found.model.n_q
     row.wall_s, row.answer, row.value = found.summary["wall_s"], found.answer, found.answer.value
 

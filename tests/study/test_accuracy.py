@@ -334,3 +334,32 @@ def test_a_stiff_link_may_be_rigid_in_statics():
     assert types["arm"]["element"] != "rigid"
     exact = limit(case(text.replace("element: auto", "element: {type: reissner3, count: 1}")), 64)
     assert abs(reached.accuracy["value"] - exact.value) / exact.size <= reached.accuracy["estimate"] <= 1e-2
+
+
+SLIDE = CANTILEVER.replace("boundary_conditions:", """  bead:
+    geometry: {type: line, start: [0.7, 1], end: [0.7, 0]}
+    section: {height: 0.1, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3}
+    element: KIND
+joints: [{type: prismatic, point: bead@1, on: beam}]
+boundary_conditions:""", 1)
+
+
+@pytest.mark.parametrize(("kind", "on", "kinks"), [("rigid", "beam", True), ("rigid", "bead", False)])
+def test_meshes_through_which_a_kink_moves_have_no_order(kind: str, on: str, kinks: bool) -> None:
+    text = SLIDE.replace("KIND", kind)
+    if on == "bead":
+        text = text.replace("point: bead@1, on: beam", "point: beam@0.35, on: bead")
+    pursuit = Pursuit(case(text), 1e-3, Progress())
+    assert pursuit.slides(Ladder(pursuit, {}, None).setting(1.0)) == kinks
+
+
+def test_an_error_that_kinks_hide_by_chance_is_not_believed():
+    """Two meshes that agree, after two that did not: the difference of the latter counts."""
+    levels = levels_of({4: 1.04, 8: 1.001, 16: 1.0011})
+    assert judge(levels)[1] < 1e-3
+    for level in levels:
+        level.kinks = True
+    found, error = judge(levels)
+    assert error > 0.039
+    assert not found.asymptotic

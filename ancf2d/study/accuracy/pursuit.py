@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ...case import LoadedCase
+from ...case import LoadedCase, PrismaticJoint
 from ...errors import Ancf2dError, CaseError, ComputationError
 from ...model.model import Model
 from ...solve.registry import takes_guess
@@ -16,7 +16,7 @@ from ..order import Estimate
 from ..record import Progress
 from ..run import Begin, Outcome
 from ..unsolved import verdict
-from .setting import Level, Setting, with_setting
+from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
     from ...solve.static import Start
@@ -76,13 +76,19 @@ class Pursuit:
         if name not in self.known:
             self.tell(f"{setting.elements} elements" + (
                 "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
-            level = self.known[name] = Level(setting, why)
+            level = self.known[name] = Level(setting, why, kinks=self.slides(setting))
             self.levels.append(level)
             if self.begins:
                 self._run(level, None, lambda model: self._guess(model, level))
             else:
                 self._run(level, told)
         return self.known[name]
+
+    def slides(self, setting: Setting) -> bool:
+        """Whether a point slides along a body that deforms."""
+        case = self.loaded.case
+        meshed = bodies_with_meshes(case, setting.types)
+        return any(isinstance(joint, PrismaticJoint) and joint.on in meshed for joint in case.joints)
 
     def write(self, level: Level, told: Told) -> None:
         """Make a level the result, solved once more, from the reference on, unless it is written already."""

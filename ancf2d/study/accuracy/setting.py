@@ -39,7 +39,10 @@ class Setting:
 
 @dataclass
 class Level:
-    """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried."""
+    """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried.
+
+    ``kinks``: whether a point slides along a body, whose kink then stands at another place of an element in each mesh.
+    """
 
     setting: Setting
     why: str
@@ -49,6 +52,7 @@ class Level:
     dofs: int | None = None
     iterations: int = 0
     reason: str = ""
+    kinks: bool = False
 
     def take(self, answer: Answer, summary: dict[str, Any]) -> None:
         """Keep the answer of a solve, and add what it has cost."""
