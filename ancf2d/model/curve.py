@@ -153,19 +153,28 @@ def _inside(pieces: list[Piece], nodes: Sequence[float]) -> list[list[float]]:
     return out
 
 
-def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float] = ()) -> tuple[Piece, ...]:
+def _stretches(whole: list[Piece], nodes: Sequence[float]) -> list[Piece]:
+    return [part for p, found in zip(whole, _inside(whole, nodes), strict=True) for part in _split(p, found)]
+
+
+def stretches(geometry: Line | Arc | Polyline, nodes: Sequence[float]) -> list[float]:
+    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arclength) cut a geometry into."""
+    return [p.length for p in _stretches(_undivided(geometry), nodes)]
+
+
+def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float] = (),
+              refine: int = 1) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
 
     A piece is split at each of ``nodes`` (fractions S of the body's arclength), unless all of them are ends of the
-    equal elements that the pieces have without.
+    equal elements that the pieces have without. Every element is then divided into ``refine`` ones.
     """
     whole = _undivided(geometry)
     regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
                                                         strict=True))
-    inside = _inside(whole, nodes)
-    if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE for p, found in zip(regular, inside, strict=True)
-           for sigma in found):
-        return regular
-    parts = [part for p, found in zip(whole, inside, strict=True) for part in _split(p, found)]
+    if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE
+           for p, found in zip(regular, _inside(whole, nodes), strict=True) for sigma in found):
+        return tuple(replace(p, count=refine * p.count) for p in regular)
+    parts = _stretches(whole, nodes)
     shares = share_count([p.length for p in parts], max(count, len(parts)))
-    return tuple(replace(p, count=n) for p, n in zip(parts, shares, strict=True))
+    return tuple(replace(p, count=refine * n) for p, n in zip(parts, shares, strict=True))

@@ -200,7 +200,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
     # a flexible body without one is refused
     assert spec.count is not None
-    pieces = pieces_of(body.geometry, spec.count, () if has_regular_nodes(spec) else acting)
+    refine = spec.refine or 1
+    pieces = pieces_of(body.geometry, spec.count, () if has_regular_nodes(spec) else acting, refine)
     curved = any(p.kappa != 0.0 for p in pieces)
     own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
@@ -209,7 +210,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
-    return BodyPlan(name, element, formulation, rule, section, pieces, spec.count, tuple(acting), spec.preset)
+    return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count, tuple(acting),
+                    spec.preset)
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
@@ -217,7 +219,7 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
     if isinstance(body.geometry, Arc):
         raise RefusedError(("geometry", "type"), f"bodies.{name}: a rigid body is straight, or of straight pieces",
                            "line or polyline")
-    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes"):
+    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "refine"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain: {key} means nothing",
                                f"no {key}")
@@ -272,8 +274,8 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     """Return what a user of this body should know but need not change."""
     out = []
     if plan.count > plan.asked > 0:
-        out.append(f"bodies.{plan.name}: count {plan.asked} is less than the number of stretches between corners and "
-                   f"places where something acts: {plan.count} elements are used, one for each")
+        out.append(f"bodies.{plan.name}: {plan.asked} elements are too few for the stretches between corners and "
+                   f"places where something acts: {plan.count} are used")
     inside = plan.inside()
     if inside:
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")

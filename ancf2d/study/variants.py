@@ -12,7 +12,11 @@ from ..case.binder import listed, nearest
 from ..elements import registry
 from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS
+from ..model.curve import stretches
+from ..model.plan import acting_points, has_regular_nodes
 
+# elements per stretch of the coarsest mesh that others are refinements of
+ENOUGH = 2
 _MEMBER = re.compile(r"(\w+)\[\s*(\d+)\s*,\s*(\d+)\s*\]")
 
 
@@ -89,20 +93,27 @@ def flexible(case: Case) -> dict[str, Body]:
     return {name: body for name, body in case.bodies.items() if body.element.type != "rigid"}
 
 
+def stretches_of(case: Case) -> dict[str, list[float]]:
+    """Return the lengths of the stretches of each body that has a mesh: each needs an element at least."""
+    acting = acting_points(case)
+    return {name: stretches(body.geometry, () if has_regular_nodes(body.element) else acting[name])
+            for name, body in flexible(case).items()}
+
+
 def count_of(body: Body) -> int:
     """Return the number of elements that a case gives a body (one per piece where it leaves that open)."""
-    return body.element.count or pieces(body)
+    return (body.element.count or pieces(body)) * (body.element.refine or 1)
 
 
 def distribute(case: Case, total: int) -> dict[str, int]:
     """Return the elements of each body for ``total`` in all, in the proportions of the case.
 
-    Every body gets one per piece at least, so that the sum can exceed ``total``.
+    Every body gets one per stretch at least, so that the sum can exceed ``total``.
     """
-    bodies = flexible(case)
+    bodies, least = flexible(case), {name: len(lengths) for name, lengths in stretches_of(case).items()}
     whole = sum(count_of(b) for b in bodies.values())
     parts = {name: divmod(total * count_of(b), whole) for name, b in bodies.items()}
-    counts = {name: max(part, pieces(bodies[name])) for name, (part, _) in parts.items()}
+    counts = {name: max(part, least[name]) for name, (part, _) in parts.items()}
     # what rounding down left over goes to the largest remainders
     for name in sorted(parts, key=lambda n: -parts[n][1]):
         if sum(counts.values()) < total:
@@ -123,15 +134,34 @@ def default_meshes(case: Case, levels: int = 5) -> list[int]:
     return [total * 2**k for k in range(levels)]
 
 
-def element_data(body: Body, variant: Variant, count: int) -> dict[str, Any]:
-    """Return the ``element`` of a body for a variant and a mesh, as a case has it.
+def nested_base(count: int, stretches: int) -> int:
+    """Return the elements of the coarse mesh whose refinement a mesh of ``count`` elements is.
 
-    A type of its own keeps what the case says of it; another one has its own defaults, and of the case only
-    the shear factor, where it shears, and the preset, where the paper has the type.
+    Shares of several stretches are in whole numbers, and would not be in proportion from one mesh to the next. So
+    meshes that double are refinements of one that has a few elements per stretch.
+    """
+    while stretches > 1 and count % 2 == 0 and count >= 2 * ENOUGH * stretches:
+        count //= 2
+    return count
+
+
+def divided(count: int, base: int) -> dict[str, int]:
+    """Return ``count`` and ``refine`` of a mesh that is one of ``base`` elements refined, if the one is a multiple."""
+    return {"count": base, "refine": count // base} if base < count and count % base == 0 else {"count": count}
+
+
+def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[str, Any]:
+    """Return the ``element`` of a body for a variant and a mesh of ``count`` elements, as a case has it.
+
+    The mesh is the refinement of one of ``base`` elements where the one is a multiple of the other. A type of its own
+    keeps what the case says of it; another one has its own defaults, and of the case only its nodes, the shear factor,
+    where it shears, and the preset, where the paper has the type.
     """
     own = body.element
     same = variant.type is None or (variant.type, variant.order) == (own.type, own.order)
-    data: dict[str, Any] = {"count": count, "shear_factor": own.shear_factor}
+    data: dict[str, Any] = {"shear_factor": own.shear_factor,
+                            "nodes": "regular" if has_regular_nodes(own) else own.nodes}
+    data |= divided(count, base)
     if same:
         data.update(type=own.type, order=own.order, preset=own.preset, definition=own.definition,
                     formulation=own.formulation, quadrature=_written(own.quadrature))
@@ -157,6 +187,8 @@ def _written(quadrature: Any) -> Any:
 
 def overrides_for(case: Case, variant: Variant, counts: dict[str, int]) -> list[str]:
     """Return the ``PATH=VALUE`` overrides that make a case its variant on a mesh."""
-    return [f"bodies.{name}.element={json.dumps(element_data(body, variant, counts[name]))}"
+    lengths = stretches_of(case)
+    return [f"bodies.{name}.element="
+            + json.dumps(element_data(body, variant, counts[name], nested_base(counts[name], len(lengths[name]))))
             for name, body in flexible(case).items()]
 

@@ -11,7 +11,7 @@ from typing import Any
 from ancf2d.case import Dynamic, LoadedCase
 from ancf2d.errors import ComputationError
 from ancf2d.study.accuracy.fidelity import BEAM
-from ancf2d.study.accuracy.setting import Level, Setting, bodies_with_meshes, least, with_setting
+from ancf2d.study.accuracy.setting import Level, Setting, bodies_with_meshes, meshed, with_setting
 from ancf2d.study.answer import Answer, solve_for_goal
 from ancf2d.study.variants import Variant, parse_variants
 
@@ -45,7 +45,7 @@ class Solver:
         self.moves = isinstance(loaded.case.solver, Dynamic)
         bodies = bodies_with_meshes(loaded.case, {})
         self.types = {name: BEAM for name, b in bodies.items() if b.element.type == "auto"}
-        self.least = {name: least(b) for name, b in bodies.items()}
+        self.least = {name: mesh.least for name, mesh in meshed(loaded.case, self.types).items()}
         self.known: dict[Any, Level] = {}
         if kept is not None and kept.exists():
             self.known = pickle.loads(kept.read_bytes())

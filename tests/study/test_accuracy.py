@@ -336,6 +336,32 @@ def test_a_stiff_link_may_be_rigid_in_statics():
     assert abs(reached.accuracy["value"] - exact.value) / exact.size <= reached.accuracy["estimate"] <= 1e-2
 
 
+BETWEEN = (CANTILEVER.replace("clamp, at: beam@0", "pin, at: beam@0}, {type: roller, at: beam@1, fixed: y")
+           .replace("force, at: beam@1", "force, at: beam@0.3").replace("tip: beam@1", "tip: beam@0.55")
+           .replace("type: static", "type: linear_static"))
+
+
+@pytest.mark.parametrize("nodes", ["acting", "regular"])
+def test_kinks_stand_at_nodes_of_all_meshes(nodes: str) -> None:
+    """Beside the force, deflections are cubic: what the cable has, but for an element with a kink inside."""
+    said: list[str] = []
+    reached = solve_to_accuracy(case(BETWEEN, f"{{type: cable, count: 3, nodes: {nodes}}}", "accuracy=1e-8"),
+                                tell=said.append)
+    # force F at b from the left end, deflection at x from the right end
+    F, b, x, L, EI = -500e3, 0.6, 0.9, 2.0, 2.07e11 * 0.1**4 / 12
+    assert reached.accuracy["value"] == pytest.approx(F * b * x * (L**2 - b**2 - x**2) / (6 * L * EI), rel=1e-8)
+    assert reached.achieved
+    assert any("in spite of nodes: regular" in text for text in said) == (nodes == "regular")
+
+
+def test_a_body_begins_with_stretches_of_like_elements_and_refines_those() -> None:
+    loaded = case(BETWEEN)
+    assert least(loaded.case.bodies["beam"], (0.0, 0.3, 1.0)) == 3
+    assert least(loaded.case.bodies["beam"], (0.0, 0.25, 1.0)) == 4
+    ladder = Ladder(Pursuit(loaded, 1e-3, Progress()), {}, None)
+    assert [ladder.setting(s).elements for s in (1.0, 1.5, 2.0, 6.0)] == [3, 6, 6, 18]
+
+
 SLIDE = CANTILEVER.replace("boundary_conditions:", """  bead:
     geometry: {type: line, start: [0.7, 1], end: [0.7, 0]}
     section: {height: 0.1, width: 0.1}

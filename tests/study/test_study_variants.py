@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ancf2d.case import Case, LoadedCase, load_case_text
+from ancf2d.model.build import build_model
 from ancf2d.study.run import vocabulary
 from ancf2d.study.variants import (
     Variant,
@@ -18,6 +19,7 @@ from ancf2d.study.variants import (
     parse_variants,
     pieces,
     proportional,
+    stretches_of,
 )
 
 FRAME = """\
@@ -108,3 +110,27 @@ def test_unknown_names_are_answered_with_known_ones(text: str, said: str) -> Non
 def test_member_of_the_family_is_the_registrys() -> None:
     assert element_named("ancf[2,1]").name == "ancf[2,1]"
     assert element_named("vallejo").name == "vallejo"
+
+
+def test_meshes_that_double_are_nested_where_stretches_are_unequal() -> None:
+    """All have the node where the load acts, and every node of the mesh before."""
+    text = FRAME.replace("solver:", "loads: [{type: force, at: post@0.77, value: [1, 0]}]\nsolver:").replace(
+        "preset: paper", "nodes: acting")
+    loaded = load_case_text(text.replace("POST", "7").replace("STRUT", "4"), vocabulary=vocabulary())
+    assert {name: len(lengths) for name, lengths in stretches_of(loaded.case).items()} == {"post": 4, "strut": 1}
+    before: set[float] = set()
+    for total in (9, 18, 36, 72):
+        changed = load_case_text(loaded.text, vocabulary=vocabulary(),
+                                 overrides=overrides_for(loaded.case, Variant(), {"post": total, "strut": 4}))
+        mesh = build_model(changed).meshes["post"]
+        nodes = {round(s, 9) for s in (mesh.starts / mesh.plan.length).tolist()}
+        assert len(nodes) == total
+        assert before <= nodes
+        assert 0.77 in nodes
+        before = nodes
+
+
+def test_a_body_has_no_fewer_elements_than_stretches() -> None:
+    text = FRAME.replace("solver:", "loads: [{type: force, at: strut@0.3, value: [1, 0]}]\nsolver:")
+    loaded = load_case_text(text.replace("POST", "3").replace("STRUT", "1"), vocabulary=vocabulary())
+    assert distribute(loaded.case, 4) == {"post": 3, "strut": 2}

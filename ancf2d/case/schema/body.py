@@ -170,6 +170,8 @@ class Element:
                             "among stretches in proportion to their lengths, one each at least. regular: "
                             "all elements of a straight piece or arc are equally long (default: acting; "
                             "regular with preset paper)", default=None)
+    refine: int | None = key(Integer(), "Divides each of the 'count' elements into so many: meshes "
+                             "with a node at every node of the coarser one (default: 1)", default=None)
     mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body, where it is not the "
                              "section's", default=None)
     inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about "
@@ -187,7 +189,7 @@ class Element:
             yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
                         "other", "type user, or no type, beside 'definition'")
         if self.type == "auto":
-            given = [k for k in ("count", "nodes", "order", "formulation", "quadrature", "shear_factor",
+            given = [k for k in ("count", "nodes", "refine", "order", "formulation", "quadrature", "shear_factor",
                                  "preset") if getattr(self, k) is not None]
             if given:
                 yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which "

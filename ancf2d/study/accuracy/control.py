@@ -8,6 +8,8 @@ from typing import Any
 
 from ...case import Dynamic, LoadedCase
 from ...errors import ComputationError
+from ...model.curve import stretches
+from ...model.plan import acting_points
 from ..answer import Answer
 from ..order import Estimate
 from ..record import Progress
@@ -64,6 +66,10 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     """
     pursuit = Pursuit(loaded, loaded.case.accuracy or DEFAULT, progress or Progress(), target, tell)
     prepare(first_mesh(loaded))
+    for name, body in flexible(loaded.case).items():
+        if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
+            pursuit.tell(f"bodies.{name}: nodes stand where something acts, in spite of nodes: regular: meshes that "
+                         "have kinks inside elements do not tell of the accuracy")
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:

@@ -10,7 +10,7 @@ from ..order import Estimate
 from ..variants import Variant
 from .judgement import apart, best, choose, judge
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, tenth
-from .setting import Level, Setting, bodies_with_meshes, least
+from .setting import Level, Setting, meshed
 
 LADDER = 3          # levels at least, the first of which is the least mesh
 HOPELESS = 256      # times the least mesh: a case that no mesh up to there solves
@@ -34,14 +34,13 @@ class Ladder:
     def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None,
                  shares: dict[str, float] | None = None) -> None:
         self.pursuit, self.types, self.tolerance = pursuit, types, tolerance
-        bodies = bodies_with_meshes(pursuit.loaded.case, types)
-        self.least = {name: least(body) for name, body in bodies.items()}
-        self.shares = shares or {name: float(n) for name, n in self.least.items()}
+        self.meshes = meshed(pursuit.loaded.case, types)
+        self.shares = shares or {name: float(mesh.least) for name, mesh in self.meshes.items()}
         self.levels: list[Level] = []
 
     def setting(self, size: float) -> Setting:
         """Return the mesh of a size."""
-        counts = {name: max(self.least[name], math.ceil(share * size - 1e-9)) for name, share in self.shares.items()}
+        counts = {name: self.meshes[name].count(share * size) for name, share in self.shares.items()}
         return Setting(counts, self.types, self.tolerance)
 
     def climb(self, wanted: float) -> tuple[Level | None, float, Estimate]:

@@ -7,20 +7,21 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
-from ...case import Arc, Body, Case, Dynamic, LoadedCase, Polyline, load_case_text
+from ...case import Arc, Body, Case, Dynamic, LoadedCase, load_case_text
 from ...case.emit import written
+from ...model.curve import share_count, stretches
+from ...model.plan import acting_points
 from ..answer import Answer
 from ..run import vocabulary
-from ..variants import Variant, element_data, flexible, pieces
+from ..variants import Variant, element_data, flexible
 
 AS_GIVEN = Variant()
 # an arc is begun with one element for so much of its angle
 ARC = math.pi / 4
-# times the fewest elements of a polyline: what nested meshes may begin with
-NESTED = 4
+# times the fewest elements of several stretches: what meshes may begin with, and the longest of them beside the mean
+NESTED, UNEVEN = 4, 1.25
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,21 @@ class Setting:
     def elements(self) -> int:
         """All elements."""
         return sum(self.counts.values())
+
+
+class Mesh(NamedTuple):
+    """The elements that a body is begun with, and the stretches that it has.
+
+    The meshes of a body of several stretches are refinements of the first one, so that all are in one proportion.
+    """
+
+    least: int
+    stretches: int
+
+    def count(self, wanted: float) -> int:
+        """Return the elements of the coarsest mesh with as many as are wanted, or a few more."""
+        unit = self.least if self.stretches > 1 else 1
+        return max(self.least, unit * math.ceil(wanted / unit - 1e-9))
 
 
 @dataclass
@@ -80,20 +96,31 @@ class Level:
         return out | ({"reason": self.reason} if self.reason else {})
 
 
-def least(body: Body) -> int:
-    """Return the elements that a body is begun with: one per straight piece, one per 45 degrees of an arc.
+def least(body: Body, acting: Sequence[float] = ()) -> int:
+    """Return the elements that a body is begun with: one per stretch at least, and one per 45 degrees of an arc.
 
-    More where that makes those of a polyline equally long, so that its meshes are nested.
+    ``acting`` are the places S where something acts. More where that makes elements of stretches equally long, or
+    nearly so.
     """
+    lengths = stretches(body.geometry, acting)
+    fewest = len(lengths)
     if isinstance(body.geometry, Arc):
-        return max(1, math.ceil(abs(body.geometry.to - body.geometry.from_) / ARC - 1e-9))
-    fewest = pieces(body)
-    if not isinstance(body.geometry, Polyline):
-        return fewest
-    lengths = [math.dist(a, b) for a, b in pairwise(body.geometry.points)]
-    shares = [length / sum(lengths) for length in lengths]
-    return next((n for n in range(fewest, NESTED * fewest + 1)
-                 if all(abs(n * share - round(n * share)) < 1e-9 for share in shares)), fewest)
+        fewest = max(fewest, math.ceil(abs(body.geometry.to - body.geometry.from_) / ARC - 1e-9))
+
+    def longest(n: int) -> float:
+        """Return the longest of n elements beside the mean."""
+        return max(length / share for length, share in zip(lengths, share_count(lengths, n), strict=True)) * n / sum(
+            lengths)
+
+    tried = range(fewest, NESTED * fewest + 1)
+    return next((n for most in (1.0 + 1e-9, UNEVEN) for n in tried if longest(n) <= most), min(tried, key=longest))
+
+
+def meshed(case: Case, types: dict[str, Variant]) -> dict[str, Mesh]:
+    """Return how the mesh of each body that deforms begins, once ``types`` replace those of the case."""
+    acting = acting_points(case)
+    return {name: Mesh(least(body, acting[name]), len(stretches(body.geometry, acting[name])))
+            for name, body in bodies_with_meshes(case, types).items()}
 
 
 def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]:
@@ -103,10 +130,15 @@ def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]
 
 def overrides(case: Case, setting: Setting) -> list[str]:
     """Return the ``PATH=VALUE`` overrides that make a case what a setting says."""
-    out = []
+    out, meshes = [], meshed(case, setting.types)
     for name, body in flexible(case).items():
         variant = setting.types.get(name, AS_GIVEN)
-        data: Any = "rigid" if variant.type == "rigid" else element_data(body, variant, setting.counts[name])
+        data: Any = "rigid"
+        if name in meshes:
+            count, mesh = setting.counts[name], meshes[name]
+            data = element_data(body, variant, count, mesh.least if mesh.stretches > 1 else count)
+            # an order is seen only where no kink moves through the elements
+            data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
         out.append(f"bodies.{name}.element={json.dumps(data)}")
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):
         solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False)

@@ -13,7 +13,7 @@ from ...elements.registry import FAMILY
 from ..answer import Answer, sequence
 from ..convergence import limit_of
 from ..order import estimate
-from ..variants import Variant, flexible
+from ..variants import Variant, divided, flexible
 from .measure import Setting
 from .plan import Planner, Series
 
@@ -118,10 +118,10 @@ def _of(planner: Planner) -> dict[str, Any]:
 class Plain(Setting):
     """A setting whose elements have all defaults of their type, and nothing of the case's."""
 
-    def element(self, body: Body, count: int) -> dict[str, Any]:
+    def element(self, body: Body, count: int, base: int) -> dict[str, Any]:
         """Return the ``element`` of a body."""
         variant = self.variant
-        return {"type": variant.type, "order": list(variant.order or ()), "count": count}
+        return {"type": variant.type, "order": list(variant.order or ()), **divided(count, base)}
 
 
 def _spread(loaded: LoadedCase) -> list[str]:

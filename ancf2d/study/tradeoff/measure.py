@@ -21,7 +21,7 @@ from ..pool import DIED
 from ..record import Clock, Progress
 from ..run import prepare, vocabulary
 from ..unsolved import UNSOLVED, verdict
-from ..variants import Variant, element_data, flexible
+from ..variants import Variant, element_data, flexible, nested_base, stretches_of
 from ..warmup import kernels_of, warm_up
 
 # solves are measured anew until they took SHORT [s] together, or MANY times
@@ -44,14 +44,15 @@ class Setting:
 
     def overrides(self, loaded: LoadedCase, counts: dict[str, int]) -> tuple[str, ...]:
         """Return the ``PATH=VALUE`` overrides that give this, with so many elements of each body."""
-        out = []
+        out, lengths = [], stretches_of(loaded.case)
         for name, body in flexible(loaded.case).items():
-            out.append(f"bodies.{name}.element={flow(_plain(self.element(body, counts[name])))}")
+            data = self.element(body, counts[name], nested_base(counts[name], len(lengths[name])))
+            out.append(f"bodies.{name}.element={flow(_plain(data))}")
         return (*out, *self._steps(loaded))
 
-    def element(self, body: Body, count: int) -> dict[str, Any]:
-        """Return the ``element`` of a body with so many elements, as a case has it."""
-        data = element_data(body, self.variant, count)
+    def element(self, body: Body, count: int, base: int) -> dict[str, Any]:
+        """Return the ``element`` of a body with so many elements, refined from ``base`` ones, as a case has it."""
+        data = element_data(body, self.variant, count, base)
         return data if self.quadrature is None else {**data, "quadrature": self.quadrature}
 
     def _steps(self, loaded: LoadedCase) -> list[str]:

@@ -13,7 +13,7 @@ from ...solve.schemes import DEFAULT
 from ..convergence import meshes_of
 from ..order import ROUND_OFF
 from ..pool import Workers
-from ..variants import Variant, count_of, flexible, parse_variants, pieces
+from ..variants import Variant, count_of, flexible, parse_variants, stretches_of
 from .budget import predicted_cost
 from .measure import Measured, Setting, Task
 
@@ -162,7 +162,7 @@ class Planner:
         counts = {name: count_of(b) for name, b in bodies.items()}
         divisor = math.gcd(*counts.values())
         base = {name: n // divisor for name, n in counts.items()}
-        times = max(-(-pieces(b) // base[name]) for name, b in bodies.items())
+        times = max(-(-len(stretches_of(self.loaded.case)[name]) // base[name]) for name in bodies)
         total = sum(base.values())
         return total * max(times, -(-LEAST_ELEMENTS // total))
 
