@@ -15,6 +15,7 @@ from ..kernels.motion import COUNT
 from ..model.mesh import Index
 from ..model.points import PointRef
 from .stepping import Stepper
+from .system import STILL
 
 if TYPE_CHECKING:
     from .dynamic import Run
@@ -109,7 +110,7 @@ class Estimate:
         """Return what the differences of three levels say of the first, and the order that they show."""
         if self.failed or self._alike():
             return None, None
-        size = np.where(self.moved > 0.0, self.moved, np.inf)
+        size = np.where(self.moved > STILL * self.run.model.extent, self.moved, np.inf)
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
         if fine == 0.0:
             return 0.0, None

@@ -18,13 +18,11 @@ from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_bal
 from .pieces import largest, pieces
 from .refine import refined
 from .state import State
-from .system import UNIT_ROUNDOFF, System, Turned
+from .system import STILL, System, Turned
 
 STEPS = 10
 # displacements known to less than this many digits are worth a word
 POOR = 1e-6
-# unless they are round-off of the positions themselves, beside the extent of the model
-NOTHING = 32 * UNIT_ROUNDOFF
 # and of no use where this share of them is not known
 HOPELESS = 0.5
 # a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
@@ -371,7 +369,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.energy, "negative_pivots": result.negative_pivots}
     size = system.norm(result.d[system.model.numbering.where])
-    if result.uncertainty > max(POOR * size, NOTHING * system.model.extent):
+    if result.uncertainty > max(POOR * size, STILL * system.model.extent):
         warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                     f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more"]
     turned = system.count(result.d, t)

@@ -21,6 +21,8 @@ from .linear import Pivots, make_matrix
 from .pieces import largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53
+# displacements beside the extent of a model that are round-off of the positions themselves
+STILL = 32 * UNIT_ROUNDOFF
 
 
 @dataclass

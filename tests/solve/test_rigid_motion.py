@@ -176,3 +176,20 @@ def test_energy_and_angular_momentum_of_a_free_chain_are_kept_by_discrete_gradie
     assert np.ptp([s.history["strain"] for s in sol.states]) > 0.1
     assert np.ptp(momenta, axis=0).max() < 1e-12 * np.abs(momenta).max()
     assert violation(sol) < 1e-12
+
+
+def test_bars_that_are_held_do_not_move_and_balance_their_load():
+    """Two bars between two pins and their joint, and a clamped one: round-off is no motion and no lost energy."""
+    top, foot = np.array([1.1, 0.7]), np.array([2.0, 0.1])
+    bodies = {"a": rigid({"type": "line", "start": [0.0, 0.0], "end": top}),
+              "b": rigid({"type": "line", "start": foot, "end": top}), "c": rigid(helpers.line(1.0, 0.3))}
+    loads = [{"type": "force", "at": at, "value": [3.0, 4.0], "amplitude": {"type": "sine", "frequency": 3.0}}
+             for at in ("a@1", "c@1")]
+    sol = move(bodies, 0.1, dt=0.01, loads=loads, joints=[{"type": "pin", "between": ["a@1", "b@1"]}],
+               bc=[{"name": k, "type": "pin", "at": f"{k}@0"} for k in "ab"] + [{"type": "clamp", "at": "c@0"}])
+    assert sol.state.report["energy_drift"] < 1e-3
+    assert sol.state.report["accuracy"]["estimate"] == 0.0
+    assert not any(s.warnings for s in sol.states)
+    np.testing.assert_allclose(sol.u("a@1"), 0.0, atol=1e-14)
+    force = np.linalg.solve(np.array([top, top - foot]).T, [-3.0, -4.0])[0] * top * np.sin(0.6 * np.pi)
+    np.testing.assert_allclose([sol.reactions()["a"][k] for k in ("fx", "fy")], force, rtol=1e-9)
