@@ -62,18 +62,24 @@ def rectangle(E: float, nu: float, rho: float, height: float, width: float, k: f
 
 
 class Bar:
-    """A bar from ``start`` to ``end``: ``count`` elements of degree ``p``; coordinates are all x, all y, all theta."""
+    """A bar from ``start`` to ``end``: ``count`` elements of degree ``p``; coordinates are all x, all y, all theta.
 
-    def __init__(self, section: Section, start: Sequence[float], end: Sequence[float], count: int, p: int) -> None:
+    Without stress it is straight, or an arc whose tangent turns by ``bend`` from start to end.
+    """
+
+    def __init__(self, section: Section, start: Sequence[float], end: Sequence[float], count: int, p: int,
+                 bend: float = 0.0) -> None:
         a, b = np.array(start, float), np.array(end, float)
-        self.section, self.length, self.n = section, math.dist(a, b), count * p + 1
-        self.angle = math.atan2(b[1] - a[1], b[0] - a[0])
+        self.section, self.n = section, count * p + 1
+        self.length = math.dist(a, b) / float(np.sinc(bend / (2 * math.pi)))
+        self.angle, self.curvature = math.atan2(b[1] - a[1], b[0] - a[0]) - bend / 2, bend / self.length
         nodes, h = lobatto(p), self.length / count
         self.P, self.D, self.w = self._rule(nodes, *legendre.leggauss(p), count, h)
         P, _, w = self._rule(nodes, *legendre.leggauss(p + 1), count, h)
         self.N = P.T @ (w[:, None] * P)
         at = np.unique(np.round(np.concatenate([(k + (nodes + 1) / 2) / count for k in range(count)]), 12))
-        self.x0 = np.concatenate([a[0] + (b[0] - a[0]) * at, a[1] + (b[1] - a[1]) * at, np.full(self.n, self.angle)])
+        chord, along = self.length * at * np.sinc(bend * at / (2 * math.pi)), self.angle + bend * at / 2
+        self.x0 = np.concatenate([a[0] + chord * np.cos(along), a[1] + chord * np.sin(along), self.angle + bend * at])
         self.at = at
 
     def _rule(self, nodes: Array, points: Array, weights: Array, count: int, h: float) -> tuple[Array, Array, Array]:
@@ -97,15 +103,27 @@ class Bar:
         n = self.n
         return np.concatenate([np.zeros(n), -g * self.section.rhoA * self.N @ np.ones(n), np.zeros(n)])
 
+    def strains(self, x: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return cosine and sine of theta, stretch along and across the section's normal, and curvature."""
+        n, P, D = self.n, self.P, self.D
+        rx, ry, theta, kappa = D @ x[:n], D @ x[n:2 * n], P @ x[2 * n:], D @ x[2 * n:] - self.curvature
+        c, z = np.cos(theta), np.sin(theta)
+        return c, z, rx * c + ry * z, ry * c - rx * z, kappa
+
+    def forces(self, x: Array) -> Array:
+        """Return the elastic forces."""
+        P, D, w, s = self.P, self.D, self.w, self.section
+        c, z, e, g, kappa = self.strains(x)
+        N, Q = s.EA * (e - 1), s.kGA * g
+        fx, fy, m = N * c - Q * z, N * z + Q * c, N * g - Q * e
+        return np.concatenate([D.T @ (w * fx), D.T @ (w * fy), D.T @ (w * s.EI * kappa) + P.T @ (w * m)])
+
     def elastic(self, x: Array) -> tuple[Array, Array, float]:
         """Return elastic forces, their tangent and the strain energy."""
         n, P, D, w, s = self.n, self.P, self.D, self.w, self.section
-        rx, ry, theta, kappa = D @ x[:n], D @ x[n:2 * n], P @ x[2 * n:], D @ x[2 * n:]
-        c, z = np.cos(theta), np.sin(theta)
-        e, g = rx * c + ry * z, ry * c - rx * z
+        c, z, e, g, kappa = self.strains(x)
         N, Q = s.EA * (e - 1), s.kGA * g
-        fx, fy, m = N * c - Q * z, N * z + Q * c, N * g - Q * e
-        f = np.concatenate([D.T @ (w * fx), D.T @ (w * fy), D.T @ (w * s.EI * kappa) + P.T @ (w * m)])
+        f = self.forces(x)
         # derivatives of (fx, fy, m) by (rx, ry, theta)
         A, G = s.EA, s.kGA
         xx, xy, yy = A * c * c + G * z * z, (A - G) * c * z, A * z * z + G * c * c

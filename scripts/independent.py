@@ -1,0 +1,96 @@
+"""Compare ancf2d with equations of its own making: random frames and mechanisms, solved by ``own_equations``.
+
+    python scripts/independent.py frames [--count 200] [--first 0] [--jobs 2] [--minutes 60] [--keep FOLDER] [--page]
+    python scripts/independent.py mechanisms [--count 100] ...
+
+Prints each deviation beyond what the discretisation allows, and a table by elements and subject; exits with 1 where
+there is any. ``--keep`` writes the cases of these deviations, ``--page`` the table into docs/robustness.md;
+``--minutes`` ends it early, with a table of what was compared until then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import statistics
+import sys
+import time
+from multiprocessing import get_context
+from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from measured import DOCS, stamp, write  # noqa: E402
+from own_equations.frames import frames  # noqa: E402
+from own_equations.mechanisms import mechanisms  # noqa: E402
+from own_equations.verdict import Verdict  # noqa: E402
+
+
+def of_frames(numbers: list[int]) -> list[Verdict]:
+    """Compare frames, in a process of its own."""
+    return list(frames(numbers))
+
+
+def of_mechanisms(numbers: list[int]) -> list[Verdict]:
+    """Compare mechanisms, in a process of its own."""
+    return list(mechanisms(numbers))
+
+
+KINDS = {"frames": (of_frames, 200), "mechanisms": (of_mechanisms, 100)}
+
+
+def table(verdicts: list[Verdict]) -> str:
+    """Return deviations by elements and subject."""
+    lines = ["| elements | subject | computed | median deviation | largest | largest share of allowed | beyond |",
+             "| --- | --- | --- | --- | --- | --- | --- |"]
+    for kind, subject in sorted({(v.kind, v.subject) for v in verdicts}):
+        rows = [v for v in verdicts if (v.kind, v.subject) == (kind, subject)]
+        off = [v.deviation for v in rows]
+        lines.append(f"| {kind} | {subject} | {len(rows)} | {statistics.median(off):.1e} | {max(off):.1e} | "
+                     f"{max(v.deviation / v.allowed for v in rows):.2f} | {sum(not v.holds for v in rows)} |")
+    return "\n".join(lines)
+
+
+def tell(v: Verdict, folder: Path | None) -> None:
+    """Print a deviation that is not allowed, and keep its case."""
+    print(f"{v.number}, {v.kind}, {v.subject}: {v.what}, {v.deviation:.1e}, allowed {v.allowed:.1e}", flush=True)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / f"{v.number}-{v.subject}.yaml".replace(" ", "-")
+        file.write_text(json.dumps(v.case, indent=1), encoding="utf-8")
+
+
+def main() -> None:
+    """Compare what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=KINDS)
+    parser.add_argument("--count", type=int, help="how many, 200 frames or 100 mechanisms unless given")
+    parser.add_argument("--first", type=int, default=0, help="number of the first one")
+    parser.add_argument("--jobs", type=int, default=2, help="processes at once")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="after which no further one is tried")
+    parser.add_argument("--keep", type=Path, help="folder for the cases that deviate")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/robustness.md")
+    args = parser.parse_args()
+    compare, usual = KINDS[args.what]
+    numbers = range(args.first, args.first + (args.count or usual))
+    verdicts: list[Verdict] = []
+    began = time.monotonic()
+    with get_context("spawn").Pool(args.jobs) as pool:
+        for found in pool.imap_unordered(compare, ([n] for n in numbers)):
+            verdicts += found
+            for v in found:
+                if not v.holds:
+                    tell(v, args.keep)
+            if time.monotonic() - began > 60 * args.minutes:
+                break
+    print(table(verdicts))
+    if args.page:
+        write(DOCS / "robustness.md", args.what, f"{table(verdicts)}\n\n{stamp(f'independent.py {args.what}')}")
+    sys.exit(any(not v.holds for v in verdicts))
+
+
+if __name__ == "__main__":
+    main()
