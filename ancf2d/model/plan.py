@@ -281,11 +281,10 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
         out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
                    "has no kink: finer meshes then gain little; nodes: acting puts a node there")
-    if is_axis_type(plan.element) or plan.formulation.name == "structural":
-        ny = {plan.rule.normal[1], plan.rule.shear[1]}
-        if ny != {1}:
-            out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
-                       "the points across have no effect")
+    on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
+    if on_axis and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
+        out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
+                   "the points across have no effect")
     longest = max(p.l for p in plan.pieces) / plan.section.height
     if longest > plan.element.slender:
         out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending where elements are long beside "

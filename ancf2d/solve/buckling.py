@@ -12,7 +12,7 @@ from ..errors import ComputationError
 from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
-from .linear import Symmetric
+from .ldl import Symmetric
 from .pencil import Pencil, each, ritz
 from .state import State
 from .static import unscaled

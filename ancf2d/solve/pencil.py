@@ -9,7 +9,8 @@ import numpy as np
 from ..elements.shape import Array
 from ..kernels.elements import tangent_action
 from ..model.model import Model
-from .linear import Pivots, make_matrix
+from .ldl import Pivots
+from .linear import make_matrix
 from .mass import assemble_mass
 from .system import System
 

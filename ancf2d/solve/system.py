@@ -17,7 +17,8 @@ from ..model.mesh import Index
 from ..model.model import Model
 from ..model.point_patch import ConstraintBatch, PointConstraint, batches
 from .crew import Crew
-from .linear import Pivots, make_matrix
+from .ldl import Pivots
+from .linear import make_matrix
 from .pieces import largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53

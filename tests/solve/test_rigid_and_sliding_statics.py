@@ -6,7 +6,8 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solve.linear import GeneralSparse, SymmetricFronts, make_matrix
+from ancf2d.solve.ldl import SymmetricFronts
+from ancf2d.solve.linear import GeneralSparse, make_matrix
 from ancf2d.solve.registry import unavailable
 
 SECTION = {"height": 0.05, "width": 0.05}
