@@ -53,7 +53,8 @@ def main() -> None:
     text = report(records, args.seed)
     print(text)
     if args.page:
-        made = stamp(f"invariance.py --scenes {len(records)} --seed {args.seed} --page", "h5py")
+        alone = f" --solver {args.solver}" if args.solver else ""
+        made = stamp(f"invariance.py --scenes {len(records)} --seed {args.seed}{alone} --page", "h5py")
         write(PAGE, "invariances", f"{text}\n\n{made}")
     sys.exit(1 if any(r.violations for r in records) else 0)
 
