@@ -10,6 +10,7 @@ from ..case import Mass
 from ..elements.shape import Array
 from .mesh import Index
 from .points import PointRef
+from .rotation import Rotation
 
 
 @dataclass(frozen=True)
@@ -24,18 +25,23 @@ class MassTerm:
     place: bool = False
 
 
-def mass_terms(mass: Mass, point: PointRef) -> list[MassTerm]:
+def mass_terms(mass: Mass, point: PointRef, e: Array | None = None) -> list[MassTerm]:
     """Return what a point mass acts on: mass on the position, inertia on the section's direction.
 
     The inertia is on theta where that is a coordinate. Elsewhere it is on the vector that turns with the section,
     of unit length in the reference, as the inertia of the beam's own sections is: J |d'|^2/2 is J theta'^2/2 while
-    the vector keeps its length, and the mass matrix is constant.
+    the vector keeps its length, and the mass matrix is constant. For small motion about ``e`` it is on the rotation
+    alone: what the vector stretches by has the stiffness of the next elements only, and with J a frequency that falls
+    with their length.
     """
     terms = [MassTerm(mass.mass, tuple(point.position()), True)]
     if not mass.inertia:
         return terms
     if point.turns_by_theta:
         return [*terms, MassTerm(mass.inertia, (point.theta(),))]
+    if e is not None:
+        rotation = Rotation(point)
+        return [*terms, MassTerm(mass.inertia, ((rotation.dofs, rotation.gradient(e)),))]
     columns, _ = point.director()
     first = point.mesh.first_dof
     length2 = sum(float(w @ point.mesh.e0[c - first]) ** 2 for c, w in columns)

@@ -32,7 +32,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     base = rest(replace(model, loads=LoadSet())) if spec.about == "reference" else _equilibrium(model)
     model = base.model
     state = base.state
-    pencil = Pencil(model, state.d, state.t, spec.about == "static", state.turned).with_mass()
+    pencil = Pencil(model, state.d, state.t, spec.about == "static", state.turned)
+    pencil.with_mass(model.e0 + state.d[:model.n_q])
     modes = lowest(pencil, spec.modes)
     shapes = full_shapes(model, modes.vectors)
     classifier = Classifier(model, state.d)

@@ -19,14 +19,16 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-def point_masses(model: Model) -> Iterator[tuple[Index, Array]]:
-    """Yield (coordinates (n,), matrix (n, n)) of each point mass."""
+def point_masses(model: Model, e: Array | None = None) -> Iterator[tuple[Index, Array]]:
+    """Yield (coordinates (n,), matrix (n, n)) of each point mass; see ``mass_terms`` for ``e``."""
     for item in model.case.masses:
-        yield mass_block(mass_terms(item, model.point(item.at)))
+        yield mass_block(mass_terms(item, model.point(item.at), e))
 
 
-def assemble_mass(model: Model, matrix: TangentMatrix) -> None:
+def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -> None:
     """Fill ``matrix`` with T^T M T, M = int rho S^T S dV and the point masses; multipliers have none.
+
+    With ``e`` (n_q,) it is that of small motion about these coordinates.
 
     Scalar shape functions: an element's M is the same in every frame, so each class has one.
     """
@@ -37,7 +39,7 @@ def assemble_mass(model: Model, matrix: TangentMatrix) -> None:
         Ms = np.array([mass_matrix(c.sampler) for c in mesh.classes])
         scatter_classes(matrix.target, Ms, np.ascontiguousarray(mesh.cls, dtype=np.int64),
                         np.ascontiguousarray(mesh.dofs), *tables)
-    for coords, M in point_masses(model):
+    for coords, M in point_masses(model, e):
         scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), *tables)
 
 

@@ -33,10 +33,10 @@ class Pencil:
         self.n = model.numbering.n_unknowns
         self.multipliers = model.numbering.n_multipliers
 
-    def with_mass(self) -> Pencil:
-        """Return this pencil with B = M."""
+    def with_mass(self, e: Array | None = None) -> Pencil:
+        """Return this pencil with B = M, that of small motion about coordinates ``e`` where they are given."""
         mass = make_matrix(self.model)
-        assemble_mass(self.model, mass)
+        assemble_mass(self.model, mass, e)
         self.B = mass.target.values
         return self
 

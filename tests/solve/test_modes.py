@@ -262,3 +262,19 @@ def test_what_modes_leave_out_is_told():
     assert any("loads do not count" in w for w in told)
     still = {**scene, "springs": [{**spring, "damping": 0}]}
     assert prepare(h.load({"b": body}, {"type": "eigen", "about": "static"}, **still)).warnings == []
+
+
+@pytest.mark.parametrize("name", ["cable", "vallejo"])
+def test_inertia_of_a_point_mass_does_not_hold_what_stretches(name: str) -> None:
+    """Light cantilever with mass m and inertia J at its tip: K^-1 = [[L^3/3, L^2/2], [L^2/2, L]]/EI, M = diag(m, J)."""
+    L, height, E, m, J, rho = 1.0, 0.02, 1e9, 1.0, 50.0, 1e-3
+    EI = E * height**4 / 12
+    flexibility = np.array([[L**3 / 3, L**2 / 2], [L**2 / 2, L]]) / EI
+    wanted = 1 / np.sqrt(np.linalg.eigvals(flexibility @ np.diag([m, J])).real)
+    beam = h.body(h.line(L), h.element(name, 64, **({"formulation": "structural"} if name == "vallejo" else {})),
+                  {"height": height, "width": height}, {"E": E, "nu": 0.0, "rho": rho})
+    found = h.solved({"beam": beam}, {"type": "eigen", "modes": 3}, bc=[{"type": "clamp", "at": "beam@0"}],
+                     masses=[{"at": "beam@1", "mass": m, "inertia": J}]).state.report["frequencies"]
+    axial = np.sqrt(E * height**2 / L / m)
+    # the section's shear is (h/L)^2 of bending
+    assert [f["omega"] for f in found] == pytest.approx(sorted([*wanted, axial]), rel=2 * (height / L) ** 2)
