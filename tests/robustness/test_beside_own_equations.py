@@ -1,0 +1,70 @@
+"""Some of the random frames and mechanisms that ``scripts/independent.py`` compares with equations of their own."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import own_equations.frames
+import own_equations.mechanisms
+from own_equations.frames import KINDS, frames
+from own_equations.mechanisms import mechanisms
+from own_equations.verdict import Verdict, judge
+
+FRAMES = [0, 1, 3, 4, 5, 30, 7, 8, 9, 22, 11]
+RIGID = [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("number", FRAMES, ids=[KINDS[number % len(KINDS)].name for number in FRAMES])
+def test_frames(number: int) -> None:
+    assert [v for v in frames([number]) if not v.holds] == []
+
+
+@pytest.mark.parametrize("number", RIGID)
+def test_rigid_mechanisms(number: int) -> None:
+    assert [v for v in mechanisms([number]) if not v.holds] == []
+
+
+def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One body of several gets a section a hundredth higher where ancf2d sees it."""
+    right = own_equations.frames._computed
+
+    def stiffer(case: dict[str, Any]) -> dict[str, np.ndarray]:
+        section = case["bodies"]["m0"]["section"]
+        for key in section.keys() & {"EI", "I", "height"}:
+            section[key] *= 1.01
+        return right(case)
+
+    monkeypatch.setattr(own_equations.frames, "_computed", stiffer)
+    assert [v.holds for v in frames([1])] == [False, False, False]
+
+
+def test_a_mechanism_in_too_much_gravity_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gravity is a thousandth more where ancf2d sees it."""
+    right, number = own_equations.mechanisms._computed, 0
+    assert own_equations.mechanisms.mechanism(number, {"type": "rigid"})["loads"][0]["type"] == "gravity"
+
+    def heavier(case: dict[str, Any]) -> dict[str, np.ndarray]:
+        case["loads"][0]["value"] = [1.001 * v for v in case["loads"][0]["value"]]
+        return right(case)
+
+    monkeypatch.setattr(own_equations.mechanisms, "_computed", heavier)
+    assert not next(mechanisms([number])).holds
+
+
+def test_what_is_allowed() -> None:
+    """The finer of two runs of order 2 is off by a third of their difference, and may be by three times that."""
+    def verdict(fine: float) -> Verdict:
+        found = Verdict(0, "", "", {})
+        true, *runs = ({"forces": np.array([value])} for value in (1.0, fine + 3e-3, fine))
+        judge(found, true, runs, order=2, extent=1.0)
+        return found
+
+    assert verdict(1.0029).holds
+    assert not verdict(1.0031).holds
+    assert verdict(1.0031).what == "forces"
