@@ -77,7 +77,7 @@ class Series:
         self._dtype = np.dtype(np.int64 if integer else np.float64)
         self._rows: list[Any] = []
         self._stored = 0
-        self._dataset: h5py.Dataset | None = None
+        self._grows = False
 
     def __len__(self) -> int:
         return self._stored + len(self._rows)
@@ -98,8 +98,7 @@ class Series:
     def write_through(self, row: np.ndarray) -> None:
         """Write one large row to disk now, without a copy of it."""
         self.spill()
-        self._extend(1)
-        self._dataset[self._stored] = row  # type: ignore[index]
+        self._extended(1)[self._stored] = row
         self._stored += 1
 
     def pad_to(self, length: int) -> None:
@@ -111,25 +110,34 @@ class Series:
     def _shape(self, rows: int) -> tuple[int, ...]:
         return (rows, self._width) if self._width else (rows,)
 
-    def _extend(self, rows: int) -> None:
-        if self._dataset is None:
+    def _extended(self, rows: int) -> h5py.Dataset:
+        """Return the growing dataset with room for so many more rows.
+
+        Nobody keeps it: HDF5 holds some 60 kB for every dataset that is open, and there may be 100 000.
+        """
+        if self._grows:
+            dataset = self._group[self._name]
+        else:
             chunk: tuple[int, ...] = (min(max(COLUMN_CHUNK, rows), LARGEST_COLUMN_CHUNK),)
             if self._width:
                 row_bytes = self._width * self._dtype.itemsize
                 chunk = (max(1, STATE_CHUNK_BYTES // row_bytes),
                          min(self._width, CHUNK_BYTES // self._dtype.itemsize))
-            self._dataset = describe(self._group.create_dataset(
+            dataset = describe(self._group.create_dataset(
                 self._name, self._shape(0), dtype=self._dtype, chunks=chunk,
                 maxshape=(None, *self._shape(0)[1:])), *self._labels)
-        self._dataset.resize(self._stored + rows, axis=0)
+            self._grows = True
+        if rows:
+            dataset.resize(self._stored + rows, axis=0)
+        return dataset
 
     def spill(self) -> None:
         """Write the buffered rows to the growing dataset."""
-        if self._dataset is None or self._rows:
+        if self._rows or not self._grows:
             rows: Sequence[Any] = self._rows
-            self._extend(len(rows))
+            dataset = self._extended(len(rows))
             if len(rows):
-                self._dataset[self._stored:] = np.asarray(rows, self._dtype)  # type: ignore[index]
+                dataset[self._stored:] = np.asarray(rows, self._dtype)
             self._stored += len(rows)
             self._rows = []
 
@@ -138,14 +146,14 @@ class Series:
         dataset = self._group[self._name]
         if dataset.maxshape[0] is None:
             dataset.resize(rows, axis=0)
-            self._dataset, self._stored = dataset, rows
+            self._grows, self._stored = True, rows
         else:  # written at its exact size when that run ended
             self._rows = list(dataset[:rows])
             del self._group[self._name]
 
     def close(self) -> None:
         """Write what is left; a dataset that never spilled gets its exact size."""
-        if self._dataset is not None:
+        if self._grows:
             self.spill()
             return
         data = np.asarray(self._rows, self._dtype).reshape(self._shape(len(self._rows)))
