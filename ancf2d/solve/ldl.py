@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..kernels.band import ldl_factor_with, ldl_solve
@@ -48,6 +50,18 @@ class Multipliers:
     index: Index
     owner: Index
     weights: Array
+
+    @cached_property
+    def moved(self) -> NDArray[np.bool_]:
+        """Whether each unknown (n,) is a coordinate, and no multiplier."""
+        out: NDArray[np.bool_] = np.ones(len(self.weights), dtype=bool)
+        out[self.multiplier] = False
+        return out
+
+    @property
+    def alone(self) -> bool:
+        """Whether constraints alone say where everything is: there are as many as coordinates."""
+        return 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
         """Return gamma (m,) for the rows of G with entries g (k,): as stiff as what they act on, in any units.
@@ -93,6 +107,7 @@ class Symmetric(ABC):
 
     def __init__(self, n: int, multipliers: Multipliers | None) -> None:
         self.scale, self.multipliers = np.zeros(n), multipliers
+        self.pull: Array | None = None
         if multipliers is not None:
             self.rows = self.at(multipliers.multiplier[multipliers.owner], multipliers.index)
 
@@ -103,6 +118,10 @@ class Symmetric(ABC):
     @abstractmethod
     def diagonal(self, values: Array) -> Array:
         """Return the diagonal of a matrix with such entries, stored as this one."""
+
+    @abstractmethod
+    def product(self, values: Array, x: Array) -> Array:
+        """Return A x of a matrix with such entries, stored as this one."""
 
     @abstractmethod
     def _factored(self) -> tuple[int, int, float]:
@@ -123,15 +142,18 @@ class Symmetric(ABC):
 
     def factor(self) -> Pivots:
         """Factor in place: K = L D L^T."""
-        if self.multipliers is not None:
-            self._stiffen(self.multipliers)
+        m = self.multipliers
+        if m is not None:
+            if m.alone:
+                self.formed = self.values.copy()
+            self._stiffen(m)
         return Pivots(*self._factored())
 
     def _stiffen(self, m: Multipliers) -> None:
         """Add gamma g g^T of each multiplier, and keep gamma g."""
         flat = self.values.reshape(-1)
         g = flat[self.rows]
-        self.pull = m.stiffness(g, self.diagonal(self.values).copy())[m.owner] * g
+        self.pull = pull = m.stiffness(g, self.diagonal(self.values).copy())[m.owner] * g
         used = np.flatnonzero(g)
         owner, count = m.owner[used], np.bincount(m.owner[used], minlength=len(m.multiplier))
         first = np.cumsum(count) - count
@@ -142,7 +164,16 @@ class Symmetric(ABC):
         a, b = used[one], used[other]
         lower = m.index[b] <= m.index[a]
         a, b = a[lower], b[lower]
-        np.add.at(flat, self.at(m.index[a], m.index[b]), self.pull[a] * g[b])
+        np.add.at(flat, self.at(m.index[a], m.index[b]), pull[a] * g[b])
+
+    def add_pulls(self, moves: Array, out: Array) -> None:
+        """Add the sizes of the forces that gamma makes of what constraints move (m,) to those of unknowns (n,).
+
+        None before the first factors, and none where constraints alone say where everything is.
+        """
+        m = self.multipliers
+        if m is not None and self.pull is not None and not m.alone:
+            np.add.at(out, m.index, np.abs(self.pull) * moves[m.owner])
 
     def solve(self, b: Array, out: Array | None = None) -> Array:
         """Return K^-1 b, in ``out`` if given."""
@@ -151,20 +182,21 @@ class Symmetric(ABC):
         m = self.multipliers
         if m is None:
             self._solved(x)
-        elif 2 * len(m.multiplier) < len(x):
+        elif m.alone:
+            # the constraints move everything, whatever the forces; multipliers bear what forces and stiffness ask for,
+            # and have no part of gamma, beside which they may be round-off
+            x[m.moved] = 0.0
             self._solved_with(m, x)
-        else:
-            # constraints alone say where everything is: forces move nothing, not even by round-off
-            moves = x[m.multiplier]
             x[m.multiplier] = 0.0
-            self._solved(x)
-            carried, x[:] = x[m.multiplier], 0.0
-            x[m.multiplier] = moves
+            borne = np.where(m.moved, b - self.product(self.formed, x), 0.0)
+            self._solved(borne)
+            x[m.multiplier] = borne[m.multiplier]
+        else:
             self._solved_with(m, x)
-            x[m.multiplier] += carried
         return x
 
     def _solved_with(self, m: Multipliers, x: Array) -> None:
+        assert self.pull is not None
         np.add.at(x, m.index, self.pull * x[m.multiplier][m.owner])
         self._solved(x)
 

@@ -17,7 +17,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from ..model.point_patch import ConstraintBatch, PointConstraint, batches
 from .crew import Crew
-from .ldl import Pivots
+from .ldl import Pivots, Symmetric
 from .linear import make_matrix
 from .pieces import largest, largest_share, pieces
 
@@ -155,8 +155,11 @@ class System:
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         # constraints hold no better than positions are known
-        out[self.model.n_q:] += [c.scale for c in self.model.constraints]
+        scales = np.array([c.scale for c in self.model.constraints])
+        out[self.model.n_q:] += scales
         sizes = n.reduce_sizes(out)
+        if isinstance(self.matrix, Symmetric):
+            self.matrix.add_pulls(scales, sizes)
         sizes *= UNIT_ROUNDOFF
         return sizes
 

@@ -188,3 +188,36 @@ def test_modes_of_rigid_bodies_are_refused_with_a_word(solver):
                           loads=[{"type": "force", "at": "lever@1", "value": [1, 0]}] if solver == "buckling" else [])
     (problem,) = unavailable(loaded)
     assert "lever is rigid" in problem.message
+
+
+@pytest.mark.parametrize("force", [(0.0, 0.0), (3.0, -4.0)])
+@pytest.mark.parametrize("angle", [3.0, -20.0])
+@pytest.mark.parametrize("steps", [1, 7, 50])
+def test_a_rigid_bar_turns_by_its_prescribed_angle_in_any_number_of_steps(steps, angle, force):
+    """Where nothing is loaded, there is neither stiffness nor any force, and round-off is not taken for either."""
+    length, start = 1e-3, 0.7
+    sol = helpers.solved({"bar": rigid(helpers.line(length, start))}, {"type": "static", "steps": steps},
+                         bc=[{"name": "p", "type": "pin", "at": "bar@0"},
+                             {"name": "m", "type": "prescribed", "at": "bar@0", "angle": angle}],
+                         loads=[{"type": "force", "at": "bar@1", "value": list(force)}] if any(force) else [])
+    tip = length * np.array([np.cos(start + angle), np.sin(start + angle)])
+    np.testing.assert_allclose(sol.r("bar@1"), tip, atol=1e-12 * length)
+    found = sol.reactions()
+    assert found["m"]["m"] == pytest.approx(tip[1] * force[0] - tip[0] * force[1], abs=1e-9 * length)
+    np.testing.assert_allclose([found["p"]["fx"], found["p"]["fy"]], -np.array(force), atol=1e-9)
+
+
+@pytest.mark.parametrize("other", ["on a spring", "elastic"])
+def test_a_rigid_bar_turns_as_told_beside_a_body_that_rests(other):
+    """No force acts on either: what round-off leaves of the constraints' forces is no imbalance."""
+    bodies = {"bar": rigid(helpers.line(1.0)), "other": beam(helpers.line(1.0, 0.0, (5.0, 0.0)))}
+    springs = []
+    if other == "on a spring":
+        bodies["other"] = rigid(helpers.line(1.0, 0.0, (5.0, 0.0)))
+        springs.append({"type": "rotational", "between": ["other@0", [5.0, 0.0]], "stiffness": 3.0})
+    for angle in (0.5, 3.0):
+        sol = helpers.solved(bodies, bc=[{"type": "pin", "at": "bar@0"},
+                                         {"type": "prescribed", "at": "bar@0", "angle": angle},
+                                         {"type": "pin" if springs else "clamp", "at": "other@0"}], springs=springs)
+        np.testing.assert_allclose(sol.r("bar@1"), [np.cos(angle), np.sin(angle)], atol=1e-12)
+        np.testing.assert_allclose(sol.r("other@1"), [6.0, 0.0], atol=1e-12)
