@@ -124,9 +124,10 @@ the band of reverse Cuthill-McKee, and with general sparse factors (SuperLU). `s
 
 How few points keep each type's accuracy: its own quadrature beside one point fewer and one more along and across. A
 slender and a thick cantilever under large loads, 8 elements; errors are relative to 32 elements of the type with its
-own points. Fewer points leave motions without strain; more points lock (`reissner2`, `reissner3`, `kerkkanen`,
-`vallejo` and `2d2n` along the axis) or change little for more time. Only `patel` would do with one point fewer across,
-which its source does not have.
+own points. `cable` samples its stretch at Lobatto points by default; its other rows have Gauss points alone. Fewer
+points leave motions without strain; more points lock (`reissner2`, `reissner3`, `kerkkanen`, `vallejo` and `2d2n` along
+the axis) or change little for more time. Only `patel` would do with one point fewer across, which its source does not
+have.
 
 {page.sampling_table(found)}
 

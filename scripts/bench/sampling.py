@@ -27,7 +27,7 @@ bodies:
     geometry: {{type: line, start: [0, 0], end: [2, 0]}}
     section: {{height: {height}, width: 0.1}}
     material: {{E: 2.07e11, nu: 0.3, rho: 7850}}
-    element: {{type: {element}, count: {count}, quadrature: {rule}}}
+    element: {{type: {element}, count: {count}{rule}}}
 boundary_conditions: [{{type: clamp, at: beam@0}}]
 loads: [{{type: force, at: beam@1, value: [0, {load}]}}]
 solver: {{type: static}}
@@ -40,26 +40,23 @@ COUNT, FINE, TIMED = 8, 32, 256
 NOTHING = 1e-10
 
 
-def model_of(element: str, rule: list[int], count: int, beam: str) -> Any:
-    """Return a model."""
+def model_of(element: str, rule: list[int] | None, count: int, beam: str) -> Any:
+    """Return a model; without a rule it has the type's own points, which need not be Gauss points alone."""
     from ancf2d.case import load_case_text
     from ancf2d.model.build import build_model
 
     height, load = BEAMS[beam]
-    return build_model(load_case_text(CASE.format(height=height, load=load, element=element, count=count, rule=rule)))
+    return build_model(load_case_text(CASE.format(height=height, load=load, element=element, count=count,
+                                                   rule="" if rule is None else f", quadrature: {rule}")))
 
 
 def default_rule(element: str) -> list[int]:
     """Return the points along and across that a type has by itself."""
-    from ancf2d.case import load_case_text
-    from ancf2d.model.build import build_model
-
-    text = CASE.format(height=0.1, load=-1.0, element=element, count=1, rule="own").replace(", quadrature: own", "")
-    (mesh,) = build_model(load_case_text(text)).meshes.values()
+    (mesh,) = model_of(element, None, 1, "slender").meshes.values()
     return list(mesh.plan.rule.normal)
 
 
-def deflection(element: str, rule: list[int], beam: str, count: int = COUNT) -> float | None:
+def deflection(element: str, rule: list[int] | None, beam: str, count: int = COUNT) -> float | None:
     """Return how far the tip goes, or None where no solution is found."""
     from ancf2d.errors import ComputationError
     from ancf2d.solve.post import Observer
@@ -73,7 +70,7 @@ def deflection(element: str, rule: list[int], beam: str, count: int = COUNT) -> 
     return Observer(model).observe(state)["tip"]["uy"]
 
 
-def zero_energy(element: str, rule: list[int]) -> int:
+def zero_energy(element: str, rule: list[int] | None) -> int:
     """Return the motions of one free element beyond the three rigid ones that strain no sampling point."""
     from ancf2d.kernels.elements import element_matrices
 
@@ -88,7 +85,7 @@ def zero_energy(element: str, rule: list[int]) -> int:
     return int((values < NOTHING * values[-1]).sum()) - 3
 
 
-def cost(element: str, rule: list[int], repeat: int = 15) -> float:
+def cost(element: str, rule: list[int] | None, repeat: int = 15) -> float:
     """Return the time of forces and tangent of an element [s]."""
     from ancf2d.kernels.elements import element_matrices
 
@@ -112,9 +109,10 @@ def collect(types: list[str]) -> list[dict]:
     rows = []
     for element in types:
         own = default_rule(element)
-        fine = {beam: deflection(element, own, beam, FINE) for beam in BEAMS}
-        for rule in neighbours(own):
-            row: dict = {"element": element, "rule": rule, "default": rule == own,
+        fine = {beam: deflection(element, None, beam, FINE) for beam in BEAMS}
+        for points in neighbours(own):
+            rule = None if points == own else points
+            row: dict = {"element": element, "rule": points, "default": rule is None,
                          "zero_energy": zero_energy(element, rule), "cost_ns": 1e9 * cost(element, rule)}
             for beam, reference in fine.items():
                 found = deflection(element, rule, beam)
