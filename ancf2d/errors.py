@@ -111,6 +111,10 @@ class ComputationError(Ancf2dError):
         return "\n".join(lines)
 
 
+class SingularTangentError(ComputationError):
+    """The tangent stiffness is singular: nothing holds the model, or a state stands at a critical load."""
+
+
 class ResultsError(Ancf2dError):
     """A result file cannot be read or written: missing, foreign, damaged, or in the way."""
 

@@ -71,7 +71,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             break
         np.add(d[num.where], z, out=z)
         system.model.displacements(z, t, out=d)
-        if has_converged(increments, system.norm(z), tolerance):
+        # the tangent follows multipliers also where nothing moves
+        settled = iteration > 1 or not first[num.free >= num.n_q].any()
+        if settled and has_converged(increments, system.norm(z), tolerance):
             balance = system.forces(d, t, out=system.room)
             if balanced(system, balance, d, t):
                 uncertainty = 0.0

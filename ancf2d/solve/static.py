@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..elements.shape import Array
-from ..errors import ComputationError
+from ..errors import ComputationError, SingularTangentError
 from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
@@ -32,6 +32,8 @@ FAINT = 1e-6
 # shares of the way: the shortest step beside what was gone before, and the shortest first one
 SMALLEST_STEP = 2.0**-16
 SMALLEST_FIRST = 2.0**-50
+# what a step that meets a singular tangent is cut by beside halves, so that no later one meets it again
+ASIDE = 0.99
 # tries within one full step, or while the way gone doubles, before the path is given up
 MOST_TRIES = 60
 # a parabola through states is good for steps this much longer than the last one, a line for its square
@@ -40,6 +42,8 @@ FARTHEST = 4.0
 PATIENCE = 2
 # an unstable state is cornered to this share of the way before it is taken for one that no branch bends away from
 CORNERED = 1e-4
+# a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
+NEXT = 1e-3
 # an equilibrium further from a guess than this share of the guess may be on another branch
 NEAR = 0.5
 
@@ -178,9 +182,13 @@ class _Stride:
         self.h = (target - self.s) * 0.5 ** (1 if self.s > 0.0 else self.cutbacks + 1)
         self.cutbacks, self.easy = self.cutbacks + 1, 0
 
-    def cut(self, target: float) -> bool:
-        """Take a shorter step after a failure; return whether that is worth a try."""
+    def cut(self, target: float, aside: bool = False) -> bool:
+        """Take a shorter step after a failure; return whether that is worth a try.
+
+        ``aside``: one of which no multiples lead to the target, whose tangent is singular.
+        """
         self._cut(target)
+        self.h *= ASIDE if aside else 1.0
         smallest = SMALLEST_STEP * min(self.longest, self.s) if self.s > 0.0 else SMALLEST_FIRST
         return self.h >= smallest and self.tries <= MOST_TRIES
 
@@ -266,15 +274,16 @@ class _March:
             new = end if target == 1.0 else begin.towards(end, target)
             try:
                 result = self._step(path, target, old, new)
+                turns = self.system.turns()
+                changed = result.negative_pivots != self.negative and self.system.knows_inertia
+                if changed:
+                    result.negative_pivots = _negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
-                if not stride.cut(target):
+                if not stride.cut(target, isinstance(error, SingularTangentError)):
                     raise _stuck(error, old.factor, number) from error
                 continue
-            turns = self.system.turns()
-            if result.negative_pivots != self.negative and self.system.knows_inertia:
-                result.negative_pivots = _negative_pivots(self.system, result.d, new.factor)
-                if self._bends_away(path, result, old.factor) and stride.corner(target):
-                    continue
+            if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
+                continue
             number += 1
             self.system.count_from(turns)
             state = _state(self.system, result, new.factor, number, stride.cutbacks,
@@ -378,6 +387,13 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
     f = error.failure
+    met = f.at.get("factor", t)
+    if isinstance(error, SingularTangentError) and 0.0 < abs(met - t) <= NEXT * abs(t):
+        return ComputationError(
+            f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
+            at={"step": number + 1, **f.at},
+            advice="a load factor on either side of it. The structure buckles or snaps there: a small imperfection of "
+                   "shape or load leads onto the branch that bends away, method: arc_length through limit points")
     return ComputationError(
         f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
         history=f.history,

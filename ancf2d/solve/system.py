@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..errors import ComputationError
+from ..errors import SingularTangentError
 from ..kernels.elements import force, force_noise, force_tangent, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
@@ -214,7 +214,7 @@ class System:
         self.factorisations += 1
         pivots = self.matrix.factor()
         if pivots.bad >= 0:
-            raise ComputationError(
+            raise SingularTangentError(
                 f"the tangent stiffness is singular: {self.describe(pivots.bad)} has no stiffness", at=at,
                 advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
         return pivots

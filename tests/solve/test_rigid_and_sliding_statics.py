@@ -6,6 +6,7 @@ import helpers
 import numpy as np
 import pytest
 
+from ancf2d.errors import ComputationError
 from ancf2d.solve.ldl import SymmetricFronts
 from ancf2d.solve.linear import GeneralSparse, make_matrix
 from ancf2d.solve.registry import unavailable
@@ -221,3 +222,26 @@ def test_a_rigid_bar_turns_as_told_beside_a_body_that_rests(other):
                                          {"type": "pin" if springs else "clamp", "at": "other@0"}], springs=springs)
         np.testing.assert_allclose(sol.r("bar@1"), [np.cos(angle), np.sin(angle)], atol=1e-12)
         np.testing.assert_allclose(sol.r("other@1"), [6.0, 0.0], atol=1e-12)
+
+
+def rigid_column(load, **solver):
+    """A column of 1 m on a torsion spring of 3 N m: critical at 3 N."""
+    return helpers.solved({"bar": rigid(helpers.line(1.0))}, {"type": "static", **solver},
+                          bc=[{"type": "pin", "at": "bar@0"}],
+                          springs=[{"type": "rotational", "between": ["bar@0", [0, 0]], "stiffness": 3.0}],
+                          loads=[{"type": "force", "at": "bar@1", "value": [-load, 0.0]}])
+
+
+@pytest.mark.parametrize("steps", [1, 4, 10])
+def test_steps_pass_a_critical_load_that_they_would_stand_on(steps):
+    """Steps of a quarter and halves of a tenth meet 3/4 of the load exactly; one step passes it at once."""
+    states = rigid_column(4.0, steps=steps).states
+    assert min(s.t for s in states if s.history["negative_pivots"] == 1) == pytest.approx(0.75, rel=1e-3)
+    assert sum("unstable" in w for s in states for w in s.warnings) == 1
+    assert not any(s.warnings for s in states if s.t < 0.75)
+
+
+@pytest.mark.parametrize("steps", [1, 10])
+def test_a_path_that_ends_at_a_critical_load_names_it(steps):
+    with pytest.raises(ComputationError, match=r"load factor 1 is critical"):
+        rigid_column(3.0, steps=steps)
