@@ -109,7 +109,10 @@ def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refus
         return
     why = f"lets the constraint forces of {_constrained(model)} swing up from step to step"
     if not scheme.damps:
-        yield "method", f"{scheme.name}, which damps nothing, {why}", "radau5, energy_momentum, or generalized_alpha"
+        turns = all(c.holds in ("rotation", "relative rotation") for c in model.constraints)
+        types = ", or elements that turn by a coordinate theta, such as reissner3" if turns else ""
+        yield ("method", f"{scheme.name}, which damps nothing, {why}",
+               f"radau5, energy_momentum or generalized_alpha{types}")
     elif scheme.radii is not None and spectral_radius(spec) == 1.0:
         yield "spectral_radius", f"1, which damps nothing, {why}", "a spectral radius below 1, such as 0.8"
 

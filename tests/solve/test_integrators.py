@@ -49,6 +49,20 @@ def test_what_damps_nothing_is_refused_with_multipliers(solver, key):
     assert refusals(FREE, **solver) == []
 
 
+def test_what_newmark_refuses_at_a_corner_says_which_elements_need_no_multipliers_there():
+    def bent(name):
+        frame = h.body({"type": "polyline", "points": [[0, 0], [1, 0], [1, 1]]}, h.element(name, 2),
+                             h.SECTION, h.MATERIAL)
+        return {"bodies": {"a": frame}, "bc": [{"type": "clamp", "at": "a@0"}]}
+
+    ((key, message, expected),) = refusals(bent("vallejo"), method="newmark")
+    assert key == "method"
+    assert "corner 1 of a" in message
+    assert "generalized_alpha" in expected
+    assert "reissner3" in expected
+    assert refusals(bent("reissner3"), method="newmark") == []
+
+
 @pytest.mark.parametrize(("solver", "part"), [
     ({"method": "hht", "spectral_radius": 0.4}, "0.4 is outside what hht can have"),
     ({"method": "radau5", "spectral_radius": 0.8}, "radau5 has none to choose"),
