@@ -49,7 +49,8 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     unstable = pencil.negative(pivots)
     u = _response(pencil)
     size = response_size(pencil, u)
-    pencil.B = -tangent_rate(pencil, u, STEP / size)
+    # where nothing moves, the tangent is linear in the multipliers
+    pencil.B = -tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0)
     # the differences have used the factors' place
     pencil.factor(0.0)
     if unstable != 0:
@@ -97,6 +98,9 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float) ->
 
 def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
     """Return a warning for each shape in which neighbouring elements part, as no beam does."""
+    if any(mesh.plan.rigid for mesh in model.meshes.values()):
+        # rigid bodies have no section whose motion could be told
+        return []
     classifier = Classifier(model, base)
     return [f"shape {k + 1}, of load factor {factor:.6g}, is the mesh's, not the beam's: neighbouring elements part; "
             "fewer elements, or a type whose sections are common to neighbours, such as vallejo"

@@ -93,12 +93,12 @@ def _without_potential(loaded: LoadedCase) -> list[Problem]:
 
 
 def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
-    """Return the rigid bodies whose coordinates have no stiffness, where modes and factors would need some."""
+    """Return the rigid bodies whose coordinates have no stiffness, where modes would need some."""
     case = loaded.case
-    if not isinstance(case.solver, Eigen | Buckling):
+    if not isinstance(case.solver, Eigen):
         return []
-    return [loaded.source.problem(("bodies", name, "element"), f"bodies.{name} is rigid: modes and buckling of models "
-                                  "with rigid bodies are not solved",
+    return [loaded.source.problem(("bodies", name, "element"), f"bodies.{name} is rigid: modes of models with rigid "
+                                  "bodies are not solved",
                                   expected="a body that deforms, however stiff, or solver: dynamic")
             for name, body in case.bodies.items() if body.element.type == RIGID_TYPE.name]
 
