@@ -274,8 +274,8 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     """Return what a user of this body should know but need not change."""
     out = []
     if plan.count > plan.asked > 0:
-        out.append(f"bodies.{plan.name}: {plan.asked} elements are too few for the stretches between corners and "
-                   f"places where something acts: {plan.count} are used")
+        out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "
+                   f"corners and places where something acts: {plan.count} elements are used")
     inside = plan.inside()
     if inside:
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")

@@ -59,19 +59,25 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
         factors, V = _positive(pencil, spec.modes)
     # a linear response this large says nothing of the beam
     known = factors * size <= LARGEST
-    factors, V, doubts = _trusted(pencil, u, factors[known], V[known], size)
+    factors, V = factors[known], V[known]
+    factors, V, meshed, doubts = _trusted(pencil, u, factors, V, size, _meshed(model, base, V))
     if unstable:
         warnings.append("the state without the scaled loads is unstable already")
     warnings += doubts
-    warnings += _meshed(model, base, factors, V)
+    warnings += [f"shape {k + 1}, of load factor {factors[k]:.6g}, is the mesh's, not the beam's: neighbouring "
+                 "elements part; fewer elements, or a type whose sections are common to neighbours, such as vallejo"
+                 for k in np.flatnonzero(meshed)]
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
                         + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
     yield _state(pencil, base, u, factors, V, warnings, iterations)
 
 
-def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float) -> tuple[Array, Array, list[str]]:
+def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: Array
+             ) -> tuple[Array, Array, Array, list[str]]:
     """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
+
+    Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
 
     At a factor mu, K + mu dK/dt cancels along phi; what the tangent at mu u itself leaves of phi^T K phi is what the
     linearisation misses. Axial stiffness times the square of a rotation is as much as the bending stiffness long before
@@ -83,8 +89,8 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float) ->
         tangent = pencil.matrix.product(pencil.matrix.target.values, v)
         left.append(abs(float(v @ tangent) / float(v @ pencil.formed(v))))
     share = np.array(left)
-    good, out = share <= MISSED, []
-    rough = good & (share > ROUGH)
+    good, out = meshed | (share <= MISSED), []
+    rough = ~meshed & good & (share > ROUGH)
     for some, says in ((~good, "are none: linear buckling says nothing here"), (rough, "are estimates")):
         if some.any():
             k = int(np.flatnonzero(some)[-1])
@@ -93,19 +99,16 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float) ->
                        f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, and there the linearisation misses "
                        f"{share[k]:.2g} of the stiffness that it lets vanish. Solver static with method: arc_length "
                        "finds critical points, if there are any")
-    return factors[good], V[good], out
+    return factors[good], V[good], meshed[good], out
 
 
-def _meshed(model: Model, base: Array, factors: Array, V: Array) -> list[str]:
-    """Return a warning for each shape in which neighbouring elements part, as no beam does."""
+def _meshed(model: Model, base: Array, V: Array) -> Array:
+    """Return for each shape whether neighbouring elements part, as those of no beam do (m,)."""
     if any(mesh.plan.rigid for mesh in model.meshes.values()):
         # rigid bodies have no section whose motion could be told
-        return []
+        return np.zeros(len(V), dtype=bool)
     classifier = Classifier(model, base)
-    return [f"shape {k + 1}, of load factor {factor:.6g}, is the mesh's, not the beam's: neighbouring elements part; "
-            "fewer elements, or a type whose sections are common to neighbours, such as vallejo"
-            for k, (factor, v) in enumerate(zip(factors, full_shapes(model, V), strict=True))
-            if classifier(v, False).gaps > GAPS]
+    return np.array([classifier(v, False).gaps > GAPS for v in full_shapes(model, V)], dtype=bool)
 
 
 def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:

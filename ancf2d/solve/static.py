@@ -386,8 +386,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
 
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
-    f = error.failure
-    met = f.at.get("factor", t)
+    met = (f := error.failure).at.get("factor", t)
     if isinstance(error, SingularTangentError) and 0.0 < abs(met - t) <= NEXT * abs(t):
         return ComputationError(
             f"load factor {met:.6g} is critical: the tangent stiffness is singular there",

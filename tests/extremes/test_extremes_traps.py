@@ -70,7 +70,7 @@ def test_buckling_of_the_mesh_is_told_from_that_of_the_beam(label: str) -> None:
 def test_buckling_of_a_beam_is_not_told_to_be_the_meshs(label: str) -> None:
     found = modes.euler(label, statics.slender(20), 100)
     assert found.error < 0.03
-    assert not found.warnings
+    assert not any("is the mesh's" in w for w in found.warnings)
 
 
 @pytest.mark.parametrize("change", ["bodies.beam.section.height=1e-150", "bodies.beam.material.E=1e300",
