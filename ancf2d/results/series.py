@@ -77,7 +77,7 @@ class Series:
         self._dtype = np.dtype(np.int64 if integer else np.float64)
         self._rows: list[Any] = []
         self._stored = 0
-        self._grows = False
+        self._dataset: h5py.Dataset | None = None
 
     def __len__(self) -> int:
         return self._stored + len(self._rows)
@@ -98,7 +98,8 @@ class Series:
     def write_through(self, row: np.ndarray) -> None:
         """Write one large row to disk now, without a copy of it."""
         self.spill()
-        self._extended(1)[self._stored] = row
+        self._extend(1)
+        self._dataset[self._stored] = row  # type: ignore[index]
         self._stored += 1
 
     def pad_to(self, length: int) -> None:
@@ -110,34 +111,25 @@ class Series:
     def _shape(self, rows: int) -> tuple[int, ...]:
         return (rows, self._width) if self._width else (rows,)
 
-    def _extended(self, rows: int) -> h5py.Dataset:
-        """Return the growing dataset with room for so many more rows.
-
-        Nobody keeps it: HDF5 holds some 60 kB for every dataset that is open, and there may be 100 000.
-        """
-        if self._grows:
-            dataset = self._group[self._name]
-        else:
+    def _extend(self, rows: int) -> None:
+        if self._dataset is None:
             chunk: tuple[int, ...] = (min(max(COLUMN_CHUNK, rows), LARGEST_COLUMN_CHUNK),)
             if self._width:
                 row_bytes = self._width * self._dtype.itemsize
                 chunk = (max(1, STATE_CHUNK_BYTES // row_bytes),
                          min(self._width, CHUNK_BYTES // self._dtype.itemsize))
-            dataset = describe(self._group.create_dataset(
+            self._dataset = describe(self._group.create_dataset(
                 self._name, self._shape(0), dtype=self._dtype, chunks=chunk,
                 maxshape=(None, *self._shape(0)[1:])), *self._labels)
-            self._grows = True
-        if rows:
-            dataset.resize(self._stored + rows, axis=0)
-        return dataset
+        self._dataset.resize(self._stored + rows, axis=0)
 
     def spill(self) -> None:
         """Write the buffered rows to the growing dataset."""
-        if self._rows or not self._grows:
+        if self._dataset is None or self._rows:
             rows: Sequence[Any] = self._rows
-            dataset = self._extended(len(rows))
+            self._extend(len(rows))
             if len(rows):
-                dataset[self._stored:] = np.asarray(rows, self._dtype)
+                self._dataset[self._stored:] = np.asarray(rows, self._dtype)  # type: ignore[index]
             self._stored += len(rows)
             self._rows = []
 
@@ -146,14 +138,14 @@ class Series:
         dataset = self._group[self._name]
         if dataset.maxshape[0] is None:
             dataset.resize(rows, axis=0)
-            self._grows, self._stored = True, rows
+            self._dataset, self._stored = dataset, rows
         else:  # written at its exact size when that run ended
             self._rows = list(dataset[:rows])
             del self._group[self._name]
 
     def close(self) -> None:
         """Write what is left; a dataset that never spilled gets its exact size."""
-        if self._grows:
+        if self._dataset is not None:
             self.spill()
             return
         data = np.asarray(self._rows, self._dtype).reshape(self._shape(len(self._rows)))

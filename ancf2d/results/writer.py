@@ -29,8 +29,6 @@ from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
 FLUSH_SECONDS = 1.0
-# a flush that takes longer than this [s] is made less often, so that flushes stay a tenth of a run
-FLUSH_SLOW = 0.1
 BUFFER_BYTES = 16 << 20
 STATUSES = ("converged", "failed", "interrupted")
 
@@ -85,7 +83,7 @@ class ResultWriter:
         self._dynamic = header.get("solver") == "dynamic"
         self._nq, self._columns = nq, {column.name: column for column in columns}
         self._started = self._last_flush = time.monotonic()
-        self._earlier, self._committed, self._open, self._flush_took = 0.0, 0, False, 0.0
+        self._earlier, self._committed, self._open = 0.0, 0, False
         self._checkpoint: Checkpoint | None = None
         self.resumed: Checkpoint | None = None
 
@@ -224,19 +222,17 @@ class ResultWriter:
 
     def _flush_when_due(self) -> None:
         full = self._growth.buffered_bytes > BUFFER_BYTES
-        if full or time.monotonic() - self._last_flush >= FLUSH_SECONDS * max(1.0, self._flush_took / FLUSH_SLOW):
+        if full or time.monotonic() - self._last_flush >= FLUSH_SECONDS:
             self.flush()
 
     def flush(self) -> None:
         """Make everything so far readable in NAME.part, whatever happens to this process."""
-        began = time.monotonic()
         with self._disk_errors():
             self._settle(Series.spill)
             self._file.flush()
             self._stream.commit()
             self._committed = self._growth.states
-        self._last_flush = time.monotonic()
-        self._flush_took = self._last_flush - began
+            self._last_flush = time.monotonic()
 
     def _settle(self, action: Callable[[Series], None]) -> None:
         for series in self._growth.all_series():
