@@ -16,7 +16,6 @@ from ..model.build import build_model
 from ..model.model import Model
 from ..model.point_patch import PointConstraint
 from .energy import Kinds
-from .system import describe_coordinate
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
 SAME, HELD = 1e-9, 1e-6
@@ -149,6 +148,8 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
     worst = int(np.argmax(gaps))
     expected = "a result whose last state the supports and joints of this case hold"
     if gaps[worst] > HELD * model.extent:
+        from .system import describe_coordinate
+
         raise fail(f"supports or joints hold {describe_coordinate(model, worst)} elsewhere than the last state of "
                    f"'{path}', by {gaps[worst]:.3g}", expected)
     for constraint in model.constraints:
