@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..case import Buckling
 from ..elements.shape import Array
@@ -73,8 +74,8 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     yield _state(pencil, base, u, factors, V, warnings, iterations)
 
 
-def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: Array
-             ) -> tuple[Array, Array, Array, list[str]]:
+def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
+             ) -> tuple[Array, Array, NDArray[np.bool_], list[str]]:
     """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
 
     Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
@@ -102,7 +103,7 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, me
     return factors[good], V[good], meshed[good], out
 
 
-def _meshed(model: Model, base: Array, V: Array) -> Array:
+def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
     """Return for each shape whether neighbouring elements part, as those of no beam do (m,)."""
     if any(mesh.plan.rigid for mesh in model.meshes.values()):
         # rigid bodies have no section whose motion could be told
