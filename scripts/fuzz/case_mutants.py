@@ -73,7 +73,7 @@ def small(data: Any) -> Any:
         if "dt" in solver:
             solver["t_end"] = min(solver["t_end"], TIMES * solver["dt"])
         else:
-            solver["tolerance"] = max(solver["tolerance"], 1e-4)
+            solver["tolerance"] = max(solver.get("tolerance", 0.0), 1e-4)
     for name, body in out["bodies"].items():
         if "definition" in body.get("element", ()):
             out["bodies"][name]["element"]["definition"] = "own.yaml"

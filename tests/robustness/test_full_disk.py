@@ -81,7 +81,7 @@ def test_what_a_command_could_not_write_to_its_end_is_not_there(folder: Path, ar
 def test_an_earlier_figure_stays(folder: Path) -> None:
     (folder / "out.png").write_bytes(b"earlier")
     with room(5000):
-        refused(call("plot", "sound.h5", "--save", "out.png"))
+        refused(call("plot", "sound.h5", "--save", "out.png", "--force"))
     assert (folder / "out.png").read_bytes() == b"earlier"
 
 
