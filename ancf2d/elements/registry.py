@@ -43,8 +43,9 @@ _TYPES = (
                 formulation="continuum", quadrature=_TWO, preset=_PAPER, slender=0.5,
                 source=f"{_SEED}, Eqs. (26)-(28)",
                 note="on an arc it curves the reference sections"),
+    # two points along see no strain of x^2 + nu*y^2 and x^3 but what nu adds
     ElementType("2d2n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"), _R_RX_RY,
-                formulation="continuum", quadrature=_TWO, slender=40.0,
+                formulation="continuum", quadrature={"continuum": (3, 2)}, slender=40.0,
                 source="2d2n with the Poisson-consistent coefficient",
                 note="on an arc it curves the reference sections"),
     ElementType("2d3n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^2*y"), _nodes(THREE, "r", "r_y"),

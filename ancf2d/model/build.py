@@ -25,7 +25,7 @@ from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
 from .joints import JOINTS, JointContext, JointError, weld_corners, welded_ends
 from .loads import LOADS, DeadLoad, LoadContext, LoadSet
-from .locking import locking_warning
+from .locking import hidden_warning, locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
 from .model import Model, symmetric
@@ -106,7 +106,8 @@ class _Builder:
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
-        self.warnings += filter(None, map(locking_warning, self.meshes.values()))
+        for warning in (locking_warning, hidden_warning):
+            self.warnings += filter(None, map(warning, self.meshes.values()))
 
     def point(self, at: Point) -> PointRef:
         return point_ref(self.meshes[at.body], at.s)

@@ -1,4 +1,7 @@
-"""Elements too stiff in bending, as their sections cannot thin or their arcs are long, or off where loaded across."""
+"""Elements too stiff in bending, as their sections cannot thin or their arcs are long, or off where loaded across.
+
+And elements that are too soft, as their quadrature has too few points.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from ..elements.formulations import FORMULATIONS
-from ..elements.formulations.base import Sampler, rule_points, strains_at
+from ..elements.formulations.base import Rule, Sampler, rule_points, strains_at
 from ..elements.section import Section
 from ..elements.shape import Array
 from .mesh import BodyMesh, ElementClass
+from .plan import default_rule
 
 # of the bending stiffness: below it, the excess is left to the documents
 TOLD = 0.05
 # of the strain across, where a body has no length; with it, the strain does depend on Poisson's ratio a little
 TOLD_ACROSS = 0.02
+# of the energy that a motion has with the default quadrature: below it, other points do not see the motion
+UNSEEN = 0.02
 
 
 def thickness_excess(mesh: BodyMesh) -> float:
@@ -76,14 +82,39 @@ def _bent(mesh: BodyMesh, sampler: Sampler) -> float:
 
 def _response(mesh: BodyMesh, sampler: Sampler, loads: Array) -> Array:
     """Return the displacements (n_dof, ...) of an element alone under loads that balance."""
-    B, ref, D = mesh.plan.formulation.sample(sampler, mesh.plan.rule)
+    K = _stiffness(mesh, sampler, mesh.plan.rule)
+    # coordinates differ in units by powers of the height
+    size = 1.0 / np.sqrt(np.diag(K))
+    return np.asarray((size * np.linalg.lstsq(size[:, None] * K * size, (size * loads.T).T, rcond=1e-13)[0].T).T)
+
+
+def _stiffness(mesh: BodyMesh, sampler: Sampler, rule: Rule) -> Array:
+    """Return the stiffness (n_dof, n_dof) of an element in its reference."""
+    B, ref, D = mesh.plan.formulation.sample(sampler, rule)
     K = np.zeros((B.shape[2], B.shape[2]))
     for s in range(len(B)):
         _, J = strains_at(mesh.plan.formulation, ref[s], np.zeros(B.shape[1]))
         K += B[s].T @ J.T @ D[s] @ J @ B[s]
+    return K
+
+
+def hidden_motions(mesh: BodyMesh) -> int:
+    """Return how many motions of an element its quadrature barely sees, beside the default one of its type.
+
+    The element is as long as it is high: points that leave out shear then are no cure for locking.
+    """
+    plan = mesh.plan
+    usual = default_rule(plan.element, plan.formulation)
+    if plan.rigid or plan.rule == usual:
+        return 0
+    sampler = mesh.straight(mesh.classes[0], plan.section.height)
+    K, K_usual = _stiffness(mesh, sampler, plan.rule), _stiffness(mesh, sampler, usual)
     # coordinates differ in units by powers of the height
-    size = 1.0 / np.sqrt(np.diag(K))
-    return np.asarray((size * np.linalg.lstsq(size[:, None] * K * size, (size * loads.T).T, rcond=1e-13)[0].T).T)
+    size = 1.0 / np.sqrt(np.diag(K_usual))
+    energies, motions = np.linalg.eigh(size[:, None] * K_usual * size)
+    # all but the rigid ones, of unit energy
+    motions = size[:, None] * motions[:, 3:] / np.sqrt(energies[3:])
+    return int((np.linalg.eigvalsh(motions.T @ K @ motions) < UNSEEN).sum())
 
 
 def error_across(mesh: BodyMesh) -> float:
@@ -117,6 +148,18 @@ def _stretched(mesh: BodyMesh, sampler: Sampler, section: Section) -> tuple[floa
     u = _response(mesh, replace(sampler, section=section), loads[1])
     along, across = (float(load @ u) / float(w @ z**2) for load, z in zip(loads, (x, y), strict=True))
     return along, across
+
+
+def hidden_warning(mesh: BodyMesh) -> str | None:
+    """Return what to say of a body whose quadrature has too few points, None where it has not."""
+    plan, hidden = mesh.plan, hidden_motions(mesh)
+    if not hidden:
+        return None
+    usual = default_rule(plan.element, plan.formulation).normal
+    motions = f"{hidden} motion{'s' * (hidden > 1)} of each {plan.element.name} element"
+    return (f"bodies.{plan.name}: {plan.rule} leave {motions} without stiffness, or nearly so at nu = "
+            f"{plan.section.nu:g}: a static state can be singular, and modes spurious; quadrature "
+            f"[{usual[0]}, {usual[1]}] gives them stiffness")
 
 
 def locking_warning(mesh: BodyMesh) -> str | None:

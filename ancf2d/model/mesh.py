@@ -106,9 +106,9 @@ class BodyMesh:
         named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
         return ElementClass(Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section), key)
 
-    def straight(self, one: ElementClass) -> Sampler:
-        """Return the sampler of a straight element of a class's length."""
-        piece = Piece((0.0, 0.0), 0.0, one.shape.l, 0.0, 0.0, 1)
+    def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
+        """Return the sampler of a straight element of a class's length, or of the given one."""
+        piece = Piece((0.0, 0.0), 0.0, length or one.shape.l, 0.0, 0.0, 1)
         return self._class(piece, one.key).sampler
 
     def _reference_values(self, piece: Piece) -> Array:

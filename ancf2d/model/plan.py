@@ -33,7 +33,6 @@ from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
-SMALL_NU = 0.15  # below it, what a basis function has by nu alone is soft beside the rest
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
 @dataclass(frozen=True)
@@ -157,8 +156,13 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
             why = "on an arc" if curved else f"for formulation {formulation.name}"
             raise RefusedError(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
-    nx, ny = chosen or element.quadrature.get(formulation.name, formulation.rule(element))
-    return Rule((nx, ny), (nx, ny), formulation.lobatto and chosen is None)
+    return Rule(tuple(chosen), tuple(chosen)) if chosen else default_rule(element, formulation)
+
+
+def default_rule(element: ElementType, formulation: Formulation) -> Rule:
+    """Return the rule of a type in a formulation where the case gives none."""
+    points = element.quadrature.get(formulation.name, formulation.rule(element))
+    return Rule(points, points, formulation.lobatto)
 
 
 def acting_points(case: Case) -> dict[str, list[float]]:
@@ -294,11 +298,6 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share the axis and its sections' "
                    "directions alone: where so short a body is loaded across, it is off by half and more; patel in "
                    "formulation continuum is not")
-    if _barely_seen(plan):
-        nx, ny = plan.element.degree_x, plan.rule.normal[1]
-        out.append(f"bodies.{plan.name}: {plan.rule.normal[0]} points along barely see what {plan.element.name} adds "
-                   f"where nu is as small as {plan.section.nu:g}: soft hidden motions, and modes of low frequency, "
-                   f"which quadrature [{nx}, {ny}] has not")
     turn = max(abs(p.kappa) * p.l for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element is an arc of {turn:.2g} rad, which can cost some per cent of "
@@ -306,12 +305,6 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
     return out
-
-
-def _barely_seen(plan: BodyPlan) -> bool:
-    """Return whether hidden motions of too few points along are stiff by a coefficient of order nu alone."""
-    by_nu = any(t.nu > 0 for p in plan.element.polynomials for t in p.terms)
-    return by_nu and abs(plan.section.nu) < SMALL_NU and plan.rule.normal[0] < plan.element.degree_x
 
 
 def reference_extent(plans: dict[str, BodyPlan]) -> float:

@@ -137,9 +137,10 @@ def zero_modes(name: str, formulation: str | None, geometry: str, **more) -> int
     return int((values < 1e-11 * values[-1]).sum()) - 3
 
 
-def element_zero_modes(name: str, formulation: str, quadrature) -> int:
-    """Count the zero-energy modes of one free element, beyond the rigid three."""
-    model = model_of(name, formulation, "line", 1, quadrature=quadrature)
+def element_zero_modes(name: str, formulation: str, quadrature, **more) -> int:
+    """Count the zero-energy modes of one free element, beyond the rigid three; ``quadrature`` None is the default."""
+    more.update({} if quadrature is None else {"quadrature": quadrature})
+    model = model_of(name, formulation, "line", 1, **more)
     K = dense_tangent(model, np.zeros(model.n_q))
     scale = 1 / np.sqrt(np.diag(K))
     values = np.linalg.eigvalsh(K * np.outer(scale, scale))
@@ -150,6 +151,14 @@ def element_zero_modes(name: str, formulation: str, quadrature) -> int:
 @pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
 def test_the_default_rule_leaves_only_rigid_motions_without_energy(name, formulation, geometry):
     assert zero_modes(name, formulation, geometry) == 0
+
+
+@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+def test_the_default_rule_sees_every_motion_of_an_element_whatever_poissons_ratio(name, formulation):
+    """Coefficients of the basis can depend on nu, so that its default rule must see the motions of each."""
+    for nu in (-0.5, 0.0, 1e-3, 0.3, 0.45):
+        found = element_zero_modes(name, formulation, None, material={"E": 5.0, "nu": nu, "rho": 1.3})
+        assert found == 0, nu
 
 
 @pytest.mark.parametrize(("name", "hidden"), [("omar", 2), ("patel", 2), ("li", 3), ("vallejo", 0), ("2d3n", 0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import helpers
 import pytest
@@ -99,8 +100,8 @@ def test_an_arc_too_wide_for_an_element_is_told() -> None:
     assert not any("an arc of" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
 
 
-@pytest.mark.parametrize(("nu", "rule", "soft"), [(1e-3, None, True), (0.0, None, True), (1e-3, [3, 2], False),
-                                                  (0.3, None, False)])
+@pytest.mark.parametrize(("nu", "rule", "soft"), [(1e-3, None, False), (0.0, None, False), (1e-3, [2, 2], True),
+                                                  (0.0, [2, 2], True), (0.3, [2, 2], False)])
 def test_hidden_motions_that_nu_alone_makes_stiff_are_told(nu: float, rule: list[int] | None, soft: bool) -> None:
     """Of x^2 + nu y^2 and x^3, two points along see nothing but the part with nu: without it, modes below bending."""
     spec = helpers.element("2d2n-nu", 2, **({} if rule is None else {"quadrature": rule}))
@@ -108,6 +109,20 @@ def test_hidden_motions_that_nu_alone_makes_stiff_are_told(nu: float, rule: list
     beam = helpers.body(helpers.line(1.0), spec, {"height": 0.1, "width": 0.1}, material)
     found = helpers.solved({"beam": beam}, {"type": "eigen", "modes": 1},
                            bc=[{"type": "clamp", "at": "beam@0"}])
-    assert any("soft hidden motions" in text for text in found.model.warnings) == soft
+    assert any("without stiffness, or nearly so" in text for text in found.model.warnings) == soft
     bending = 1.8751**2 * math.sqrt(1e7 * 0.1**2 / 12 / 1000.0)
     assert (found.state.report["frequencies"][0]["omega"] < 0.5 * bending) == soft
+
+
+@pytest.mark.parametrize(("element", "rule", "hidden"), [
+    ("omar", [2, 2], 2), ("li", [2, 2], 3), ("patel", [2, 3], 2), ("cable", [2, 1], 1), ("vallejo", [1, 2], 4),
+    ("omar", "exact", 0), ("2d2n", [3, 3], 0), ("cable", [5, 1], 0), ("reissner3", [3, 1], 0),
+    ("kerkkanen", {"normal": [2, 2], "shear": [1, 2]}, 0)])
+@pytest.mark.parametrize("length", [0.5, 100.0])
+def test_a_rule_that_hides_motions_is_told_however_slender_the_element(element: str, rule: Any, hidden: int,
+                                                                      length: float) -> None:
+    """The numbers are dimensions of the null space of an element, less the three of rigid motion."""
+    spec = helpers.element(element, 1, quadrature=rule, **({"formulation": "continuum"} if rule == "exact" else {}))
+    found = helpers.build({"b": helpers.body(helpers.line(length), spec)}, bc=[{"type": "clamp", "at": "b@0"}]).warnings
+    said = [w for w in found if "without stiffness, or nearly so" in w]
+    assert [f"leave {hidden} motion" in w for w in said] == [True] * bool(hidden)
