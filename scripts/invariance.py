@@ -66,7 +66,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--checks", type=int, default=campaign.DRAWN, help="per scene, drawn by lot")
+    parser.add_argument("--checks", type=int, default=campaign.DRAWN,
+                        help="per scene, drawn by lot, beside those that need no further solution")
     parser.add_argument("--solver", choices=list(SOLVERS), help="this one alone")
     parser.add_argument("--folder", help="where records and counterexamples go (default: invariance-SEED)")
     parser.add_argument("--minutes", type=float, help="stop after so many")

@@ -35,6 +35,8 @@ NAMES, MOST_NAMES = "compiled", 1 << 16
 BEAT, STILL, TICK = 0.5, 5.0, 0.05
 # share of a motion that is gone through to compile its kernels
 MOMENT = 1e-6
+# names of the kernels that this process has gone through: solving the same kind of case again needs no other ones
+_READY: set[str] = set()
 # after how many new objects, and of how many such rounds, garbage is looked for meanwhile
 SELDOM = (100_000, 50, 1000)
 
@@ -43,10 +45,14 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
     ``compiling`` is told where that takes long: at once with an empty cache, else after 1.5 s. Of several processes
-    that need the same kernels, one compiles them and the others wait.
+    that need the same kernels, one compiles them and the others wait. Nothing is done where this process has solved a
+    case of the same kind before.
     """
     from ..kernels.jit import CACHE, REFUSED, cache_is_cold
 
+    kernels = kernels_of(model.case)
+    if kernels in _READY:
+        return
     cold = cache_is_cold()
     what = f"compiling kernels, which cannot be kept for the next run: {REFUSED}" if REFUSED else (
         "compiling kernels for this machine (first run of this kind only) ...")
@@ -54,11 +60,12 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     announce.daemon = True
     announce.start()
     try:
-        with _alone(CACHE, kernels_of(model.case), compiling), _seldom_collected():
+        with _alone(CACHE, kernels, compiling), _seldom_collected():
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, cold)
             else:
                 _touch(model, cold)
+        _READY.add(kernels)
     finally:
         announce.cancel()
 

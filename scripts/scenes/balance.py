@@ -13,7 +13,7 @@ from ancf2d.model.points import dot, point_ref
 
 from .amplitudes import value
 from .answer import Answer
-from .generate import type_of
+from .bodies import type_of
 from .shapes import Array, Data, is_rigid, length, mass_per_length, split_point
 from .similar import UnfitError
 

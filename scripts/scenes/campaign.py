@@ -18,14 +18,14 @@ from typing import Any
 import yaml
 
 from .answer import kind_of_message
-from .checks import CHECKS, Check, Scene, checks_for
+from .checks import CHECKS, Check, Scene, drawn_by_lot
 from .generate import scene
 from .shapes import Data
 from .shrink import shrunk
 from .similar import UnfitError
 
-# checks per scene, drawn by lot from those that it is fit for
-DRAWN = 5
+# checks per scene that need further solutions, drawn by lot
+DRAWN = 1
 # for a scene with all its checks, of the processor's time, kernels that are compiled included [s]
 PATIENCE = 300.0
 
@@ -76,8 +76,7 @@ def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAW
     try:
         if item.base.refusal:
             record.refusal = kind_of_message(item.base.refusal)
-        fit = checks_for(item)
-        for check in rng.sample(fit, min(drawn, len(fit))):
+        for check in drawn_by_lot(item, rng, drawn):
             word, what = outcome(item, check)
             record.outcomes[check.name] = word
             if what:

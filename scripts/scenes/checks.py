@@ -59,6 +59,15 @@ def other_units(scene: Scene) -> Finding:
     return similar(scene, Similarity(length=length, force=force, time=time))
 
 
+def elsewhere(scene: Scene) -> Finding:
+    """Turn by any angle, mirror by lot, and write it in other units and another order, all at once."""
+    rng = scene.rng
+    length, force, time = (10 ** rng.uniform(-3, 3) for _ in range(3))
+    to = Similarity(angle=rng.uniform(-math.pi, math.pi), mirrored=rng.random() < 0.5,
+                    length=length, force=force, time=time)
+    return agree(scene, answer(rearrange.reordered(to.case(scene.case), rng)), to)
+
+
 # ---------------------------------------------------------------------- in other words
 
 
@@ -191,34 +200,47 @@ def other_steps(scene: Scene) -> Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: its name, the solvers that it is for, and what does it."""
+    """A check: its name, the solvers that it is for, what does it, and its weight when checks are drawn by lot.
+
+    One without a weight needs no further solution, and is always tried.
+    """
 
     name: str
     solvers: tuple[str, ...]
     find: Callable[[Scene], Finding]
+    weight: int = 1
 
 
 CHECKS = (
+    Check("elsewhere: all at once", ALL, elsewhere, weight=8),
     Check("turned by any angle", ALL, turned),
     Check("turned by quarter turns", ALL, quarter),
     Check("mirrored", ALL, mirrored),
     Check("shifted by 1000 sizes", ALL, shifted),
     Check("in other units", ALL, other_units),
     Check("in another order", ALL, reordered),
-    Check("a body reversed", ALL, reversed_body),
-    Check("a body split and welded", ALL, split),
-    Check("forces and moments balance", STATIC, balanced),
+    Check("a body reversed", ALL, reversed_body, weight=3),
+    Check("a body split and welded", ALL, split, weight=3),
+    Check("forces and moments balance", STATIC, balanced, weight=0),
     Check("superposed", LINEAR, superposed),
     Check("reciprocal", LINEAR, reciprocal),
-    Check("other load steps", ("static",), other_steps),
+    Check("other load steps", ("static",), other_steps, weight=3),
     Check("an equilibrium stays", ("static",), motions.stays),
-    Check("momentum of what is free", MOTION, motions.momentum),
-    Check("energy and angular momentum", MOTION, motions.conserved),
-    Check("from a file in between", MOTION, motions.from_file),
-    Check("stopped and resumed", MOTION, motions.resumed),
+    Check("momentum of what is free", MOTION, motions.momentum, weight=0),
+    Check("energy and angular momentum", MOTION, motions.conserved, weight=0),
+    Check("from a file in between", MOTION, motions.from_file, weight=3),
+    Check("stopped and resumed", MOTION, motions.resumed, weight=3),
 )
 
 
 def checks_for(scene: Scene) -> list[Check]:
     """Return the checks that a scene is fit for by its solver."""
     return [c for c in CHECKS if scene.solver in c.solvers]
+
+
+def drawn_by_lot(scene: Scene, rng: random.Random, number: int) -> list[Check]:
+    """Return the checks of a scene that need no further solution, and so many others by their weights."""
+    fit = checks_for(scene)
+    weights = [c.weight for c in fit]
+    drawn = rng.sample(fit, min(number, sum(weights)), counts=weights)
+    return [c for c in fit if c.weight == 0 or c in drawn]

@@ -28,6 +28,9 @@ STEP = 1e-10
 # answers that round-off leaves fewer digits than these are not compared
 BLUNT = 1e-4
 ILL = "ill-conditioned: round-off leaves fewer than four digits"
+# errors of motions are at most twice what is estimated (docs/motion.md, "Steps that are too long"), those of two runs
+# add up
+ESTIMATED = 4.0
 # how much the numbers of a scene are disturbed to see what its motion makes of it
 DISTURBED = 1e-7
 # what a warning must speak of to explain that two answers differ
@@ -107,6 +110,11 @@ class Scene:
                 change = float(np.max(np.abs(other.values[kind, name] - value)))
                 out[kind] = max(out.get(kind, 0.0), change / DISTURBED)
         return out
+
+    @cached_property
+    def estimate(self) -> Answer:
+        """Return the answer of a motion by fixed steps with its error estimate, which is the default of cases."""
+        return answer({**self.case, "solver": {k: v for k, v in self.case["solver"].items() if k != "estimate"}})
 
     @property
     def blunt(self) -> bool:
@@ -193,6 +201,8 @@ def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float 
         return refusals(base, got)
     if scene.blunt or scene.known * (1.0 + shift) > BLUNT:
         return Finding(refusal=ILL)
+    if "dt" in scene.case["solver"] and max(a.summary.get("rejected", 0) for a in (base, got)):
+        return within_estimate(scene, got, to)
     worst = Finding(announced=announced(base, got))
     held_twice = any("held twice" in w for w in (*base.warnings, *got.warnings))
     for (kind, name), value in base.seen(to).items():
@@ -209,6 +219,23 @@ def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float 
             worst.ratio = float(np.max(off))
             worst.what = f"{kind} {name}: {other} in place of {value}, allowed {np.max(room):.2g}"
     return worst
+
+
+def within_estimate(scene: Scene, got: Answer, to: Similarity) -> Finding:
+    """Compare motions in which steps were cut: round-off decides where, and they agree as far as is estimated.
+
+    The estimate is of displacements; nothing is told of velocities and forces.
+    """
+    found = scene.estimate
+    accuracy = found.summary.get("accuracy") or {}
+    if found.refusal or accuracy.get("estimate") is None:
+        return Finding(math.inf, "no estimate, and no word of it", announced=next(iter(found.warnings), ""))
+    size = scene.base.largest("displacement")
+    room = ESTIMATED * accuracy["estimate"] * size + scene.allowed("displacement", None)
+    seen = scene.base.seen(to)
+    off = max(float(np.max(np.abs(seen[key] - value))) for key, value in got.values.items() if key[0] == "displacement")
+    return Finding(off / (room * to.length), f"displacements off by {off / (size * to.length):.2g} of the largest, "
+                   f"estimated {accuracy['estimate']:.2g}", announced=announced(found))
 
 
 def refusals(base: Answer, got: Answer) -> Finding:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ancf2d.elements.definition import ElementType
 
-from .generate import type_of
+from .bodies import type_of
 from .shapes import Data, at, is_rigid, position, split_point
 from .similar import UnfitError
 

@@ -22,10 +22,11 @@ from ancf2d.study.run import prepare
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from scenes import campaign, checks, rearrange, shapes, shrink
-from scenes.generate import scene, type_of
+from scenes.bodies import type_of
+from scenes.generate import SOLVERS, scene
 from scenes.similar import Similarity
 
-MANY = [scene(1, number) for number in range(1200)]
+MANY = [scene(1, number, solver) for number in range(200) for solver in SOLVERS]
 
 
 def tags(union: Any) -> set[str]:

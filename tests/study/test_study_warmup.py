@@ -122,9 +122,20 @@ def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(jit, "CACHE", None)
     monkeypatch.setattr(jit, "REFUSED", "'/here' belongs to another user")
     monkeypatch.setattr(warmup, "PATIENCE", 0.0)
+    monkeypatch.setattr(warmup, "_READY", set())
     told = threading.Event()
     texts: list[str] = []
     monkeypatch.setattr(warmup, "_touch", lambda *_: told.wait(30.0))
     model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
     warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
     assert texts == ["compiling kernels, which cannot be kept for the next run: '/here' belongs to another user"]
+
+
+def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loop over cases of one kind pays for it once; other numbers are the same kind, another element is not."""
+    touched: list[str] = []
+    monkeypatch.setattr(warmup, "_READY", set())
+    monkeypatch.setattr(warmup, "_touch", lambda model, cold: touched.append(next(iter(model.meshes))))
+    for text in (CASE, CASE, CASE.replace("count: 2", "count: 4"), CASE.replace("cable", "reissner2")):
+        warmup.warm_up(prepare(load_case_text(text, vocabulary=vocabulary())))
+    assert len(touched) == 2
