@@ -36,7 +36,7 @@ def omegas(text: str) -> list[float]:
     return [f["omega"] for f in run_case(load_case_text(text)).summary["frequencies"]]
 
 
-@pytest.mark.parametrize("element", ["cable, count: 16", "vallejo, count: 16", "reissner3, count: 24"])
+@pytest.mark.parametrize("element", ["cable, count: 24", "vallejo, count: 16", "reissner3, count: 24"])
 @pytest.mark.parametrize(("omega", "first"), [(2, 3.621797), (5, 4.073896), (10, 5.048975)])
 def test_first_frequency_of_a_rotating_cantilever(element: str, omega: float, first: float) -> None:
     """Euler-Bernoulli, no stretch, zero hub radius, in-plane, in units of sqrt(EI/(rhoA L^4))."""

@@ -36,7 +36,8 @@ CRANK = {
             "angle": {"type": "expression", "value": "3*t"}}],
     "joints": [{"name": "wrist", "type": "pin", "between": ["crank@1", "rod@0"]},
                {"name": "guide", "type": "slider", "at": "rod@1", "through": [0, 0], "along": [2, 0]}],
-    "initial": {"bodies": {"crank": {"rotation_rate": {"omega": 3.0, "about": [0, 0]}}}}}
+    "initial": {"bodies": {"crank": {"rotation_rate": {"omega": 3.0, "about": [0, 0]}},
+                           "rod": {"rotation_rate": {"omega": -3.0 * 0.2 / 0.8, "about": [1.0, 0]}}}}}
 
 
 def beam(name: str, count: int) -> dict[str, Any]:
