@@ -29,6 +29,7 @@ class Growth:
         self._widths = dict.fromkeys(STATE_FIELDS, nq) | {BODIES: len(file["mesh/bodies"])}
         self._columns = {column.name: column for column in columns}
         self.states = self.logged = self.probed = 0
+        self._groups: dict[str, h5py.Group] = {}
         self._fields: dict[str, Series] = {}
         self._over: dict[tuple[str, str], Series] = {}
         self._energies: dict[str, Series] = {}
@@ -42,8 +43,13 @@ class Growth:
 
     @property
     def buffered_bytes(self) -> int:
-        """Bytes of states that are not on disk yet."""
-        return sum(s.buffered_bytes for part in (self._fields, self._over) for s in part.values())
+        """Bytes that are not on disk yet."""
+        return sum(series.buffered_bytes for series in self.all_series())
+
+    @property
+    def columns(self) -> int:
+        """How many columns there are."""
+        return sum(1 for _ in self.all_series())
 
     def all_series(self) -> Iterator[Series]:
         """Yield every column."""
@@ -157,11 +163,15 @@ class Growth:
         return found[name]
 
     def _series(self, place: str, column: Column) -> Series:
-        group = self._file
-        for part in place.split("/"):
-            group = group[part] if part in group else group.create_group(part, track_order=True)
-        return Series(group, escape(column.name), self._units.fill(column.units),
+        return Series(self._group(place), escape(column.name), self._units.fill(column.units),
                       column.description, integer=column.integer)
+
+    def _group(self, place: str) -> h5py.Group:
+        if place not in self._groups:
+            above, _, name = place.rpartition("/")
+            parent = self._group(above) if above else self._file
+            self._groups[place] = parent[name] if name in parent else parent.create_group(name, track_order=True)
+        return self._groups[place]
 
     # ------------------------------------------------------------------ after an interruption
 

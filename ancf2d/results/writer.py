@@ -29,6 +29,9 @@ from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
 FLUSH_SECONDS = 1.0
+# a flush that takes longer than this [s] is made less often, so that flushes stay a sixth of a run
+FLUSH_SLOW = 0.2
+COLUMN_SECONDS = 5e-4  # about what the first flush takes for each column
 BUFFER_BYTES = 16 << 20
 STATUSES = ("converged", "failed", "interrupted")
 
@@ -84,6 +87,7 @@ class ResultWriter:
         self._nq, self._columns = nq, {column.name: column for column in columns}
         self._started = self._last_flush = time.monotonic()
         self._earlier, self._committed, self._open = 0.0, 0, False
+        self._flush_took: float | None = None
         self._checkpoint: Checkpoint | None = None
         self.resumed: Checkpoint | None = None
 
@@ -221,18 +225,21 @@ class ResultWriter:
         return self._earlier + time.monotonic() - self._started
 
     def _flush_when_due(self) -> None:
-        full = self._growth.buffered_bytes > BUFFER_BYTES
-        if full or time.monotonic() - self._last_flush >= FLUSH_SECONDS:
+        cost = COLUMN_SECONDS * self._growth.columns if self._flush_took is None else self._flush_took
+        due = self._last_flush + FLUSH_SECONDS * max(1.0, cost / FLUSH_SLOW)
+        if time.monotonic() >= due or self._growth.buffered_bytes > BUFFER_BYTES:
             self.flush()
 
     def flush(self) -> None:
         """Make everything so far readable in NAME.part, whatever happens to this process."""
+        began = time.monotonic()
         with self._disk_errors():
             self._settle(Series.spill)
             self._file.flush()
             self._stream.commit()
             self._committed = self._growth.states
             self._last_flush = time.monotonic()
+            self._flush_took = self._last_flush - began
 
     def _settle(self, action: Callable[[Series], None]) -> None:
         for series in self._growth.all_series():

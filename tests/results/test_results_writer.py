@@ -18,6 +18,7 @@ from ancf2d.results import growth as growth_module
 from ancf2d.results import series as series_module
 from ancf2d.results import target as target_module
 from ancf2d.results import writer as writer_module
+from ancf2d.results.journal import JournaledFile
 
 HERE = Path(__file__).parent
 
@@ -125,6 +126,39 @@ def test_a_probe_that_appears_late_is_nan_before(tmp_path: Path,
         w.finish()
     with open_results(tmp_path / "a.h5") as r:
         np.testing.assert_array_equal(r.probes["q"]["x"], [np.nan, 5.0, 5.0])
+
+
+def test_many_probes_keep_no_dataset_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HDF5 holds 30 to 90 kB for every dataset that is open: 20 000 probes would take more than 4 GB."""
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
+    with start(tmp_path / "a.h5") as w:
+        for i in range(2):
+            w.append(i, np.zeros(12), {}, {f"p{k}": {"x": k + i} for k in range(20)})
+            assert h5py.h5f.get_obj_count(w._file.id, h5py.h5f.OBJ_DATASET) == 0
+        w.finish()
+    with open_results(tmp_path / "a.h5") as r:
+        np.testing.assert_array_equal(r.probes["p7"]["x"], [7.0, 8.0])
+
+
+def test_flushes_that_take_long_are_made_less_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(writer_module.time, "monotonic", lambda: clock[0])
+    flushed, commit = [], JournaledFile.commit
+
+    def slow(stream: JournaledFile) -> None:
+        flushed.append(clock[0])
+        clock[0] += 4.0
+        commit(stream)
+
+    monkeypatch.setattr(JournaledFile, "commit", slow)
+    with start(tmp_path / "a.h5") as w:
+        for _ in range(200):
+            clock[0] += 0.5
+            w.append(clock[0], np.zeros(12))
+        w.finish()
+    assert flushed[0] == 1.0
+    assert 4.0 * len(flushed) < 0.25 * clock[0]
+    assert len(flushed) > 3
 
 
 @pytest.mark.parametrize("name", ["a/b", ".", "..", "50%", "größe", "a%2Fb"])
