@@ -78,13 +78,12 @@ class Multipliers:
         left = np.bincount(self.owner, scaled, m) > 0.0
         while left.any():
             known = sizes[self.index]
-            soft = np.divide(scaled, known, out=np.zeros_like(g), where=known > 0.0)
-            given = np.bincount(self.owner, soft, m)
-            found = left & (given > 0.0)
+            # what is not stiff itself is taken for stiff: else an entry of round-off beside it would say all
+            given = np.bincount(self.owner, scaled / np.where(known > 0.0, known, largest), m)
+            found = left & (np.bincount(self.owner, scaled * (known > 0.0), m) > 0.0)
             if not found.any():
                 # no stiffness anywhere near: any number does
                 found = left
-                given = np.bincount(self.owner, scaled / largest, m)
             gamma[found] = STIFF / given[found]
             new = found[self.owner]
             np.add.at(sizes, self.index[new], gamma[self.owner[new]] * scaled[new])

@@ -214,7 +214,7 @@ def make_matrix(model: Model) -> TangentMatrix:
     """Return an empty tangent of the kind that suits the model's bandwidth and symmetry."""
     num = model.numbering
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
-    if model.symmetric:
+    if model.symmetric or n == 0:  # LAPACK takes no empty band
         multipliers = _multipliers(model)
         return SymmetricBand(n, bw, multipliers) if num.fronts is None else SymmetricFronts(num.fronts, multipliers)
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:

@@ -88,7 +88,7 @@ def solve_linear(model: Model) -> Iterator[State]:
             "round-off has drowned the soft motions beside the stiff ones: no digit of the displacements is known",
             at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
     d = model.displacements(z, 1.0)
-    elastic = system.action(zero, d, 1.0)
+    elastic = system.action(zero, d, 1.0, linear=True)
     energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
     history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}

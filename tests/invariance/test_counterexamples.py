@@ -42,3 +42,8 @@ def test_a_moved_cable_does_not_depend_on_where_it_is() -> None:
 @pytest.mark.parametrize("check", MOVED)
 def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(check: str) -> None:
     assert violations("unlike_column", check) == {}
+
+
+@pytest.mark.parametrize("name", ["pinned_bar", "turned_bar", "held_bar"])
+def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
+    assert violations(name, "forces and moments balance", *MOVED) == {}
