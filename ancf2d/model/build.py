@@ -23,7 +23,7 @@ from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError, Problem
 from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
-from .joints import JOINTS, JointContext, JointError, weld_corners, welded_ends
+from .joints import JOINTS, JointContext, JointError, weld_pieces
 from .loads import LOADS, DeadLoad, LoadContext, LoadSet
 from .locking import hidden_warning, locking_warning
 from .mechanism import free_motions
@@ -31,7 +31,7 @@ from .mesh import BodyMesh
 from .model import Model, symmetric
 from .numbering import number
 from .order import coordinate_weights
-from .plan import plan_bodies, reference_extent, warnings_of
+from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .prescribed import motions
 from .repeated import drop_repeated
@@ -127,10 +127,10 @@ class _Builder:
     def add_joints(self) -> None:
         for mesh in self.meshes.values():
             keep_lengths(mesh, self.equations)
-            weld_corners(mesh, self.equations)
-        welded = welded_ends(self.case.joints)
+            weld_pieces(mesh, self.equations)
+        acting = acting_at(self.case)
         for i, joint in enumerate(self.case.joints):
-            context = JointContext(self.point, self.meshes, f"joints.{i}", welded)
+            context = JointContext(self.point, self.meshes, f"joints.{i}", acting)
             try:
                 JOINTS[type(joint)](joint, context, joint.name or f"joints.{i}", self.equations)
             except JointError as error:

@@ -27,7 +27,7 @@ class Piece:
     """A stretch of constant curvature: ``start`` and ``angle`` of its first point, its length and count.
 
     ``kappa`` is dtheta/ds [1/m], 0 for a straight piece; ``s0`` the arclength where it begins; ``continues``: whether
-    its first node is the last one of the piece before, which it follows smoothly.
+    it follows the piece before smoothly; ``kink``: whether strains along the axis can jump where it begins.
     """
 
     start: tuple[float, float]
@@ -37,6 +37,12 @@ class Piece:
     s0: float
     count: int
     continues: bool = False
+    kink: bool = False
+
+    @property
+    def shared(self) -> bool:
+        """Whether its first node is the last one of the piece before."""
+        return self.continues and not self.kink
 
     @property
     def l(self) -> float:
@@ -163,18 +169,31 @@ def stretches(geometry: Line | Arc | Polyline, nodes: Sequence[float]) -> list[f
 
 
 def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float] = (),
-              refine: int = 1) -> tuple[Piece, ...]:
+              refine: int = 1, kinks: Sequence[float] = ()) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
 
     A piece is split at each of ``nodes`` (fractions S of the body's arclength), unless all of them are ends of the
-    equal elements that the pieces have without. Every element is then divided into ``refine`` ones.
+    equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
+    element is then divided into ``refine`` ones.
     """
     whole = _undivided(geometry)
     regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
                                                         strict=True))
     if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE
            for p, found in zip(regular, _inside(whole, nodes), strict=True) for sigma in found):
-        return tuple(replace(p, count=refine * p.count) for p in regular)
-    parts = _stretches(whole, nodes)
-    shares = share_count([p.length for p in parts], max(count, len(parts)))
-    return tuple(replace(p, count=refine * n) for p, n in zip(parts, shares, strict=True))
+        parts = [part for p, found in zip(regular, _inside(whole, kinks), strict=True) for part in _cut(p, found)]
+    else:
+        some = _stretches(whole, nodes)
+        shares = share_count([p.length for p in some], max(count, len(some)))
+        parts = [replace(p, count=n) for p, n in zip(some, shares, strict=True)]
+    near = TOGETHER * (whole[-1].s0 + whole[-1].length)
+    at = [s * near / TOGETHER for s in kinks]
+    return tuple(replace(p, count=refine * p.count, kink=k > 0 and any(abs(sigma - p.s0) <= near for sigma in at))
+                 for k, p in enumerate(parts))
+
+
+def _cut(piece: Piece, places: list[float]) -> list[Piece]:
+    """Return a piece of equal elements, split at some of their nodes."""
+    ends = [0, *(round(sigma / piece.l) for sigma in places), piece.count]
+    return [replace(p, count=b - a) for p, (a, b) in zip(_split(piece, [n * piece.l for n in ends[1:-1]]),
+                                                        pairwise(ends), strict=True)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -35,12 +35,12 @@ class JointError(ValueError):
 
 @dataclass(frozen=True)
 class JointContext:
-    """What a joint needs to find its place: points, meshes, how messages name it, and what is welded to each point."""
+    """What a joint needs to find its place: points, meshes, how messages name it, and how much acts at each point."""
 
     point: Callable[[Point], PointRef]
     meshes: dict[str, BodyMesh]
     label: str
-    welded: Counter[Point] = field(default_factory=Counter)
+    acting: Counter[Point] = field(default_factory=Counter)
 
     def place(self, point: PointRef) -> Array:
         """Return where a point is in the reference (2,)."""
@@ -69,12 +69,6 @@ class JointContext:
 def closable(r: Array, *joined: BodyMesh) -> float:
     """Return the largest gap at r that a joint between bodies may close [m]: small beside each of them."""
     return GAP * min(m.plan.length for m in joined) + ROUND_OFF * float(np.abs(r).max())
-
-
-def welded_ends(joints: Sequence[object]) -> Counter[Point]:
-    """Return how many other points are welded to each point that some weld names."""
-    return Counter(p for joint in joints if isinstance(joint, WeldJoint)
-                   for p in joint.between for _ in joint.between[1:])
 
 
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -131,8 +125,12 @@ def _goes_on(a: _End, b: _End) -> bool:
             and abs(a.curvature - b.curvature) * length <= GAP)
 
 
-def _share_all(a: _End, b: _End, owner: str, out: Equations) -> None:
-    """Share every coordinate of the nodes where one beam goes on; derivatives of odd order turn round with its axis."""
+def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> None:
+    """Share the coordinates of the nodes where one beam goes on; derivatives of odd order turn round with its axis.
+
+    At a kink, where something acts, sections are shared but strains along the axis are not: derivatives along it are
+    each side's own. What is left to a curve then is the direction of its axis.
+    """
     element = a.point.mesh.plan.element
     nc, beta = element.components, math.remainder(a.angle - b.angle, 2 * math.pi)
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
@@ -140,6 +138,8 @@ def _share_all(a: _End, b: _End, owner: str, out: Equations) -> None:
     assert a.point.node is not None
     names = [n for n in element.nodes[a.point.node].coordinates if n != "theta"]
     for k, name in enumerate(names):
+        if kink and derivative_order(name)[0] > 0:
+            continue
         x, y = db[nc * k], db[nc * k + 1]
         sense = float(a.way * b.way) ** sum(derivative_order(name))
         rows = ((1.0, 0.0), (0.0, 1.0)) if name == "r" else ((sense * c, -sense * s), (sense * s, sense * c))
@@ -149,6 +149,8 @@ def _share_all(a: _End, b: _End, owner: str, out: Equations) -> None:
             out.rows.append(Row(coords, coefs, owner, "xy"[m] if name == "r" else f"{name.replace('_', '')}_{'xy'[m]}"))
         if nc == 3:
             out.rows.append(Row(np.array([da[nc * k + 2], db[nc * k + 2]]), np.array([1.0, -1.0]), owner, "theta"))
+    if kink and element.section_kind == "tangent":
+        align(a.point, b.point, owner, out)
 
 
 def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -162,11 +164,10 @@ def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
 
 def _weld(joint: WeldJoint, context: JointContext, owner: str, out: Equations) -> None:
     points = context.together(joint.between)
-    if len(points) == 2 and all(context.welded[p] == 1 for p in joint.between):
-        a, b = _end(points[0], False), _end(points[1], True)
-        if a is not None and b is not None and _goes_on(a, b):
-            _share_all(a, b, owner, out)
-            return
+    a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
+    if a is not None and b is not None and _goes_on(a, b):
+        _share_nodes(a, b, any(context.acting[p] > 1 for p in joint.between), owner, out)
+        return
     for point in points[1:]:
         _weld_points(points[0], point, owner, out)
 
@@ -192,17 +193,18 @@ def _prismatic(joint: PrismaticJoint, context: JointContext, owner: str, out: Eq
     out.constraints.append(OnAxis(point, mesh, s, owner))
 
 
-def weld_corners(mesh: BodyMesh, out: Equations) -> None:
-    """Weld the pieces of a polyline at its corners; where it goes on straight, they are one beam."""
-    last = len(mesh.plan.element.nodes) - 1
-    for k, after in enumerate(mesh.corners):
-        s, owner = float(mesh.starts[after]) / mesh.plan.length, f"corner {k + 1} of {mesh.plan.name}"
+def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
+    """Weld the pieces of a body at corners and kinks; where it goes on smoothly, they are one beam."""
+    last, corners = len(mesh.plan.element.nodes) - 1, 0
+    for after, kink in mesh.seams:
+        s = float(mesh.starts[after]) / mesh.plan.length
         a = PointRef(mesh, s, after - 1, 1.0, float(mesh.end_angles[after - 1]), last)
         b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
         if _goes_on(_End(a, 1), _End(b, 1)):
-            _share_all(_End(a, 1), _End(b, 1), owner, out)
+            _share_nodes(_End(a, 1), _End(b, 1), kink, f"the axis of {a.label}", out)
         else:
-            _weld_points(a, b, owner, out)
+            corners += 1
+            _weld_points(a, b, f"corner {corners} of {mesh.plan.name}", out)
 
 
 JOINTS: dict[type, Callable[[Any, JointContext, str, Equations], None]] = {

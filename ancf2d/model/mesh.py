@@ -55,9 +55,10 @@ def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool
 class BodyMesh:
     """The mesh of one body.
 
-    Elements of a piece share end nodes, and so do pieces that continue one another; at the corners of a polyline each
-    piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof), ``cls``
-    (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof, first_dof + 1, ...
+    Elements of a piece share end nodes, and so do pieces that continue one another; at the corners of a polyline and at
+    kinks each piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof),
+    ``cls`` (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof,
+    first_dof + 1, ...
     """
 
     def __init__(self, plan: BodyPlan, first_dof: int, first_node: int) -> None:
@@ -73,7 +74,7 @@ class BodyMesh:
         self.piece_first: list[int] = []
         count = 0
         for piece in plan.pieces:
-            if piece.continues:
+            if piece.shared:
                 dof, node = dof - self.node_sizes[-1], node - 1
             key = (float(f"{piece.l:.13e}"), piece.kappa)
             if key not in keys:
@@ -88,14 +89,14 @@ class BodyMesh:
             angle = piece.angle + piece.kappa * piece.l * np.arange(n)
             turn.append(np.stack([np.cos(angle), np.sin(angle)], axis=1))
             values = self._reference_values(piece)
-            e0.append(values[self.node_sizes[0]:] if piece.continues else values)
+            e0.append(values[self.node_sizes[0]:] if piece.shared else values)
             dof += self.stride * n + self.node_sizes[-1]
             node += (len(element.nodes) - 1) * n + 1
         self.dofs: Index = np.concatenate(dofs)
         self.nodes: Index = np.concatenate(nodes)
         self.cls: Index = np.concatenate(cls)
         directions = np.concatenate(turn)
-        straight = all(p.kappa == 0.0 and (p.continues or p is plan.pieces[0]) for p in plan.pieces)
+        straight = all(p.kappa == 0.0 and p.angle == plan.pieces[0].angle for p in plan.pieces)
         self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
@@ -135,7 +136,7 @@ class BodyMesh:
         """Repeat a value per element coordinate over the body's coordinates (n_dofs,), shared nodes once."""
         parts: list[Array] = []
         for piece in self.plan.pieces:
-            if piece.continues:
+            if piece.shared:
                 parts.pop()
             parts += [np.tile(pattern[:self.stride], piece.count), np.asarray(pattern[-self.node_sizes[-1]:])]
         return np.concatenate(parts)
@@ -210,9 +211,10 @@ class BodyMesh:
         return self.dofs[ie, start:start + self.node_sizes[k]]
 
     @property
-    def corners(self) -> list[int]:
-        """The first element behind each corner of a polyline."""
-        return [first for first, p in zip(self.piece_first[1:], self.plan.pieces[1:], strict=True) if not p.continues]
+    def seams(self) -> list[tuple[int, bool]]:
+        """Where pieces have nodes of their own: the first element behind, and whether strains can jump there."""
+        return [(first, p.kink) for first, p in zip(self.piece_first, self.plan.pieces, strict=True)
+                if first > 0 and not p.shared]
 
 
 def shape_weights(mesh: BodyMesh) -> Array:

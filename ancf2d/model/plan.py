@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -14,6 +15,7 @@ from ..case import (
     Body,
     Case,
     Distributed,
+    Dynamic,
     Element,
     ElementDefinition,
     LoadedCase,
@@ -22,7 +24,7 @@ from ..case import (
     Selective,
 )
 from ..elements import registry
-from ..elements.definition import ElementType
+from ..elements.definition import ElementType, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.rigid import RIGID, RIGID_TYPE
 from ..elements.section import Section
@@ -75,7 +77,7 @@ class BodyPlan:
 
     @property
     def split(self) -> list[float]:
-        """Places S where unequal elements meet, for something acts there."""
+        """Places S where something acts and elements meet that are unequal or each have strains of their own."""
         return [p.s0 / self.length for p in self.pieces if p.continues]
 
     def locate(self, s: float) -> tuple[int, float]:
@@ -165,6 +167,15 @@ def default_rule(element: ElementType, formulation: Formulation) -> Rule:
     return Rule(points, points, formulation.lobatto)
 
 
+def acting_at(case: Case) -> Counter[Point]:
+    """Return how often supports, joints, springs, masses and loads name each point."""
+    found: Counter[Point] = Counter()
+    for thing in (*case.boundary_conditions, *case.joints, *case.springs, *case.masses, *case.loads):
+        for value in (getattr(thing, f.name) for f in fields(thing)):
+            found.update(p for p in (value if isinstance(value, tuple) else (value,)) if isinstance(p, Point))
+    return found
+
+
 def acting_points(case: Case) -> dict[str, list[float]]:
     """Return the places S of each body where something acts, in order.
 
@@ -172,13 +183,11 @@ def acting_points(case: Case) -> dict[str, list[float]]:
     probes are none; nor is where a point slides along the body.
     """
     found: dict[str, set[float]] = {name: set() for name in case.bodies}
-    for thing in (*case.boundary_conditions, *case.joints, *case.springs, *case.masses, *case.loads):
-        for value in (getattr(thing, f.name) for f in fields(thing)):
-            for point in value if isinstance(value, tuple) else (value,):
-                if isinstance(point, Point):
-                    found[point.body].add(point.s)
-        if isinstance(thing, Distributed):
-            found[thing.on] |= {thing.from_, thing.to}
+    for point in acting_at(case):
+        found[point.body].add(point.s)
+    for load in case.loads:
+        if isinstance(load, Distributed):
+            found[load.on] |= {load.from_, load.to}
     return {name: sorted(places) for name, places in found.items()}
 
 
@@ -187,9 +196,18 @@ def has_regular_nodes(spec: Element) -> bool:
     return spec.nodes == "regular" if spec.nodes is not None else spec.preset == "paper"
 
 
+def _with_kinks(element: ElementType, moving: bool) -> bool:
+    """Whether strains along the axis can jump at a node only where each side has its own.
+
+    Nodes of a curve then need a multiplier that keeps their direction, which integrators of motions pay dearly for.
+    """
+    shared = any(derivative_order(name)[0] > 0 for _, name in element.functionals)
+    return shared and not (moving and element.section_kind == "tangent")
+
+
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None,
-              acting: Sequence[float] = ()) -> BodyPlan:
-    """Resolve one body, on which something acts at the places S ``acting``.
+              acting: Sequence[float] = (), points: Sequence[float] = (), moving: bool = False) -> BodyPlan:
+    """Resolve one body, on which something acts at the places S ``acting``, at ``points`` of them concentrated.
 
     Raises RefusedError, SectionError or CaseError with the reason.
     """
@@ -205,7 +223,9 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     # a flexible body without one is refused
     assert spec.count is not None
     refine = spec.refine or 1
-    pieces = pieces_of(body.geometry, spec.count, () if has_regular_nodes(spec) else acting, refine)
+    free = not has_regular_nodes(spec)
+    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine,
+                       points if free and _with_kinks(element, moving) else ())
     curved = any(p.kappa != 0.0 for p in pieces)
     own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
@@ -235,13 +255,15 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
 def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:
     """Resolve every body of a case; return the plans that could be made and all problems found."""
     plans, problems = {}, []
-    acting = acting_points(loaded.case)
+    acting, points = acting_points(loaded.case), acting_at(loaded.case)
+    moving = isinstance(loaded.case.solver, Dynamic)
     if len(loaded.case.bodies) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
                                           f"at most {MAX_BODIES}")]
     for name, body in loaded.case.bodies.items():
         try:
-            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name), acting[name]))
+            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name), acting[name],
+                                                 [p.s for p in points if p.body == name], moving))
         except ArithmeticError:
             problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
         except (RefusedError, SectionError) as error:

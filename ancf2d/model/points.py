@@ -90,6 +90,13 @@ class PointRef:
         x, y = (float(w @ self.mesh.e0[i - self.mesh.first_dof]) for i, w in columns)
         return columns, angle + math.atan2(c * y - s * x, c * x + s * y)
 
+    def before(self) -> PointRef | None:
+        """Return the end of the element before, where strains along the axis can jump here; None where they cannot."""
+        if self.node != 0 or (self.ie, True) not in self.mesh.seams:
+            return None
+        last = len(self.mesh.plan.element.nodes) - 1
+        return PointRef(self.mesh, self.s, self.ie - 1, 1.0, self.angle, last, self.eta)
+
     def dofs(self) -> Index:
         """Return all coordinates of the node here, or of the element where it is no node."""
         if self.node is not None:

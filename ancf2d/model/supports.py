@@ -60,8 +60,7 @@ def _clamp(support: Clamp, point: PointRef, owner: str, timing: Timing, out: Equ
             out.warnings.append(f"{owner}: hold: section leaves the warping coordinates of {element.name} free there, "
                                 "which can soften the clamp; hold: breathe or all holds them")
     elif hold == "all" and point.node is not None:
-        names = point.mesh.coordinate_names[point.node]
-        for dof, name in zip(point.dofs().tolist(), names, strict=True):
+        for dof, name in _coordinates(point):
             out.rows.append(Row(*_single(dof), owner, name))
     else:
         _hold_strain_free(point, owner, out)
@@ -83,6 +82,18 @@ def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
             row = point.shape_row(0, j)
             columns = [point.columns(row, 0), point.columns(row, 1)]
             out.rows.append(Row(*along(columns, tx, ty), owner, "section warping"))
+
+
+def _coordinates(point: PointRef) -> list[tuple[int, str]]:
+    """Return the coordinates of the node at a point and their names; where it has two sides, those of both."""
+    out: list[tuple[int, str]] = []
+    for side in (point, point.before()):
+        if side is not None and side.node is not None:
+            names = side.mesh.coordinate_names[side.node]
+            # the sides share their sections
+            out += [(dof, name) for dof, name in zip(side.dofs().tolist(), names, strict=True)
+                    if side is point or name.startswith("rx")]
+    return out
 
 
 def _single(dof: int) -> tuple[Index, Array]:
@@ -113,12 +124,13 @@ def _fix(support: Fix, point: PointRef, owner: str, timing: Timing, out: Equatio
     if point.node is None:
         raise SupportError(("at",), f"fix names coordinates of a node, and {point.label} is none",
                            "the place of a node, or pin, roller, clamp")
-    names = point.mesh.coordinate_names[point.node]
+    coordinates = _coordinates(point)
+    names = list(dict.fromkeys(name for _, name in coordinates))
     for k, name in enumerate(support.coordinates):
         if name not in names:
             raise SupportError(("coordinates", k), f"{point.mesh.plan.element.name} has no coordinate '{name}' at "
                                f"{point.label}", "one of " + ", ".join(names))
-        out.rows.append(Row(*_single(int(point.dofs()[names.index(name)])), owner, name))
+        out.rows += [Row(*_single(dof), owner, name) for dof, other in coordinates if other == name]
 
 
 def _prescribed(support: Prescribed, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:

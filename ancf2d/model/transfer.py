@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterable
 
 import numpy as np
 
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from .mesh import BodyMesh
+from .mesh import BodyMesh, Index
 from .model import Model
+
+# of an element: how far inside of it its ends are looked up
+NODE_MARGIN = 1e-6
 
 
 def transferred(d: Array, old: Model, new: Model) -> Array | None:
@@ -30,30 +33,35 @@ def transferred(d: Array, old: Model, new: Model) -> Array | None:
     return out
 
 
+def renumbered(d: Array, dofs: Iterable[Index], model: Model) -> Array:
+    """Return values (n_q,) of nodal coordinates that the same elements had under other numbers ``dofs``, body by body.
+
+    A node that had two sides gets their mean.
+    """
+    total, count = np.zeros(model.n_q), np.zeros(model.n_q)
+    for before, mesh in zip(dofs, model.meshes.values(), strict=True):
+        np.add.at(total, mesh.dofs, d[before])
+        np.add.at(count, mesh.dofs, 1.0)
+    return total / count
+
+
 def _alike(old: BodyMesh, new: BodyMesh) -> bool:
-    return old.plan.element == new.plan.element and len(old.corners) == len(new.corners)
+    return old.plan.element == new.plan.element
 
 
 def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:
-    """Fill in the coordinates of a body, corner by corner: displacements and their derivatives at its nodes."""
+    """Fill in the coordinates of a body: displacements and their derivatives at its nodes."""
     element = new.plan.element
     nc = element.components
-    for before, after in zip(_between_corners(old), _between_corners(new), strict=True):
-        rows = np.arange(after.start, after.stop)
-        for c, (node, name) in enumerate(element.functionals):
-            s = new.starts[rows] + element.nodes[node].at * new.lengths[rows]
-            # the small share keeps a node from the element before the one that it begins
-            ie = np.searchsorted(old.starts, s + 1e-12 * old.plan.length, side="right") - 1
-            ie = np.clip(ie, before.start, before.stop - 1)
-            xi = np.clip((s - old.starts[ie]) / old.lengths[ie], 0.0, 1.0)
-            nodal = d[old.dofs[ie]].reshape(len(ie), -1, nc)
-            for k in np.unique(old.cls[ie]):
-                here = old.cls[ie] == k
-                S = old.classes[k].shape(xi[here], np.zeros(here.sum()), *derivative_order(name))
-                out[new.dofs[rows[here], nc * c:nc * (c + 1)]] = np.einsum("ns,nsc->nc", S, nodal[here])
-
-
-def _between_corners(mesh: BodyMesh) -> list[slice]:
-    """Return the elements between the corners of a body."""
-    ends = [0, *mesh.corners, mesh.plan.count]
-    return [slice(a, b) for a, b in pairwise(ends)]
+    for c, (node, name) in enumerate(element.functionals):
+        at = element.nodes[node].at
+        s = new.starts + at * new.lengths
+        # where two elements of the old mesh meet, the one that this element overlaps
+        inner = new.starts + (NODE_MARGIN + (1.0 - 2.0 * NODE_MARGIN) * at) * new.lengths
+        ie = np.clip(np.searchsorted(old.starts, inner, side="right") - 1, 0, old.plan.count - 1)
+        xi = np.clip((s - old.starts[ie]) / old.lengths[ie], 0.0, 1.0)
+        nodal = d[old.dofs[ie]].reshape(len(ie), -1, nc)
+        for k in np.unique(old.cls[ie]):
+            here = old.cls[ie] == k
+            S = old.classes[k].shape(xi[here], np.zeros(here.sum()), *derivative_order(name))
+            out[new.dofs[here, nc * c:nc * (c + 1)]] = np.einsum("ns,nsc->nc", S, nodal[here])

@@ -15,6 +15,7 @@ from ..errors import CaseError, ComputationError, Problem, ResultsError
 from ..model.build import build_model
 from ..model.model import Model
 from ..model.point_patch import PointConstraint
+from ..model.transfer import renumbered
 from .energy import Kinds
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
@@ -95,7 +96,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         f = error.failure
         raise ComputationError(f"the equilibrium that the motion starts from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
-    return state.d[:model.n_q], state.turned
+    return renumbered(state.d, [m.dofs for m in static.meshes.values()], model), state.turned
 
 
 def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
@@ -112,7 +113,9 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
             _check_mesh(model, results, path, fail)
-            d, v = results.d(-1), results.v(-1) if results.holds("v") else np.zeros(model.n_q)
+            dofs = [body.dofs for body in results.bodies.values()]
+            d = renumbered(results.d(-1), dofs, model)
+            v = renumbered(results.v(-1), dofs, model) if results.holds("v") else np.zeros(model.n_q)
             _check_held(model, d, path, fail)
             return d, v, results.turned(-1)
     except ResultsError as error:
@@ -123,6 +126,7 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
     """Raise CaseError where a result file is of other bodies or another mesh."""
     here = {name: (mesh.plan.element.name, mesh.plan.count) for name, mesh in model.meshes.items()}
     there = {name: (body.element_type, len(body.dofs)) for name, body in results.bodies.items()}
+    numbers = {name: body.dofs for name, body in results.bodies.items()}
     if list(here) != list(there):
         raise fail(f"'{path}' has the bodies {', '.join(there)}, the case has {', '.join(here)}",
                    "a result of the same bodies, in the same order")
@@ -130,10 +134,11 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
         if here[name] != there[name]:
             raise fail(f"'{path}' has {there[name][1]} elements of type {there[name][0]} in {name}, "
                        f"the case has {here[name][1]} of type {here[name][0]}", "a result of the same mesh")
-    if results.nq != model.n_q:
-        raise fail(f"'{path}' has {results.nq} nodal coordinates, the case has {model.n_q}",
-                   "a result of the same mesh")
-    gap = float(np.max(np.abs(results.e0 - model.e0) * model.weights, initial=0.0))
+        if numbers[name].shape != model.meshes[name].dofs.shape:
+            raise fail(f"the elements of {name} in '{path}' have {numbers[name].shape[1]} nodal coordinates, not "
+                       f"{model.meshes[name].dofs.shape[1]}", "a result of the same mesh")
+    e0 = renumbered(results.e0, numbers.values(), model)
+    gap = float(np.max(np.abs(e0 - model.e0) * model.weights, initial=0.0))
     if gap > SAME * model.extent:
         raise fail(f"the reference in '{path}' is another one: nodes or directions differ by {gap:.3g}",
                    "a result of the same reference geometry, with nodes at the same places: there is one wherever "

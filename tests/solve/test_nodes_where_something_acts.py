@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import helpers
@@ -11,6 +12,7 @@ import pytest
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.transfer import transferred
+from ancf2d.solve.initial import initial_motion
 from ancf2d.solve.sections import class_motions, energies
 
 L, A_AT = 2.0, 0.3
@@ -74,7 +76,7 @@ def test_what_only_looks_on_or_slides_needs_no_node() -> None:
     assert model.meshes["b"].plan.split == []
 
 
-@pytest.mark.parametrize("name", ["vallejo", "2d2n", "reissner3"])
+@pytest.mark.parametrize("name", ["vallejo", "2d3n", "reissner3"])
 def test_equal_elements_stay_the_same_to_the_last_bit_where_their_nodes_will_do(name: str) -> None:
     models = []
     for nodes in ("acting", "regular"):
@@ -123,3 +125,124 @@ def test_neighbours_of_unequal_length_have_no_gap_in_a_rigid_motion(name: str) -
     found = energies(mesh, [class_motions(c.sampler) for c in mesh.classes], spin)
     assert found.gaps < 1e-12 * found.total
     assert found.motions.sum() == pytest.approx(found.total, rel=1e-9)
+
+
+# types whose neighbours share r_x, and with it the axial strain
+SHARING = ["cable", "omar", "li", "2d2n", "2d2n-nu"]
+BAR = {"height": 0.02, "width": 0.02}
+STIFF = {"E": 2.1e11, "nu": 0.0, "rho": 1000.0}
+EA = STIFF["E"] * BAR["height"] * BAR["width"]
+
+
+def bar(name: str, count: int, nodes: str = "acting", length: float = 1.0, start: float = 0.0) -> dict[str, Any]:
+    """Return a straight bar along 0.6 rad."""
+    way = (start * np.cos(0.6), start * np.sin(0.6))
+    return helpers.body(helpers.line(length, 0.6, way), helpers.element(name, count, nodes=nodes), BAR, STIFF)
+
+
+def along(out: helpers.Solution, at: str) -> float:
+    """Return the displacement of a point along the bar."""
+    return float(out.u(at) @ [np.cos(0.6), np.sin(0.6)])
+
+
+CLAMP, ALONG = {"type": "clamp", "at": "b@0"}, [100 * np.cos(0.6), 100 * np.sin(0.6)]
+# each with what stretches the bar by F L/(E A) up to S = 0.5 alone
+PULLS: dict[str, dict[str, Any]] = {
+    "force": {"loads": [{"type": "force", "at": "b@0.5", "value": ALONG}]},
+    "weight": {"masses": [{"at": "b@0.5", "mass": 100.0}], "gravity": [np.cos(0.6), np.sin(0.6)]},
+    "member": {"joints": [{"type": "pin", "between": ["b@0.5", "c@0"]}],
+               "loads": [{"type": "force", "at": "c@1", "value": ALONG}]},
+}
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("pull", PULLS)
+@pytest.mark.parametrize("name", SHARING)
+def test_the_axial_strain_jumps_where_a_force_acts_along_a_bar(name: str, pull: str, count: int) -> None:
+    what = {**PULLS[pull]}
+    bodies = {"b": bar(name, count)}
+    if "joints" in what:
+        bodies["c"] = helpers.body(helpers.line(0.5, 0.6, (0.5 * np.cos(0.6), 0.5 * np.sin(0.6))),
+                                   helpers.element("rigid", 1), {"height": 0.01, "width": 0.01}, {"rho": 1.0})
+        del bodies["c"]["element"]["nodes"], bodies["c"]["element"]["count"]
+        # held across, as the pin lets it turn
+        what["bc"] = [CLAMP, {"type": "roller", "at": "c@1", "normal": [-np.sin(0.6), np.cos(0.6)]}]
+    gravity = what.pop("gravity", None)
+    own = 0.0
+    if gravity is not None:
+        what["loads"] = [{"type": "gravity", "value": gravity}]
+        # the bar's own weight per length
+        q = STIFF["rho"] * BAR["height"] * BAR["width"]
+        own = q * (0.5 - 0.125) / EA
+    out = helpers.solved(bodies, "linear_static", **{"bc": [CLAMP], **what})
+    assert along(out, "b@0.5") == pytest.approx(100 * 0.5 / EA + own, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", SHARING)
+def test_two_halves_with_a_force_where_they_are_welded_are_one_bar(name: str) -> None:
+    loads = [{"type": "force", "at": "b@1", "value": ALONG}]
+    halves = helpers.solved({"b": bar(name, 2, length=0.5), "c": bar(name, 2, length=0.5, start=0.5)}, "linear_static",
+                            bc=[CLAMP], joints=[{"type": "weld", "between": ["b@1", "c@0"]}], loads=loads)
+    assert along(halves, "b@1") == pytest.approx(100 * 0.5 / EA, rel=1e-9)
+    assert along(halves, "c@1") == pytest.approx(100 * 0.5 / EA, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cable", "omar", "2d2n"])
+def test_sections_go_on_where_strains_jump(name: str) -> None:
+    """Of a bar bent far by forces along and across at its middle: the direction of the section is one."""
+    loads = [{"type": "force", "at": f"b@{s}", "value": value} for s, value in ((0.5, [2e3, -3e3]), (1, [0, 900.0]))]
+    out = helpers.solved({"b": bar(name, 8)}, "static", bc=[CLAMP], loads=loads)
+    here = out.point("b@0.5")
+    before = here.before()
+    e = out.model.e0 + out.d[:out.model.n_q]
+    a, b = ([dot(c, e) for c in side.director()[0]] for side in (before, here))
+    assert a[0] * b[1] - a[1] * b[0] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose([dot(c, e) for c in before.position()], out.r("b@0.5"), atol=1e-12)
+
+
+def test_strains_jump_at_points_alone() -> None:
+    """Where line loads begin, and in cables that move, the axial strain is one."""
+    line_load = [{"type": "distributed", "on": "b", "from": 0.5, "value": [1, 0]}]
+    force = [{"type": "force", "at": "b@0.5", "value": [1, 0]}]
+    moving = {"type": "dynamic", "t_end": 1.0, "dt": 0.1, "method": "newmark"}
+    scenes = {"line": ("omar", line_load, "linear_static"), "rest": ("omar", [], "linear_static"),
+              "point": ("omar", force, "linear_static"), "moving": ("omar", force, moving),
+              "cable": ("cable", force, "linear_static"), "moving cable": ("cable", force, moving),
+              "resting": ("cable", [], moving)}
+    sizes = {key: helpers.build({"b": bar(name, 4)}, solver, bc=[CLAMP], loads=loads).n_q
+             for key, (name, loads, solver) in scenes.items()}
+    assert sizes["line"] == sizes["rest"] == sizes["point"] - 6 == sizes["moving"] - 6
+    assert sizes["resting"] == sizes["moving cable"] == sizes["cable"] - 4
+
+
+@pytest.mark.parametrize("held", [{"type": "clamp", "hold": "all"},
+                                  {"type": "fix", "coordinates": ["x", "rx_x", "rx_y"]}])
+def test_a_support_of_nodal_coordinates_holds_both_sides(held: dict[str, Any]) -> None:
+    model = helpers.build({"b": bar("omar", 4)}, "eigen", bc=[{"at": "b@0.5", **held}])
+    here = model.meshes["b"].dofs
+    d = model.displacements(np.ones(model.numbering.n_unknowns), 0.0)[:model.n_q]
+    # r_x of the last node of the second element, and of the first node of the third one
+    np.testing.assert_array_equal(d[[here[1, 8], here[1, 9], here[2, 2], here[2, 3]]], 0.0)
+
+
+@pytest.mark.parametrize("name", ["cable", "omar"])
+def test_a_motion_starts_from_the_static_state_of_a_beam_on_which_more_acted(name: str, tmp_path: Any) -> None:
+    """A string that is plucked: the force that bent it is gone, and with it the second side of its node."""
+    from ancf2d.study.run import load as load_file
+    from ancf2d.study.run import run_case
+
+    ends = [{"type": "pin", "at": "b@0"}, {"type": "pin", "at": "b@1"}]
+    pluck = {"format": 1, "bodies": {"b": bar(name, 4)}, "boundary_conditions": ends, "solver": {"type": "static"},
+             "loads": [{"type": "force", "at": "b@0.5", "value": [-200.0, 300.0]}],
+             "output": {"probes": {"mid": "b@0.5"}}}
+    release = {**pluck, "loads": [], "initial": {"from": "pluck.h5"},
+               "solver": {"type": "dynamic", "t_end": 1e-5, "dt": 1e-5, "method": "newmark"}}
+    for title, case in (("pluck", pluck), ("release", release)):
+        (tmp_path / f"{title}.yaml").write_text(json.dumps(case))
+    before = run_case(load_file(tmp_path / "pluck.yaml"), str(tmp_path / "pluck.h5")).summary["probes"]["mid"]
+    model = build_model(load_file(tmp_path / "release.yaml"))
+    d, _, _ = initial_motion(model)
+    here = point_ref(model.meshes["b"], 0.5)
+    assert here.before() is None
+    after = [dot(c, d[:model.n_q]) for c in here.position()]
+    np.testing.assert_allclose(after, [before["ux"], before["uy"]], rtol=1e-12)
