@@ -21,24 +21,24 @@ def _in_main_thread() -> bool:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait until the end of the block.
+def uninterrupted(number: int = signal.SIGINT) -> Iterator[None]:
+    """Let Ctrl-C, or another signal, wait until the end of the block.
 
     A mask of signals would not do: the system hands a signal that the main thread blocks to another thread, and
     Python then interrupts the main thread all the same.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if not _in_main_thread() or not callable(before):
+    before = signal.getsignal(number)
+    if not _in_main_thread() or before in (signal.SIG_IGN, None):
         yield
         return
     waiting: list[int] = []
     try:
-        signal.signal(signal.SIGINT, lambda number, _: waiting.append(number))
+        signal.signal(number, lambda number, _: waiting.append(number))
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)
         if waiting:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
 
 
 @contextmanager

@@ -16,8 +16,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import spawn
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..interrupts import uninterrupted
 
@@ -95,7 +94,8 @@ def gather(executor: Executor, function: Callable[[J], R], jobs: Mapping[int, J]
            death: type[Exception]) -> list[int]:
     """Hand on the result of every job as it comes; return the numbers of those that ended in ``death``, in order."""
     left, futures = [], {}
-    with no_interrupts():
+    # a process that is left before it is told what to do says so with a traceback
+    with uninterrupted(signal.SIGTERM), no_interrupts():
         for i, job in jobs.items():
             try:
                 futures[executor.submit(function, job)] = i
@@ -118,10 +118,11 @@ def _processes(count: int) -> Iterator[Executor]:
     """Give a pool of processes; where what is done with it fails or is interrupted, they end at once."""
     # spawn: a forked child inherits locks and threads of numerical libraries in whatever state they are
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), begin_worker, (tuple(sys.warnoptions),))
+    with _quiet_tracker():
+        pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), begin_worker,
+                                   (tuple(sys.warnoptions),))
     try:
-        with silent_orphans():
-            yield pool
+        yield pool
     except BaseException:
         with no_interrupts():
             for child in set(multiprocessing.active_children()) - others:
@@ -132,21 +133,16 @@ def _processes(count: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def silent_orphans() -> Iterator[None]:
-    """Let processes that begin meanwhile end without a traceback where this one dies before it tells them anything."""
-    begin = spawn.get_command_line
-
-    def silent(**given: Any) -> list[str]:
-        line = begin(**given)
-        if "-c" in line:
-            code = line.index("-c") + 1
-            line[code] = f"try:\n {line[code]}\nexcept EOFError: raise SystemExit(1)"
-        return line
-    spawn.get_command_line = silent  # type: ignore[assignment]
+def _quiet_tracker() -> Iterator[None]:
+    """Let the process that frees what a killed one held, and begins with the first pool, do so without a warning."""
+    before = os.environ.get("PYTHONWARNINGS", "")
+    os.environ["PYTHONWARNINGS"] = f"{before},ignore:resource_tracker".lstrip(",")
     try:
         yield
     finally:
-        spawn.get_command_line = begin
+        os.environ["PYTHONWARNINGS"] = before
+        if not before:
+            del os.environ["PYTHONWARNINGS"]
 
 
 @contextmanager
