@@ -211,6 +211,12 @@ class BodyMesh:
         return self.dofs[ie, start:start + self.node_sizes[k]]
 
     @property
+    def can_part(self) -> bool:
+        """Whether neighbours share less than their sections, and are short enough to part where they are compressed."""
+        plan = self.plan
+        return plan.element.common_coefficients and min(p.l for p in plan.pieces) < plan.section.height
+
+    @property
     def seams(self) -> list[tuple[int, bool]]:
         """Where pieces have nodes of their own: the first element behind, and whether strains can jump there."""
         return [(first, p.kink) for first, p in zip(self.piece_first, self.plan.pieces, strict=True)

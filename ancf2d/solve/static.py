@@ -340,7 +340,9 @@ class _March:
             return []
         if not unstable:
             return [f"the equilibrium is stable again from load factor {t:.6g} on"]
-        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there "
+        apart = ", ".join(name for name, mesh in self.model.meshes.items() if mesh.can_part)
+        or_part = f", or neighbouring elements of {apart} part, as short ones do (fewer elements tell)" if apart else ""
+        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there{or_part} "
                 f"({result.negative_pivots} negative pivots). A small imperfection of shape or load leads onto the "
                 "branch that bends away, method: arc_length through limit points"]
 

@@ -199,3 +199,21 @@ def test_springs_that_pull_in_the_reference_have_stressed_the_model_before():
     # the load is shared with the spring as their stiffnesses are; kGA = EA is Euler's column exactly
     P0, share = k * pull / (1 + k * L / EA), 1 / (1 + k * L / EA)
     assert factors(found)[0] == pytest.approx((math.pi**2 * EI / L**2 + P0) / share, rel=1e-4)
+
+
+def pressed(ratio: float, count: int, solver: Any, strain: float) -> h.Solution:
+    """Solve a bar of E = h = b = 1, of elements 2d2n that are l/h = ``ratio`` long, under a force along its axis."""
+    body = h.body(h.line(ratio * count), h.element("2d2n", count), {"height": 1, "width": 1}, {"E": 1.0, "nu": 0.3})
+    return h.solved({"b": body}, solver, loads=[{"type": "force", "at": "b@1", "value": [-strain, 0]}],
+                    bc=[{"type": "clamp", "at": "b@0", "hold": "breathe"},
+                        {"type": "fix", "at": "b@1", "coordinates": ["y"]}])
+
+
+def test_short_neighbours_that_share_less_than_their_faces_part_at_a_strain_of_their_own():
+    """It falls with (l/h)^2 and is that of many elements with few: a property of the equations, not of round-off."""
+    strains = {(r, n): factors(pressed(r, n, {"type": "buckling", "modes": 1}, 1.0))[0] / r**2
+               for r, n in ((0.1, 20), (0.1, 80), (0.01, 20))}
+    assert list(strains.values()) == pytest.approx([1.12] * 3, rel=0.01)
+    held, parted = (pressed(0.1, 20, {"type": "static", "steps": 4}, s) for s in (0.0105, 0.0125))
+    said = [[w for s in sol.states for w in s.warnings if "elements of b part" in w] for sol in (held, parted)]
+    assert [len(w) for w in said] == [0, 1]
