@@ -38,7 +38,7 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
     for spring in springs:
         _, _, K = spring.evaluate(e0, zero, 0.0)
         values, vectors = np.linalg.eigh(K[0])
-        keep = values > 1e-9 * max(abs(values).max(), 1e-300)
+        keep = values > 1e-9 * _stiffness(spring)
         found += [(spring.dofs[0], v) for v in vectors.T[keep]]
     out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
     for i, (coords, coefs) in enumerate(found):
@@ -53,6 +53,13 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
     # what is left of terms that cancel (a rigid length, a spring within a body) holds nothing
     some = norm > 1e-12 * terms
     return out[some] / norm[some, None]
+
+
+def _stiffness(spring: Spring) -> float:
+    """Return how stiff a spring's law is beside its coordinates; one within a rigid body has round-off of it."""
+    still = np.zeros(len(spring.G))
+    H = spring.forces(still, 0.0, still)[2]
+    return max(float(np.abs(H).max() * np.abs(spring.G).max() ** 2), 1e-300)
 
 
 def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes: list[float]) -> str:

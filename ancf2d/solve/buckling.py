@@ -31,6 +31,8 @@ DENSE = 1000
 REAL = 1e-6
 EXTRA = 3
 LANCZOS = 1e-10
+# what loads add to the stiffness of what is free, beside it, that is round-off where nothing moves
+UNSTRESSED = 1e-12
 RESTARTS = 200
 # share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
 GAPS = 1e-3
@@ -50,11 +52,14 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     unstable = pencil.negative(pivots)
     u = _response(pencil)
     size = response_size(pencil, u)
+    moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
     # where nothing moves, the tangent is linear in the multipliers
-    pencil.B = -tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0)
+    pencil.B = -tangent_rate(pencil, u, STEP / size if moves else 1.0)
     # the differences have used the factors' place
     pencil.factor(0.0)
-    if unstable != 0:
+    if not moves and not _stressed(pencil):
+        factors, V = np.zeros(0), np.zeros((0, model.numbering.n_unknowns))
+    elif unstable != 0:
         factors, V = _general(pencil, spec.modes)
     else:
         factors, V = _positive(pencil, spec.modes)
@@ -151,6 +156,14 @@ def _expanded(model: Model, z: Array) -> Array:
     out = np.zeros(len(model.numbering.place))
     model.numbering.expand(z, out)
     return out
+
+
+def _stressed(pencil: Pencil) -> bool:
+    """Return whether loads that move nothing change the stiffness of what is free to move: K^-1 dK/dt x, any x."""
+    num = pencil.model.numbering
+    forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
+    x = pencil.solve(forces)
+    return pencil.system.norm(pencil.solve(pencil.other(x))) > UNSTRESSED * pencil.system.norm(x)
 
 
 def response_size(pencil: Pencil, u: Array) -> float:

@@ -17,8 +17,10 @@ Map = Callable[[Array], Array]
 
 
 def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
-            ) -> tuple[Array, float]:
+            still: float = 0.0) -> tuple[Array, float]:
     """Return z with A z = b, and how far z is known, relative to its size: no better than ``floor``.
+
+    Nothing moves where z is no larger than ``still``, what round-off of the forces alone does.
 
     ``apply`` is A with all its digits (through the strains), ``precondition`` solves with the factors of the assembled
     matrix, in which round-off of the stiff motions has drowned the soft ones of long or many elements. Where plain
@@ -33,8 +35,8 @@ def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Ar
         change, size = norm(y), norm(z)
         if not np.isfinite(change):
             return (y, np.inf) if size == 0.0 else (z, known)
-        if change == size == 0.0:
-            # nothing moves: what there is to know is in multipliers
+        if change <= still and size <= still:
+            # what there is to know is in multipliers
             return z + y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
             return z, max(change / size, floor)

@@ -24,6 +24,8 @@ from .pieces import largest, largest_share, pieces
 UNIT_ROUNDOFF = 2.0**-53
 # displacements beside the extent of a model that are round-off of the positions themselves
 STILL = 32 * UNIT_ROUNDOFF
+# times what round-off of forces does to displacements when it is of one sign everywhere
+ROUNDED = 10.0
 
 
 @dataclass
@@ -162,6 +164,10 @@ class System:
             self.matrix.add_pulls(scales, sizes)
         sizes *= UNIT_ROUNDOFF
         return sizes
+
+    def still(self, d: Array, t: float) -> float:
+        """Return the displacement [m] below which nothing moves: what round-off of forces does, by the last factors."""
+        return ROUNDED * self.norm(self.matrix.solve(self.noise(d, t)))
 
     def rigid_forces(self) -> Array:
         """Return what round-off makes of no force: those of elements in unit rigid motions (3, n_unknowns).

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from .bodies import RIGID
 
 # flexible bodies move for so long, and are loaded smoothly: what starts at once makes waves that no mesh resolves
-SOFT = 0.4
+SOFT = 0.25
 SMOOTH = {"type": "expression", "value": f"3*(t/{SOFT})^2 - 2*(t/{SOFT})^3"}
 
 

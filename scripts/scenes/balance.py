@@ -157,6 +157,10 @@ class Resultant:
     def spring(self, spring: Data) -> None:
         """Add what a spring from the ground does."""
         ends = spring["between"]
+        if self.linear and self.pulls(spring):
+            # its stiffness turns a force, or moves a moment, that is there before: about the reference, moments then
+            # balance to first order of the displacements alone
+            self.knows_moment = False
         ground = [p for p in ends if not isinstance(p, str)]
         if not ground:
             return
@@ -176,10 +180,12 @@ class Resultant:
             self.add(-spring["stiffness"] * (np.hypot(*now) - rest) * now / np.hypot(*now), self.place(p))
             return
         n, pull = before / l, spring["stiffness"] * (l - rest)
-        if pull != 0.0:
-            self.knows_moment = False
         across = u - n * (n @ u)
         self.add(-(pull + spring["stiffness"] * float(n @ u)) * n - pull / l * across, self.place(p))
+
+    def pulls(self, spring: Data) -> bool:
+        """Return whether a spring acts before anything moves."""
+        return spring.get("angle", 0.0) != 0.0 or "length" in spring
 
     # ------------------------------------------------------------------ what is left
 

@@ -171,7 +171,8 @@ def reciprocal(scene: Scene) -> Finding:
             return refusals(base, part)
     work = [along(sites[1][1], first, "other") - along(sites[1][1], nothing, "other"),
             along(sites[0][1], second, "one") - along(sites[0][1], nothing, "one")]
-    room = scene.known * size * max(a.largest("displacement") + L * a.largest("rotation") for a in (first, second))
+    room = scene.known * size * max(scene.sizes["displacement"], *(
+        a.largest("displacement") + L * a.largest("rotation") for a in (first, second)))
     if work[0] == work[1]:
         return Finding()
     return Finding(abs(work[0] - work[1]) / room, f"works {work}, allowed {room:.2g}",

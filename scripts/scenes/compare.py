@@ -126,11 +126,12 @@ class Scene:
     def sizes(self) -> dict[str, float]:
         """Return what each kind of quantity is measured by."""
         base, L = self.base, extent(self.case)
-        U = L if self.moved else base.largest("displacement")
+        EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
+        # where loads act on what is held, displacements are round-off of what they would do to the stiffest beam
+        U = L if self.moved else max(base.largest("displacement"), largest_load(self.case) * L / EA if EA else 0.0)
         turn = max(base.largest("rotation"), U / L)
         energy = base.largest("energy")
         # where nothing is strained, forces are what is left of products of stiffness and displacement
-        EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
         rounded = EA * U / L * roundings(base.model) / self.known if base.model is not None else 0.0
         F = max(base.largest("force"), largest_load(self.case), energy / U if U else 0.0, rounded)
         M = max(base.largest("moment"), F * L)

@@ -47,3 +47,8 @@ def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(chec
 @pytest.mark.parametrize("name", ["pinned_bar", "turned_bar", "held_bar"])
 def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
     assert violations(name, "forces and moments balance", *MOVED) == {}
+
+
+def test_what_no_load_reaches_stands_still() -> None:
+    assert violations("still_beam", "forces and moments balance", *MOVED) == {}
+    assert violations("unstressed_beam", *MOVED) == {}

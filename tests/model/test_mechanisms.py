@@ -99,3 +99,12 @@ def test_arc_on_rollers_towards_its_centre_is_a_mechanism():
     bc = [{"type": "roller", "at": f"a@{s}", "normal": [cos(3 * s), sin(3 * s)]} for s in (0, 0.5, 1)]
     with pytest.raises(CaseError, match=r"turn about \(0, 0\)"):
         helpers.build(bodies, bc=bc)
+
+
+@pytest.mark.parametrize("end", [[0.097, 0.0262], [0.3, 0.1], [0.1, 0.4]])
+def test_a_torsion_spring_within_a_rigid_body_holds_nothing(end: list[float]) -> None:
+    """What round-off leaves of its stiffness is no support: the bar turned by 1e33 rad."""
+    bar = {"geometry": {"type": "line", "start": [0.182, 0.031], "end": end}, "element": {"type": "rigid"}}
+    spring = {"type": "rotational", "between": ["a@0.25", "a@0.5"], "stiffness": 0.015}
+    with pytest.raises(CaseError, match="a can turn about"):
+        helpers.build({"a": bar}, "static", bc=[PIN0], springs=[spring])
