@@ -123,6 +123,21 @@ def test_warnings_of_libraries_are_silent_unless_debugging(call: Call, monkeypat
     assert "overflow" not in result.stderr
 
 
+def test_interrupted_before_the_command_has_begun() -> None:
+    """While what it needs is imported: the process ends with 130 and a word, not by the signal and with a traceback."""
+    code = """if True:
+        import sys
+        class Interrupted:
+            def find_spec(self, name, path, target=None):
+                if name == "click":
+                    raise KeyboardInterrupt
+        sys.meta_path.insert(0, Interrupted())
+        from ancf2d.cli import main
+    """
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (found.returncode, found.stderr) == (130, "interrupted\n")
+
+
 def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     process = start(["run", "beam.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
