@@ -205,6 +205,17 @@ class Model:
         return -sum(float(load.values @ d[load.dofs]) * load.amplitude(t)
                     for load in self.loads.dead if load.gravity)
 
+    def describe_coordinate(self, full: int) -> str:
+        """Return 'ry_x of beam at S = 0.25' for a nodal coordinate."""
+        for name, mesh in self.meshes.items():
+            if mesh.first_dof <= full < mesh.first_dof + mesh.n_dofs:
+                ie, local = np.argwhere(mesh.dofs == full)[0]
+                labels = [c for node in mesh.coordinate_names for c in node]
+                node = int(np.searchsorted(np.cumsum(mesh.node_sizes), local, side="right"))
+                s = float(mesh.starts[ie] + mesh.plan.element.nodes[node].at * mesh.lengths[ie])
+                return f"{labels[local]} of {name} at S = {s / mesh.plan.length:.4g}"
+        raise IndexError(full)
+
     @property
     def patches(self) -> list[Patch]:
         """Everything that depends on the configuration beside the elements."""

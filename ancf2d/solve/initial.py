@@ -153,9 +153,7 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
     worst = int(np.argmax(gaps))
     expected = "a result whose last state the supports and joints of this case hold"
     if gaps[worst] > HELD * model.extent:
-        from .system import describe_coordinate
-
-        raise fail(f"supports or joints hold {describe_coordinate(model, worst)} elsewhere than the last state of "
+        raise fail(f"supports or joints hold {model.describe_coordinate(worst)} elsewhere than the last state of "
                    f"'{path}', by {gaps[worst]:.3g}", expected)
     for constraint in model.constraints:
         if not isinstance(constraint, PointConstraint):

@@ -26,7 +26,6 @@ from .mass import full_mass
 from .methods import make_method, newton_tolerance
 from .problem import driving, own, tracks, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS
-from .system import describe_coordinate
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
 CHUNK_SECONDS = 0.2
@@ -384,7 +383,7 @@ class Stepper:
         weights = self.p.weights
         worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
         if self.p.full[worst] < self.model.n_q:
-            at["coordinate"] = describe_coordinate(self.model, int(self.p.full[worst]))
+            at["coordinate"] = self.model.describe_coordinate(int(self.p.full[worst]))
         reason = {NOT_FINITE: "the forces are no longer finite numbers",
                   SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
         return ComputationError(

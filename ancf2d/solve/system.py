@@ -272,16 +272,4 @@ class System:
         if full >= self.model.n_q:
             constraint = self.model.constraints[full - self.model.n_q]
             return f"the multiplier of {constraint.owner} ({constraint.holds})"
-        return describe_coordinate(self.model, full)
-
-
-def describe_coordinate(model: Model, full: int) -> str:
-    """Return 'ry_x of beam at S = 0.25' for a full coordinate."""
-    for name, mesh in model.meshes.items():
-        if mesh.first_dof <= full < mesh.first_dof + mesh.n_dofs:
-            ie, local = np.argwhere(mesh.dofs == full)[0]
-            labels = [c for node in mesh.coordinate_names for c in node]
-            node = int(np.searchsorted(np.cumsum(mesh.node_sizes), local, side="right"))
-            s = float(mesh.starts[ie] + mesh.plan.element.nodes[node].at * mesh.lengths[ie])
-            return f"{labels[local]} of {name} at S = {s / mesh.plan.length:.4g}"
-    raise IndexError(full)
+        return self.model.describe_coordinate(full)
