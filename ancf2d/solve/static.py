@@ -335,16 +335,14 @@ class _March:
 
     def _stability(self, result: NewtonResult, t: float) -> list[str]:
         """Return what to say of a state whose stability is not that of the last one."""
-        unstable = result.negative_pivots > 0
-        if unstable == (self.negative > 0) or not self.system.knows_inertia:
+        if (result.negative_pivots > 0) == (self.negative > 0) or not self.system.knows_inertia:
             return []
-        if not unstable:
+        if self.negative > 0:
             return [f"the equilibrium is stable again from load factor {t:.6g} on"]
-        apart = ", ".join(name for name, mesh in self.model.meshes.items() if mesh.can_part)
-        or_part = f", or neighbouring elements of {apart} part, as short ones do (fewer elements tell)" if apart else ""
-        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there{or_part} "
-                f"({result.negative_pivots} negative pivots). A small imperfection of shape or load leads onto the "
-                "branch that bends away, method: arc_length through limit points"]
+        apart = [f", or short neighbours part in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
+        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
+                f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
+                "leads onto the branch that bends away, method: arc_length through limit points"]
 
 
 def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
