@@ -24,7 +24,7 @@ def rows(heading: str) -> str:
 
 
 @pytest.mark.parametrize(("heading", "names"), [
-    ("### Which type when", [*ELEMENTS, "ancf", "rigid"]),
+    ("### Choosing an element type", [*ELEMENTS, "ancf", "rigid"]),
     ("## Formulations", list(FORMULATIONS)),
     ("## Motion", list(INTEGRATORS)),
 ])
