@@ -133,6 +133,8 @@ def _undivided(geometry: Line | Arc | Polyline) -> list[Piece]:
 
 def _split(piece: Piece, places: list[float]) -> list[Piece]:
     """Return a piece as several that continue one another, from one of its places (arclengths) to the next."""
+    if not places:
+        return [piece]
     out = []
     for a, b in pairwise([0.0, *places, piece.length]):
         r, angle = piece.position(a)
