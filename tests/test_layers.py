@@ -1,12 +1,16 @@
-"""Who may know whom: each room of the package imports from those below it alone; files and functions stay readable."""
+"""Which folder may import which, that no modules import each other, and that files and functions stay short."""
 
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+from house import code_lines, cycles, imports, inner_cycles, sources
 
 PACKAGE = Path(__file__).parents[1] / "ancf2d"
 BASE = {"cores", "errors", "interrupts", "plain", "__version__"}
@@ -52,6 +56,33 @@ def test_rooms_import_from_those_below(room: str) -> None:
 
 def test_every_room_is_known() -> None:
     assert sorted(p.name for p in PACKAGE.iterdir() if p.is_dir() and any(p.glob("*.py"))) == ROOMS
+
+
+def test_modules_do_not_import_each_other() -> None:
+    """Imports within functions and for types alone count too: they hide a cycle and do not break it."""
+    assert inner_cycles(PACKAGE, sources(PACKAGE)) == []
+
+
+def test_cycles_are_found_wherever_a_module_is_imported(tmp_path: Path) -> None:
+    package = tmp_path / "p"
+    (package / "room").mkdir(parents=True)
+    texts = {"__init__": "from .above import x", "above": "import p.room.a\n", "room/__init__": "",
+             "room/a": "from __future__ import annotations\nfrom . import b\n",
+             "room/b": "def f():\n    from .c import x\n", "room/c": "if TYPE_CHECKING:\n    from ..room.a import A\n"}
+    for name, text in texts.items():
+        (package / f"{name}.py").write_text(text)
+    graph = imports(package, sources(package))
+    assert graph == {"p": {"p.above"}, "p.above": {"p.room.a"}, "p.room": set(), "p.room.a": {"p.room.b"},
+                     "p.room.b": {"p.room.c"}, "p.room.c": {"p.room.a"}}
+    assert cycles(graph) == [["p.room.a", "p.room.b", "p.room.c"]]
+
+
+def test_lines_of_code_are_those_of_statements(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    path.write_text('"""Two\nlines."""\n\n# why\nx = (1,\n\n     2)  # both\n\n\ndef f():\n    """Text."""\n'
+                    '    return """a\nb"""\n')
+    # x and its second line, def, and two lines of a text that is returned
+    assert code_lines(path, sources(tmp_path)[path]) == 5
 
 
 def test_files_and_functions_are_short() -> None:

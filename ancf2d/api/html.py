@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .solution import Solution
 
 WIDTH, HEIGHT, MARGIN = 480.0, 240.0, 12.0
 # bodies without any height, or width, are no reason to divide by zero [length]
@@ -18,16 +14,16 @@ MOST_POINTS = 4000
 REFERENCE, NOW = "#999999", "#1f5fa8"
 
 
-def shown(solution: Solution) -> str:
-    """Return a solution as HTML: the bodies before and after, where states were kept, and its report."""
-    picture = _picture(solution) if solution.has_states else ""
-    return f"{picture}<pre>{escape(str(solution))}</pre>"
+def shown(report: str, before: list[np.ndarray], after: list[np.ndarray]) -> str:
+    """Return a solution as HTML: the axes of its bodies (n, 2) before and after, where there are some, and its report.
+    """
+    picture = _picture(before, after) if before else ""
+    return f"{picture}<pre>{escape(report)}</pre>"
 
 
-def _picture(solution: Solution) -> str:
+def _picture(before: list[np.ndarray], after: list[np.ndarray]) -> str:
     """Return the axes of all bodies, in the reference and in the last state, as SVG."""
-    names = list(solution.results.bodies)
-    lines = [(solution.axis(name, state), colour) for state, colour in ((None, REFERENCE), (-1, NOW)) for name in names]
+    lines = [*((line, REFERENCE) for line in before), *((line, NOW) for line in after)]
     step = max(1, sum(len(points) for points, _ in lines) // MOST_POINTS)
     points = np.concatenate([line for line, _ in lines])
     if not np.isfinite(points).all():

@@ -15,6 +15,7 @@ from ..case import LoadedCase
 from ..errors import ComputationError, ResultsError
 from ..results import Results, Table, open_results
 from ..study.run import Outcome, describe_goal, quantity
+from .html import shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -206,6 +207,5 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """Return the solution as notebooks show it: what ``ancf2d run`` prints, and the bodies."""
-        from .html import shown
-
-        return shown(self)
+        names = list(self.results.bodies) if self.has_states else []
+        return shown(str(self), [self.axis(name, None) for name in names], [self.axis(name) for name in names])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from .failures import FAILED
+from .failures import FAILED, expected_met
 from .session import Session
 from .text import duration, number, say, table
 
@@ -19,9 +19,8 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     from ..study.accuracy.pursuit import Target
     from ..study.record import Progress
     from .report import run_report
-    from .run import _checked, compiling
 
-    progress = Progress(warn=session.warn, note=session.note, compiling=compiling(session))
+    progress = Progress(warn=session.warn, note=session.note, compiling=session.note_once)
     target = Target(out, force, session.command_line)
     session.parting = lambda: _tell_best(session, target)
     reached = solve_to_accuracy(loaded, target, progress, session.note)
@@ -40,7 +39,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
         say(f"error: the wanted accuracy {reached.accuracy['wanted']:g} was not reached: "
             f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
         return FAILED
-    return _checked(summary, check)
+    return expected_met(summary, check)
 
 
 def _tell_best(session: Session, target: Target) -> None:

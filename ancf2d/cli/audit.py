@@ -9,7 +9,6 @@ import click
 
 from .options import complete_types, debug_option, examples, json_option, quiet_option
 from .progress import Bar
-from .run import compiling
 from .session import Session
 from .text import number, table
 
@@ -60,7 +59,7 @@ def command(session: Session, element: str, preset: str | None, formulation: str
 
     found = subject(element, preset, formulation, quadrature)
     with Bar("examining", session.shows_progress) as bar:
-        result = audit(found, compiling=compiling(session), done=bar.update)
+        result = audit(found, compiling=session.note_once, done=bar.update)
     session.print_json(result.as_json())
     session.out(report(result))
     return 0

@@ -8,7 +8,7 @@ import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem
 from .session import Session
-from .text import say
+from .text import many, say
 
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
@@ -101,3 +101,12 @@ def problems_text(problems: list[Problem], case: str) -> str:
     if case:
         lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'} in {case}")
     return "\n".join(lines)
+
+
+def expected_met(summary: dict[str, Any], check: bool) -> int:
+    """Return the exit code of a run, which expected values decide where that is asked for."""
+    missed = [c for c in summary["checks"] if not c["met"]]
+    if check and missed:
+        say(f"error: {many(len(missed), 'expected value')} not met", err=True)
+        return FAILED
+    return 0

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..errors import ResultsError
 from .accuracy import pursue
-from .failures import FAILED
+from .failures import FAILED, expected_met
 from .options import (
     case_argument,
     debug_option,
@@ -25,7 +24,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import many, say
+from .text import say
 
 if TYPE_CHECKING:
     from ..solve.state import State
@@ -83,7 +82,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
         done = new.t / end if end else 1.0
         bar.update(done, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}" if moves else "")
 
-    progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=compiling(session),
+    progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=session.note_once,
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)
     session.parting = lambda: _tell_part(session, out, interrupted=True)
     with bar:
@@ -96,27 +95,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
     session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
     session.out(f"\nresults in {out}; next: ancf2d plot {out}")
-    return _checked(outcome.summary, check)
-
-
-def _checked(summary: dict[str, Any], check: bool) -> int:
-    """Return the exit code of a run, which expected values decide where that is asked for."""
-    missed = [c for c in summary["checks"] if not c["met"]]
-    if check and missed:
-        say(f"error: {many(len(missed), 'expected value')} not met", err=True)
-        return FAILED
-    return 0
-
-
-def compiling(session: Session) -> Callable[[str], None]:
-    """Return what tells, once, that a run takes longer as kernels are compiled first."""
-    told: set[str] = set()
-
-    def tell(text: str) -> None:
-        if text not in told:
-            told.add(text)
-            session.note(text)
-    return tell
+    return expected_met(outcome.summary, check)
 
 
 def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:

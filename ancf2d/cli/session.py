@@ -26,6 +26,7 @@ class Session:
     verbose: bool = False
     subject: dict[str, Any] = field(default_factory=dict)
     _printed: bool = False
+    _noted: set[str] = field(default_factory=set)
     parting: Callable[[], None] = lambda: None  # called after an interruption: what is left of the work
 
     @property
@@ -42,6 +43,12 @@ class Session:
         """Print a remark to stderr, unless only errors are wanted."""
         if not self.quiet:
             say(text, err=True)
+
+    def note_once(self, text: str) -> None:
+        """Print a remark to stderr that this invocation has not made yet, such as that kernels are compiled."""
+        if text not in self._noted:
+            self._noted.add(text)
+            self.note(text)
 
     def detail(self, text: str) -> None:
         """Print what ``-v`` adds to stderr."""

@@ -21,7 +21,6 @@ from .options import (
     workers,
 )
 from .progress import Bar
-from .run import compiling
 from .session import Session
 from .text import duration, many, number, say, table
 
@@ -75,7 +74,7 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
             count = len(sweep.finished)
             bar.update(count / len(sweep.rows), f"{count} of {len(sweep.rows)}")
         try:
-            run_sweep(sweep, who, compiling(session), done)
+            run_sweep(sweep, who, session.note_once, done)
         finally:
             with no_interrupts():
                 session.subject = sweep.as_json()

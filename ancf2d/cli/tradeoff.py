@@ -26,7 +26,6 @@ from .options import (
     workers,
 )
 from .progress import Bar
-from .run import compiling
 from .session import Session
 from .text import say
 from .tradeoff_report import report
@@ -103,7 +102,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     loaded = load(case, overrides)
     check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
-        study = tradeoff(loaded, choice, who, compiling(session), bar.update)
+        study = tradeoff(loaded, choice, who, session.note_once, bar.update)
     for text in study.warnings:
         session.warn(text)
     result = study.as_json()

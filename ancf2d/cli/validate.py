@@ -41,7 +41,8 @@ def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]
 
 def _check(case: str, overrides: tuple[str, ...], session: Session) -> dict[str, Any]:
     """Check one case, print its problems and warnings, return what ``--json`` says of it."""
-    from ..study.run import check, load
+    from ..study.accuracy.control import check
+    from ..study.run import load
 
     problems: list[Problem] = []
     warnings: list[str] = []

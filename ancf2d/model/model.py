@@ -16,7 +16,7 @@ from .elimination import Elimination
 from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
-from .pools import Pool
+from .pools import Pool, make_pools
 from .rotation import Turns
 from .springs import Spring
 from .timing import Timing
@@ -141,9 +141,7 @@ class Model:
     @cached_property
     def pools(self) -> list[Pool]:
         """The bodies of each group."""
-        from .pools import make_pools
-
-        return make_pools(self)
+        return make_pools(self.case, self.meshes)
 
     @cached_property
     def weights(self) -> Array:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..case import Case
 from ..elements.shape import Array
 from .mesh import STATIONS, BodyMesh, ElementClass, Index
-
-if TYPE_CHECKING:
-    from .model import Model
 
 # a body of so many elements is alone, so that threads can share it out
 MANY = 8192
@@ -77,22 +75,22 @@ def _joined(parts: list[Any]) -> Any:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def damping_time(model: Model, name: str) -> float:
+def damping_time(case: Case, name: str) -> float:
     """Return tau [s] of a body in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
-    damping, material = model.case.damping, model.case.bodies[name].material
+    damping, material = case.damping, case.bodies[name].material
     beta = damping.rayleigh.beta if damping else 0.0
     return beta + (material.damping.kelvin_voigt if material and material.damping else 0.0)
 
 
-def make_pools(model: Model) -> list[Pool]:
+def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
     """Return the bodies that deform, alike ones together."""
     pools: list[Pool] = []
     found: dict[Any, Pool] = {}
-    for name, mesh in model.meshes.items():
+    for name, mesh in meshes.items():
         plan = mesh.plan
         if plan.rigid:
             continue
-        tau = damping_time(model, name)
+        tau = damping_time(case, name)
         key = id(plan.element), plan.formulation.name, plan.rule, tau
         if plan.count < MANY and key in found:
             found[key].meshes.append(mesh)
@@ -103,9 +101,9 @@ def make_pools(model: Model) -> list[Pool]:
     return pools
 
 
-def place_of(model: Model, mesh: BodyMesh) -> tuple[int, int]:
+def place_of(pools: list[Pool], mesh: BodyMesh) -> tuple[int, int]:
     """Return the number of a body's pool, and that of the body's first element in it."""
-    for k, pool in enumerate(model.pools):
+    for k, pool in enumerate(pools):
         for other, first in zip(pool.meshes, pool.first.tolist(), strict=True):
             if other is mesh:
                 return k, first

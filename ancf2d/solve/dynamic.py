@@ -108,7 +108,7 @@ class Run:
         self.balance = Balance(model, self.stepper)
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
         beside = kind is Stepper and not every
-        self.estimate = Estimate(self) if beside and spec.estimate else None
+        self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""

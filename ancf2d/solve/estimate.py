@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,11 @@ from ..errors import ComputationError
 from ..kernels.advance import CHECK
 from ..kernels.motion import COUNT
 from ..model.mesh import Index
+from ..model.model import Model
 from ..model.points import PointRef
+from .energy import Kinds
 from .stepping import Stepper
 from .system import STILL
-
-if TYPE_CHECKING:
-    from .dynamic import Run
 
 LEVELS = 2
 # between levels: of fixed steps, or of the tolerance of adaptive ones
@@ -42,13 +41,13 @@ class Estimate:
     (probes,): of the displacements.
     """
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
-        fixed = run.stepper.dt > 0.0
-        self.factor, self.order = (DOUBLE, run.stepper.method.order) if fixed else (TENFOLD, 1)
-        model = run.model
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper = stepper
+        fixed = stepper.dt > 0.0
+        self.factor, self.order = (DOUBLE, stepper.method.order) if fixed else (TENFOLD, 1)
+        model = stepper.model
         probes = [model.point(p.at) for p in model.case.output.probes.values()]
-        self.columns = [_rows(p) for p in probes] or _nodes(run)
+        self.columns = [_rows(p) for p in probes] or _nodes(model)
         self.largest = np.zeros((LEVELS, len(self.columns)))
         self.moved = np.zeros(len(self.columns))
         self.failed = ""
@@ -57,16 +56,16 @@ class Estimate:
 
     def _level(self, factor: float) -> Stepper:
         """Return the motion with longer steps."""
-        run = self.run
-        spec = run.spec if run.stepper.dt > 0.0 else replace(run.spec, tolerance=factor * run.stepper.tolerance)
-        return Stepper(run.model, run.problem, run.signals, spec, factor * run.stepper.dt, run.times)
+        fine = self.stepper
+        spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
+        return Stepper(fine.model, fine.p, fine.signals, spec, factor * fine.dt, fine.wanted)
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
         """Begin where the motion begins."""
         for stepper in self.coarse:
             stepper.start(d, v, turned)
             if stepper.dt == 0.0:
-                stepper.expect(self.run.stepper.size)
+                stepper.expect(self.stepper.size)
 
     def take(self, t: float, d: Array) -> None:
         """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
@@ -87,7 +86,7 @@ class Estimate:
 
     def _coarse_places(self, level: int, t: float) -> Array | None:
         stepper, queue = self.coarse[level], self.queues[level]
-        near = 1e-9 * self.run.stepper.dt or 1e-12 * self.run.spec.t_end
+        near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
         try:
             while not queue or queue[-1][0] < t - near:
                 rows = [stepper.last()] if stepper.done else stepper.run()
@@ -110,7 +109,7 @@ class Estimate:
         """Return what the differences of three levels say of the first, and the order that they show."""
         if self.failed or self._alike():
             return None, None
-        size = np.where(self.moved > STILL * self.run.model.extent, self.moved, np.inf)
+        size = np.where(self.moved > STILL * self.stepper.model.extent, self.moved, np.inf)
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
         if fine == 0.0:
             return 0.0, None
@@ -124,14 +123,14 @@ class Estimate:
         """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
         if self.factor != DOUBLE or not self.moved.any():
             return False
-        steps = [s.s.numbers[COUNT] for s in (self.run.stepper, *self.coarse)]
+        steps = [s.s.numbers[COUNT] for s in (self.stepper, *self.coarse)]
         alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(steps))
         return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
 
     def warnings(self) -> list[str]:
         """Return what is to be said of an estimate that cannot be trusted."""
         if not self.failed and self._alike():
-            if BROKEN * (len(self.run.stepper.pieces) - 1) > self.run.stepper.s.numbers[COUNT]:
+            if BROKEN * (len(self.stepper.pieces) - 1) > self.stepper.s.numbers[COUNT]:
                 return ["no error estimate: amplitudes break so often that runs with longer steps take those of this "
                         "motion"]
             return ["no error estimate: runs with longer steps were cut to those of this motion, or it has too few; "
@@ -172,8 +171,8 @@ def _rows(point: PointRef) -> list[tuple[Index, Array]]:
     return point.position()
 
 
-def _nodes(run: Run) -> list[list[tuple[Index, Array]]]:
+def _nodes(model: Model) -> list[list[tuple[Index, Array]]]:
     """Return x and y of every node."""
-    x = run.balance.energies.kinds.place
+    x = Kinds(model).place
     one = np.ones(1)
     return [[(np.array([i]), one), (np.array([i + 1]), one)] for i in x]

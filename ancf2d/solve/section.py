@@ -44,7 +44,7 @@ class SectionForces:
         self.model, self.mesh, self.xi = model, mesh, np.asarray(xi, dtype=float)
         element = mesh.plan.element
         self.nc = element.components
-        self.tau = damping_time(model, mesh.plan.name)
+        self.tau = damping_time(model.case, mesh.plan.name)
         self.is_r = np.array([name == "r" for _, name in element.functionals])
         self.first_node = np.array([node == 0 for node, _ in element.functionals])
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
@@ -168,7 +168,7 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        pool, first = place_of(body.model, body.mesh)
+        pool, first = place_of(body.model.pools, body.mesh)
         group = body.model.groups[pool]
         m, n = self.dofs.shape
         # each element with coordinates of its own, so that nothing is summed

@@ -100,7 +100,7 @@ class StressByLaw:
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
         self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
-        self.tau = damping_time(model, mesh.plan.name)
+        self.tau = damping_time(model.case, mesh.plan.name)
 
     def __call__(self, state: State) -> OverBody:
         """Return the fields of a state."""

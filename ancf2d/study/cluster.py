@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 from ..errors import ComputationError
 from .identity import program
-from .pool import gather
-
-J = TypeVar("J")
-R = TypeVar("R")
 
 CONNECT = 10.0  # seconds until a scheduler must have answered
 WORKERS = 30.0  # seconds until it must have a worker
@@ -22,23 +18,11 @@ INSTALL = "the same ancf2d in the environments of scheduler and workers"
 _one_at_a_time = threading.Lock()
 
 
-def run_on_cluster(address: str, function: Callable[[J], R], jobs: Mapping[int, J], take: Callable[[int, R], None],
-                   ) -> list[int]:
-    """Hand on the result of every job as it comes; return the numbers of those whose worker died, time and again.
-
-    Raises ComputationError where scheduler or workers cannot be reached or used.
-    """
-    left: list[int] = []
-    with _cluster(address) as (executor, death):
-        left = gather(executor, Task(function, program()), jobs, take, death)
-    return left
-
-
 class Task:
     """A function on a worker, which must have the program that asks for it: another one has other results."""
 
-    def __init__(self, function: Callable[[Any], Any], wanted: str) -> None:
-        self.function, self.wanted = function, wanted
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function, self.wanted = function, program()
 
     def __call__(self, job: Any) -> Any:
         """Return function(job). Raises ComputationError on a worker with another version of ancf2d."""
@@ -50,8 +34,11 @@ class Task:
 
 
 @contextmanager
-def _cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
-    """Give the executor of a cluster, and what it raises for a job whose worker died."""
+def cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
+    """Give the executor of a cluster, and what it raises for a job whose worker died, time and again.
+
+    Raises ComputationError where scheduler or workers cannot be reached or used.
+    """
     from distributed import Client, KilledWorker
 
     # it logs with tracebacks what is told here in a sentence, by loggers with levels of their own

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from ..interrupts import uninterrupted
+from .cluster import Task, cluster
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -58,9 +59,10 @@ def run_jobs(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, lo
         done(i, result)
 
     if workers.scheduler is not None:
-        from .cluster import run_on_cluster
-
-        for i in run_on_cluster(workers.scheduler, function, dict(enumerate(jobs)), take):
+        left: list[int] = []
+        with cluster(workers.scheduler) as (executor, death):
+            left = gather(executor, Task(function), dict(enumerate(jobs)), take, death)
+        for i in left:
             take(i, lost(jobs[i]))
     elif workers.processes <= 1 or len(jobs) <= 1:
         for i, job in enumerate(jobs):

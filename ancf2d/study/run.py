@@ -71,13 +71,6 @@ def prepare(loaded: LoadedCase) -> Model:
     return model
 
 
-def check(loaded: LoadedCase) -> list[str]:
-    """Check a case beyond its format, without numba; return its warnings. Raises CaseError with all problems."""
-    from .accuracy.control import first_mesh, is_pursued
-
-    return prepare(first_mesh(loaded) if is_pursued(loaded) else loaded).warnings
-
-
 def solver_name(case: Case) -> str:
     """Return ``solver.type`` of a case."""
     words = type(case.solver).__name__

@@ -242,7 +242,7 @@ def test_damping_times_are_the_materials_and_rayleighs():
         "c": helpers.body(helpers.line(1.0), helpers.element("reissner2", 1), stiff),
     }
     solver = {"type": "dynamic", "t_end": 1, "dt": 0.1}
-    assert [damping_time(helpers.build(bodies, solver), name) for name in bodies] == [0.25, 0.0, 0.0]
+    assert [damping_time(helpers.build(bodies, solver).case, name) for name in bodies] == [0.25, 0.0, 0.0]
     damped = helpers.build(bodies, solver, damping={"rayleigh": {"beta": 0.5}})
-    assert [damping_time(damped, name) for name in bodies] == [0.75, 0.5, 0.5]
+    assert [damping_time(damped.case, name) for name in bodies] == [0.75, 0.5, 0.5]
     assert [pool.tau for pool in damped.pools] == [0.75, 0.5, 0.5]

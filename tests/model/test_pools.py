@@ -55,7 +55,7 @@ def test_bodies_alike_share_a_pool_and_lengths_a_class():
     # a and b are of one class; the pieces of c have lengths of their own
     assert first.cls[:6].tolist() == [0] * 6
     assert len(first.classes) == 3
-    assert [place_of(model, model.meshes[name]) for name in ("a", "b", "c", "other")] == [
+    assert [place_of(model.pools, model.meshes[name]) for name in ("a", "b", "c", "other")] == [
         (0, 0), (0, 3), (0, 6), (1, 0)]
 
 

@@ -14,7 +14,8 @@ import pytest
 from ancf2d.case.compose import MAX_BYTES, MAX_VALUES
 from ancf2d.errors import CaseError
 from ancf2d.model.plan import MAX_BODIES, MAX_COORDINATES
-from ancf2d.study.run import check, load
+from ancf2d.study.accuracy.control import check
+from ancf2d.study.run import load
 
 BEAM: dict[str, Any] = {
     "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},

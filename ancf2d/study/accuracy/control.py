@@ -54,6 +54,14 @@ def first_mesh(loaded: LoadedCase) -> LoadedCase:
     return with_setting(loaded, Ladder(pursuit, types, _tolerance_of(pursuit)).setting(1.0))
 
 
+def check(loaded: LoadedCase) -> list[str]:
+    """Check a case beyond its format, without numba; return its warnings. Raises CaseError with all problems.
+
+    A case that asks for an accuracy is checked on its coarsest mesh.
+    """
+    return prepare(first_mesh(loaded) if is_pursued(loaded) else loaded).warnings
+
+
 def _open_bodies(loaded: LoadedCase) -> list[str]:
     return [name for name, b in flexible(loaded.case).items() if b.element.type == "auto"]
 

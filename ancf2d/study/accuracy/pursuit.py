@@ -14,7 +14,7 @@ from ...solve.registry import takes_guess
 from ..answer import Answer, File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
-from ..run import Begin, Outcome
+from ..run import Begin, Outcome, prepare
 from ..unsolved import verdict
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
@@ -150,8 +150,6 @@ class Pursuit:
 
     def refuses(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, None where it can."""
-        from ..run import prepare
-
         try:
             prepare(with_setting(self.loaded, setting))
         except CaseError as error:
