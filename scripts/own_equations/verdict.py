@@ -21,12 +21,17 @@ SAFETY, FLOOR = 3.0, 1e-7
 
 @dataclass(frozen=True)
 class Kind:
-    """Elements that bodies may have, the order at which they are known to converge, and whether as a continuum."""
+    """Elements that bodies may have, the order at which they are known to converge, and whether as a continuum.
+
+    ``sections``: mass lies in sections of some height; ``slopes``: neighbours share r_x (li: r_xy too), so that strains
+    cannot jump where something acts inside a body, and converge to first order there.
+    """
 
     elements: tuple[dict[str, Any], ...]
     order: int
     continuum: bool = False
-    sections: bool = False  # whether mass lies in sections of some height
+    sections: bool = False
+    slopes: bool = False
 
     @property
     def name(self) -> str:

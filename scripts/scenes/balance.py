@@ -49,7 +49,7 @@ class Resultant:
         assert found.state is not None
         self.linear = found.state.linear
         self.force, self.moment = np.zeros(2), 0.0
-        # what round-off is measured by
+        # what round-off of a sum is measured by: the sizes of its terms
         self.size = 0.0
         self.knows_moment = True
         if "steady_rotation" in self.case:
@@ -64,7 +64,7 @@ class Resultant:
         """Add a force at a place, and a moment."""
         self.force = self.force + force
         self.moment += float(place[0] * force[1] - place[1] * force[0]) + moment
-        self.size = max(self.size, float(np.hypot(*force)), abs(moment) / self.extent)
+        self.size += float(np.hypot(*force)) + abs(moment) / self.extent
 
     @property
     def extent(self) -> float:

@@ -127,8 +127,10 @@ class Scene:
         """Return what each kind of quantity is measured by."""
         base, L = self.base, extent(self.case)
         EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
-        # where loads act on what is held, displacements are round-off of what they would do to the stiffest beam
-        U = L if self.moved else max(base.largest("displacement"), largest_load(self.case) * L / EA if EA else 0.0)
+        # where loads act on what is held, displacements are round-off of what they would do to the stiffest beam or,
+        # where there are rigid bodies alone, spring
+        stiffest = EA / L or max((s["stiffness"] for s in self.case.get("springs", ())), default=math.inf)
+        U = L if self.moved else max(base.largest("displacement"), largest_load(self.case) / stiffest)
         turn = max(base.largest("rotation"), U / L)
         energy = base.largest("energy")
         # where nothing is strained, forces are what is left of products of stiffness and displacement
@@ -140,7 +142,9 @@ class Scene:
         if self.solver == "dynamic":
             # forces that hold follow from displacements by the stiffest way there is
             F += EA
-            V = max(L / self.case["solver"]["t_end"], base.largest("velocity"))
+            # a tolerance is one of displacements: what changes within a step is known by as much over its length
+            V = L / self.case["solver"]["t_end"] * (1 if "dt" in self.case["solver"] else self.steps)
+            V = max(V, base.largest("velocity"))
             mass = sum(mass_per_length(b) * length(b["geometry"]) for b in self.case["bodies"].values())
             out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / L, base.largest("rate")),
                     "momentum": mass * V}
