@@ -57,6 +57,10 @@ class Resultant:
         self.reactions()
         for load in self.case.get("loads", ()):
             self.load(load)
+        if not self.linear and any("spread" in x for key in ("loads", "boundary_conditions") for x in
+                                   self.case.get(key, ())):
+            # it acts at the mean of a section, which leaves the axis as the section warps
+            self.knows_moment = False
         for spring in self.case.get("springs", ()):
             self.spring(spring)
 

@@ -13,7 +13,7 @@ import numpy as np
 from . import motions, rearrange
 from .answer import Answer, answer
 from .balance import Resultant
-from .compare import ILL, Finding, Scene, agree, announced, largest_load, refusals
+from .compare import ILL, Finding, Scene, agree, announced, refusals, total_load
 from .shapes import Array, Data, at, extent
 from .similar import Similarity, UnfitError
 
@@ -160,7 +160,7 @@ def reciprocal(scene: Scene) -> Finding:
     if base.refusal:
         return refusals(base, base)
     L, places = extent(case), [at(name, s) for name in case["bodies"] for s in (0.0, 1.0)]
-    size = largest_load(case) or 1.0
+    size = total_load(case) or 1.0
     sites = [(p, unit_load(rng, p, size, L)) for p in rng.choices(places, k=2)]
     probes = {"one": sites[0][0], "other": sites[1][0]}
     plain = {**case, "output": {"probes": probes}}

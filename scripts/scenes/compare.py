@@ -37,6 +37,10 @@ DISTURBED = 1e-7
 ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jumps", "not known")
 
 
+# what a nonlinear computation that fails says: it warns of no answer by giving none
+FAILED = ("no equilibrium was found", "did not converge")
+
+
 class Check(Protocol):
     """What is checked of a scene."""
 
@@ -130,12 +134,12 @@ class Scene:
         # where loads act on what is held, displacements are round-off of what they would do to the stiffest beam or,
         # where there are rigid bodies alone, spring
         stiffest = EA / L or max((s["stiffness"] for s in self.case.get("springs", ())), default=math.inf)
-        U = L if self.moved else max(base.largest("displacement"), largest_load(self.case) / stiffest)
+        U = L if self.moved else max(base.largest("displacement"), total_load(self.case) / stiffest)
         turn = max(base.largest("rotation"), U / L)
         energy = base.largest("energy")
         # where nothing is strained, forces are what is left of products of stiffness and displacement
         rounded = EA * U / L * roundings(base.model) / self.known if base.model is not None else 0.0
-        F = max(base.largest("force"), largest_load(self.case), energy / U if U else 0.0, rounded)
+        F = max(base.largest("force"), total_load(self.case), energy / U if U else 0.0, rounded)
         M = max(base.largest("moment"), F * L)
         out = {"displacement": U, "rotation": turn, "force": F, "moment": M, "energy": max(energy, F * U),
                "N": max(F, base.largest("N")), "Q": max(F, base.largest("Q")), "M": max(M, base.largest("M"))}
@@ -157,7 +161,7 @@ class Scene:
             return (self.known + LANCZOS) * (np.abs(value) + (positive.min() if positive.size else 0.0))
         if kind == "factor":
             # 1/factor are eigenvalues: what is known of them is a share of the largest, of either sign
-            least = bending_load(self.case) / (largest_load(self.case) or 1.0)
+            least = bending_load(self.case) / (total_load(self.case) or 1.0)
             return (PARTS * self.known + LANCZOS) * value**2 / value.min(initial=least)
         return self.known * (self.sizes[kind] + self.growth.get(kind, 0.0))
 
@@ -168,13 +172,13 @@ def bending_load(case: Data) -> float:
     return min((stiffness(b)[1] / extent(case) ** 2 for b in flexible), default=math.inf)
 
 
-def largest_load(case: Data) -> float:
-    """Return the largest force among the loads."""
+def total_load(case: Data) -> float:
+    """Return the forces of all loads: reactions are sums of them."""
     L, out = extent(case), 0.0
     weight = sum(mass_per_length(b) * length(b["geometry"]) for b in case["bodies"].values() if has_mass(b))
     for load in case.get("loads", ()):
         size = float(np.max(np.abs(load["value"])))
-        out = max(out, size * {"moment": 1.0 / L, "distributed": L, "gravity": weight}.get(load["type"], 1.0))
+        out += size * {"moment": 1.0 / L, "distributed": L, "gravity": weight}.get(load["type"], 1.0)
     return out
 
 
@@ -249,8 +253,9 @@ def refusals(base: Answer, got: Answer) -> Finding:
         if found.crash:
             return Finding(math.inf, found.refusal)
     if bool(base.refusal) != bool(got.refusal):
-        return Finding(math.inf, f"refused in one form alone: {base.refusal or got.refusal}",
-                       announced=announced(base, got))
+        refusal = base.refusal or got.refusal
+        said = refusal if any(words in refusal for words in FAILED) else announced(base, got)
+        return Finding(math.inf, f"refused in one form alone: {refusal}", announced=said)
     return Finding(refusal=kind_of_message(base.refusal))
 
 
