@@ -194,31 +194,34 @@ def _spurious_text() -> str:
 
 PAGE_TOP = """# Table 3 of the paper, mode by mode
 
-Written by `python scripts/table3.py --page`. The simply supported beam of the paper's Sec. 5.3: L = 2, 0.4 x 0.4,
-rho = 7850, nu = 0.3; frequencies in rad/s for E = 1e9 (the text of the paper says 2.07e11, its numbers are these).
-Every printed frequency is a computed one to all printed digits. `overlap` is the share of the mode's kinetic energy
-that is the exact mode of the name; shares and kinds are explained in [theory.md](theory.md#modes-and-their-kinds).
+This page is written by `python scripts/table3.py --page`. The case is the simply supported beam of the paper's Sec.
+5.3: L = 2, 0.4 x 0.4, rho = 7850, nu = 0.3. Frequencies are in rad/s for E = 1e9; the text of the paper says 2.07e11,
+but its numbers belong to 1e9. Every printed frequency agrees with a computed one to all printed digits.
+
+`overlap` is the share of the mode's kinetic energy in the exact mode of that name. Shares and kinds are explained in
+[theory.md](theory.md#modes-and-their-kinds).
 """
 PAGE_ANALYTIC = """
-The analytic row, computed: Timoshenko's beam with k = 10(1+nu)/(12+11nu), the bar, uncoupled stretch. All follow to the
-printed digits but bending 2, printed 332.24.
+The analytic row of the paper, recomputed for the Timoshenko beam with k = 10(1+nu)/(12+11nu), the bar, and uncoupled
+stretch. All values agree to the printed digits except bending 2, which is printed as 332.24.
 """
 PAGE_OTHERS = """
 ## Other elements
 
-With the right shear energy: the mode most like each name, with its overlap; `-` where no mode is half like it. Pins on
-the axis are singular for sections of order 2 and more (patel, whose axial frequencies fall for ever).
+The table uses the correct shear energy. It gives the mode most similar to each exact mode, with its overlap; `-` means
+that no mode has an overlap of one half. Pins on the axis are singular for sections of order 2 and higher; an example is
+patel, whose axial frequencies decrease without limit.
 """
 PAGE_SPURIOUS = """
 ## The spurious branch
 
-Lowest frequency [rad/s] with more than 0.1 of its kinetic energy in gaps between neighbours, by number of elements
-(right shear energy, default quadrature):
+The lowest frequency [rad/s] with more than 0.1 of its kinetic energy in gaps between neighbouring elements, by number
+of elements (correct shear energy, default quadrature):
 """
 PAGE_END = """
-It falls like 1/n: refining brings it below every mode of the beam but the first few, so that with these elements a fine
-mesh has more wrong modes among its lowest than a coarse one. Every other type shares its whole end faces with its
-neighbours and has no such branch.
+It falls like 1/n. Refinement brings it below all but the first few modes of the beam, so a fine mesh of these elements
+has more spurious modes among its lowest than a coarse one. In every other type, neighbouring elements share their whole
+end faces, and there is no such branch.
 """
 
 
