@@ -14,49 +14,52 @@ MILLION = 1_000_000
 # of aims that are not reached, by name
 NOTES = {
     "pendulum-1": (
-        "Pendulum (1): most of the time goes into Newton's iterations. Axial stiffness is half a million times "
-        "that of bending here (EA L^2/EI), and steps of more than 0.01 s take so many more iterations that they "
-        "gain nothing; shorter ones, order 9 and generalized alpha were tried and are among the runs below."),
+        "Pendulum (1): most of the time is spent in Newton iterations. The axial stiffness is half a million times "
+        "the bending stiffness here (EA L^2/EI). Steps of more than 0.01 s need so many more iterations that they "
+        "gain nothing. Shorter steps, order 9 and generalized alpha were tried and are among the runs below."),
     "pendulum-2": (
-        "Pendulum (2) to 1e-6 m: gravity that sets in at once sends fronts through the thick bar across which "
-        "accelerations jump. The error is largest, ten times its mean over time, where those of shear reach the tip "
-        "(0.19, 0.57 and 0.94 s): the mesh carries waves of its own size too fast, ahead of the front, and a step "
-        "spreads it over its length, in about equal parts. High order in space helps less than it does elsewhere: with "
-        "`reissner3` the error falls by a factor of 2 to 5 with each halving. A mass that carries waves best lets 44 "
-        "elements of order four do what 64 do with the exact one, and what 256 of order two do; orders six to ten "
-        "take about as long. Longer steps lose more than they gain, shorter ones change little; Radau's methods of "
-        "order 13 and 17 take as long or longer; `vallejo`, and `ancf` of order five along the axis, did no better. A "
-        "profile of the 44 elements: two fifths of the time are forces of elements (a quarter of that sines and "
-        "cosines), a third solutions with the bands (three quarters of that complex ones), a fifth rates and turns of "
-        "the stages, and a fiftieth factors, as a tangent serves some thirty steps."),
+        "Pendulum (2) to 1e-6 m: the sudden onset of gravity sends wave fronts with a jump in acceleration through "
+        "the thick bar. The error is largest, ten times its mean over time, where the shear fronts reach the tip "
+        "(0.19, 0.57 and 0.94 s). It has two causes of about equal size: the mesh propagates waves of its own "
+        "element length too fast, ahead of the front, and a time step spreads the front over its length. High "
+        "order in space helps less than elsewhere: with `reissner3` each halving of the elements divides the error "
+        "by 2 to 5. With the mass that propagates waves best, 44 elements of order four are as accurate as 64 with "
+        "the exact mass and as 256 of order two; orders six to ten take about as long. Longer steps lose more than "
+        "they gain, shorter ones change little. Radau methods of order 13 and 17 take as long or longer; "
+        "`vallejo`, and `ancf` of order five along the axis, are no better. A profile of the 44 elements: two "
+        "fifths of the time are element forces (a quarter of that sines and cosines), a third band solutions "
+        "(three quarters of that complex ones), a fifth rates and rotations of the stages, and a fiftieth "
+        "factorisations, because a tangent serves some thirty steps."),
     "iteration": (
-        "One Newton iteration: {iteration}. The band is read and written from memory."),
+        "One Newton iteration: {iteration}. The band is read from memory and written back."),
     "step": (
-        "One full Newton step: each of its two iterations makes forces and tangent of 8 elements and factors a "
-        "band of a few dozen unknowns, sizes at which calls and short loops cost more than the arithmetic."),
+        "One full Newton step: each of its two iterations computes forces and tangent of 8 elements and factors a "
+        "band of a few dozen unknowns. At these sizes, function calls and short loops cost more than the "
+        "arithmetic."),
     "million": (
-        "A million elements: {count}. Threads share the elements; one alone makes the factors of a chain, which go "
-        "from one end to the other."),
+        "A million elements: {count}. Threads share the elements, but a single thread factors a chain, from one "
+        "end to the other."),
     "memory": (
-        "Memory: the band, two states of the path and the tables of the mesh; they are what the solution needs."),
+        "Memory: the band, two states of the path and the tables of the mesh, all of which the solution needs."),
     "cantilever": (
-        "The cantilever: as one Newton iteration, below."),
+        "The cantilever: the same as one Newton iteration, below."),
     "exponent": (
-        "The exponent: with a million elements the forces of a state that is found do not balance to 1e-8, so that "
-        "each load step asks what round-off alone can leave of them; and the band outgrows the caches, through which "
-        "each iteration takes it five times: cleared, filled, factored, solved with forward and back."),
+        "The exponent: with a million elements, the forces at a converged state do not balance to 1e-8, so each "
+        "load step computes their round-off bound. The band also exceeds the caches, and each iteration passes "
+        "through it five times: clearing, filling, factorisation, forward and backward substitution."),
     "fixed": (
-        "The exponent below 0.95: with a thousand elements a part of the time, a few milliseconds, goes into what each "
-        "load step and iteration takes whatever the size; from 10 000 on each element takes about as long."),
+        "The exponent below 0.95: with a thousand elements a part of the time, a few milliseconds, does not depend "
+        "on the size. It is spent once per load step and iteration. From 10 000 elements on, the time per element "
+        "is about constant."),
     "explicit": (
         "RK45: see pendulum (1)."),
     "start": (
-        "Starting: beyond the imports a warm run loads kernels from the cache and reads, checks and writes the "
-        "case; `scripts/bench/startup.py` times each way to start."),
+        "Starting: beyond the imports, a warm run loads kernels from the cache, and reads, checks and writes the "
+        "case. `scripts/bench/startup.py` times each way to start."),
     "first": (
-        "The first run ever compiles the kernels of the law, the matrix and the solver that the case needs, on two "
-        "processors where there are; those of others wait until they are needed. What remains is the compiler's own "
-        "time.")}
+        "The first run ever compiles the kernels that the case needs (material law, matrix, solver), on two "
+        "processors where available. Other kernels are compiled when they are needed. The remaining time is that "
+        "of the compiler itself.")}
 
 
 def _first(rows: list[Found], **wanted: Any) -> Found:
@@ -152,4 +155,4 @@ def limits(found: Found) -> str:
                                     if r["elements"] == MILLION and "iterations" in r))
     lines = [textwrap.fill(f"* {NOTES[name].format(iteration=parts, count=count)}", 120, subsequent_indent="  ",
                            break_on_hyphens=False) for name in missed]
-    return "\n".join(["What is not reached, and why:", "", *lines]) if lines else "All of them are reached."
+    return "\n".join(["Goals that were not reached, and why:", "", *lines]) if lines else "All goals were reached."

@@ -49,29 +49,29 @@ def text(found: dict[str, Any]) -> str:
     return f"""# Speed
 
 Measured by `python scripts/bench/report.py` on {found["stamp"]}.
-Times are the processor's, which other programs on the machine disturb little, and medians of runs made in turn: trust
-the ratios more than the seconds.
+Times are processor times, which other programs on the machine disturb little, and medians of interleaved runs. The
+ratios are more reliable than the seconds.
 
 ## What to expect
 
-* A small case takes about as long as the imports of Python's numerical libraries; `--help` and `validate` load no
-  compiler. The first run of a formulation compiles its kernels; they are kept in the user's cache folder under a name
-  that changes with the sources, so that they are never stale.
+* A small case takes about as long as importing Python's numerical libraries. `--help` and `validate` do not load the
+  compiler. The first run of a formulation compiles its kernels. They are kept in the user's cache folder under a name
+  that changes with the sources, so they are never stale.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
-  band, frames that branch or close in loops front by front. Statics of 8000 elements and more shares them out to
-  threads, one for each processor or as `OMP_NUM_THREADS` says, with the same bits. The command line lets OpenBLAS have
-  one thread, as those of its own take more time than they save here; scripts do well to set `OPENBLAS_NUM_THREADS=1`
-  before they import NumPy. What is set already stays.
-* Motion is integrated by high order (`radau5`, `radau9`): smooth motion takes few steps, and wanted digits cost little
-  more. Fixed steps with `estimate: false` do without the coarser runs beside, which tell how far the result is right. A
-  state that is stored costs about 0.1 ms on top, whatever the step.
-* `reissner3` is the fastest way to a beam's answer, `reissner2` the fastest per element; elements with 12 coordinates
+  band matrix; frames with branches or loops use the multifrontal method. With 8000 elements and more, statics
+  distributes them over threads, one per processor or as `OMP_NUM_THREADS` says, with bitwise identical results. The
+  command line restricts OpenBLAS to one thread, because its own threads take more time than they save here. Scripts
+  should set `OPENBLAS_NUM_THREADS=1` before they import NumPy. An existing setting is not changed.
+* Motions use high-order integrators (`radau5`, `radau9`): smooth motion takes few steps, and more digits cost little
+  more time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state adds
+  about 0.1 ms, whatever the step.
+* `reissner3` is the fastest type for beam theory, `reissner2` the fastest per element. Elements with 12 coordinates
   cost three to six times as much each.
 
 ## Aims
 
-What this program is meant to reach beside what it reached in this run, on one core where nothing else is said. `*`: a
-time is extrapolated, as told below.
+The performance goals and what this run measured, on one core unless stated otherwise. `*`: a time is extrapolated, as
+explained below.
 
 {aims.aims_table(found)}
 
@@ -83,27 +83,27 @@ time is extrapolated, as told below.
 
 ## Large deflection of a cantilever
 
-Table 2's beam, 500 kN at the tip in 10 load steps, one core, the solve alone. Exudyn runs its geometrically exact beam,
-the like of `reissner2`, at the tightest tolerance that it meets (relative 1e-6). OpenSees runs its beam by forces with
-shear in a corotational frame, with a line search: without one it does not solve meshes as fine; its Timoshenko element
-takes no large turns. PyElastica has no static solver. Memory is the peak of the process less what it had after its
-imports.
+The beam of Table 2 with 500 kN at the tip in 10 load steps, on one core, solution time only. Exudyn uses its
+geometrically exact beam, which corresponds to `reissner2`, at the tightest tolerance at which it converges (relative
+1e-6). OpenSees uses its force-based beam with shear in a corotational frame, with a line search; without a line search
+it does not converge on meshes as fine. Its Timoshenko element does not support large rotations. PyElastica has no
+static solver. Memory is the peak of the process less its memory after the imports.
 
 {page.static_table(found)}
 
 ## Cost against size
 
-The same beam and load, ten load steps, from 8 to a million elements; memory is that above the imports. From 1000
-elements on time grows with the number of elements to the power of {page.exponents(found)}. With
-all cores, from 8192 elements on threads share them.
+The same beam and load, ten load steps, from 8 to a million elements. Memory excludes the imports. From 1000 elements
+on, time grows with the number of elements to the power of {page.exponents(found)}. With all cores, threads share the
+elements from 8192 elements on.
 
 {page.scaling_table(found)}
 
 ## Kernels and the processor
 
 One core reaches {peak / 1e9:.0f} billion operations per second here, in chains of multiply-adds that stay in its
-registers. Operations are those that forces, and forces with the lower half of the tangent, take by the shapes of the
-law, zeros of B left out, as `scripts/bench/arithmetic.py` states them; the time is that of an element among
+registers. The operation counts are those of the forces, and of the forces with the lower half of the tangent, without
+the zeros of B; `scripts/bench/arithmetic.py` derives them from the array shapes. The time is per element among
 {arithmetic.ELEMENTS}.
 
 {page.kernel_table(found)}
@@ -114,48 +114,49 @@ One Newton iteration of {arithmetic.MANY} elements, per element, on one core:
 
 ## Frames
 
-One Newton iteration of frames that are no chain beside a chain of as many elements, microseconds per element on one
-core. They are factored front by front where that costs less than a band; beside it what factors and solution take with
-the band of reverse Cuthill-McKee, and with general sparse factors (SuperLU). `scripts/bench/frames.py` has the scenes.
+One Newton iteration of branched frames compared with a chain of as many elements, in microseconds per element on one
+core. Frames use the multifrontal method where that costs less than a band. The last columns give the time of
+factorisation and solution with a band in reverse Cuthill-McKee order, and with a general sparse factorisation
+(SuperLU). `scripts/bench/frames.py` defines the scenes.
 
 {page.frames_table(found)}
 
 ## Sampling points
 
-How few points keep each type's accuracy: its own quadrature beside one point fewer and one more along and across. A
-slender and a thick cantilever under large loads, 8 elements; errors are relative to 32 elements of the type with its
-own points. `cable` samples its stretch at Lobatto points by default; its other rows have Gauss points alone. Fewer
-points leave motions without strain; more points lock (`reissner2`, `reissner3`, `kerkkanen`, `vallejo` and `2d2n` along
-the axis) or change little for more time. Only `patel` would do with one point fewer across, which its source does not
-have.
+The table compares the default quadrature of each type with one point fewer and one point more along and across. The
+problems are a slender and a thick cantilever under large loads, with 8 elements; errors are relative to 32 elements of
+the type with its default points. `cable` samples its stretch at Lobatto points by default; its other rows have Gauss
+points only. Fewer points cause zero-energy modes. More points cause locking (`reissner2`, `reissner3`, `kerkkanen`,
+`vallejo` and `2d2n` along the axis) or take more time for little gain. Only `patel` would keep its accuracy with one
+point fewer across, but its source does not use that rule.
 
 {page.sampling_table(found)}
 
 ## Modes of many elements
 
-The 20 lowest modes of Table 3's beam (its Timoshenko solution: 95.63398088 rad/s for the first). Time and memory are
+The 20 lowest modes of the beam of Table 3 (Timoshenko solution for the first: 95.63398088 rad/s). Time and memory are
 those of the whole process, imports included.
 
 {page.modes_table(found)}
 
 ## Motion
 
-The pendulums of the paper's Sec. 5.4, one core: (1), a thin steel bar, to 1.5 s, and (2), a thick soft one, to 1.1 s.
-The error is the largest distance of the tip, at multiples of 0.01 s, from a fine solution of the same theory; the time
-is that of the solve without states stored between.
+The pendulums of the paper's Sec. 5.4, on one core: (1) is a thin steel bar, computed to 1.5 s, and (2) a thick soft
+one, to 1.1 s. The error is the largest distance of the tip, at multiples of 0.01 s, from a fine solution of the same
+theory. The time is the solution time without intermediate stored states.
 
-Exudyn steps by generalized alpha with modified Newton, at a tolerance of 1e-5 (its default lies below round-off on
-pendulum (1)). OpenSees steps by HHT with alpha 0.95 and starts from the accelerations of the fall; its beams hang when
-they are built and are turned up, because its corotational frames turn by no more than half a turn. PyElastica steps
-explicitly by position Verlet. `quartic` is a geometrically exact beam of five nodes, [an element in a
-file](adding-an-element.md#an-element-in-a-file), `scripts/bench/quartic.yaml`, 0.8 of whose mass Gauss-Lobatto points
-integrate. The fine solution is the last of each
-tool's ladder; Exudyn's geometrically exact beam and `quartic` have that of `reissner3`.
+Exudyn uses generalized alpha with modified Newton and a tolerance of 1e-5 (its default is below round-off on pendulum
+(1)). OpenSees uses HHT with alpha 0.95 and starts with the accelerations of the fall. Its beams are built hanging and
+then rotated upwards, because its corotational frames rotate by at most half a turn. PyElastica uses explicit position
+Verlet. `quartic` is a geometrically exact beam with five nodes, [an element in a
+file](adding-an-element.md#an-element-in-a-file), `scripts/bench/quartic.yaml`; Gauss-Lobatto points integrate 0.8 of
+its mass. The fine solution is the last of each tool's series of runs; Exudyn's geometrically exact beam and `quartic`
+use that of `reissner3`.
 
 {page.errors_table(found)}
 
-`*`: not reached by the runs below; extrapolated by the power of the error that cost grew with up to the best run, from
-the last one with at least twice its error. `-`: no such run.
+`*`: not reached by the runs below. The time is extrapolated with the power law of cost against error between the best
+run and the last one with at least twice its error. `-`: no such run.
 
 {page.explicit_text(found)}
 
