@@ -98,7 +98,7 @@ def recommended(study: Study) -> str:
     for accuracy in study.accuracies:
         row = study.recommended(accuracy)
         if row is None:
-            rows.append([accuracy_name(accuracy), "nothing that was solved", *4 * ["-"]])
+            rows.append([accuracy_name(accuracy), "no setting solved", *4 * ["-"]])
             continue
         m, step = row.measured, row.task.setting.step
         found = total_text(row) if study.against == "continuum" else error_text(row)

@@ -122,7 +122,7 @@ class Solution:
     def results(self) -> Results:
         """Everything that was stored, as ``ancf2d.open_results`` has it. Raises ResultsError where nothing was."""
         if self._results is None:
-            raise ResultsError("the states of this solution were not kept; solve with states=True, or to an output")
+            raise ResultsError("this solution kept no states; solve with states=True or with an output file")
         return self._results
 
     @property

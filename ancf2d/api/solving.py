@@ -90,7 +90,7 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
     Raises CaseError for a case without a goal or that no type can solve, and for steps of two kinds.
     """
     if dt and tolerance:
-        raise CaseError("dt and tolerance are both given: one of them refines")
+        raise CaseError("dt and tolerance are both given; give only one")
     steps = Steps("dt", tuple(dt)) if dt else Steps("tolerance", tuple(tolerance)) if tolerance else None
     variants = [Variant()]
     if types:
@@ -104,7 +104,7 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
 def _options(overrides: Overrides) -> tuple[str, ...]:
     """Return overrides as the command line has them."""
     if isinstance(overrides, str):
-        raise TypeError("overrides are a mapping {path: value} or a list of 'path=value', not one text")
+        raise TypeError("overrides are a mapping {path: value} or a list of 'path=value' strings, not a single string")
     if not isinstance(overrides, Mapping):
         return tuple(overrides)
     plain = json.loads(json.dumps(dict(overrides), default=_plain))
@@ -124,7 +124,7 @@ def _plain(value: Any) -> Any:
         return os.fspath(value)
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(f"a case holds numbers, texts, lists and mappings, not {type(value).__name__}")
+    raise TypeError(f"a case holds numbers, strings, lists and mappings, not {type(value).__name__}")
 
 
 def _outcome(loaded: LoadedCase, target: str | None, force: bool) -> Outcome:

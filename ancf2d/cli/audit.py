@@ -24,7 +24,7 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
     except ValueError:
         found = []
     if len(found) != 2 or min(found) < 1:
-        raise click.BadParameter(f"'{value}' is no pair of numbers of Gauss points; expected for example 2,2, or "
+        raise click.BadParameter(f"'{value}' is not a pair of numbers of Gauss points; expected for example 2,2, or "
                                  "exact.")
     return found
 
@@ -34,7 +34,7 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
                                "ancf2d audit mine.yaml --formulation continuum --quadrature 3,2"))
 @click.argument("element", metavar="ELEMENT", shell_complete=complete_types)
 @click.option("--preset", type=click.Choice(["paper"]), help="Formulation, quadrature and shear factor of the paper.")
-@click.option("--formulation", help="Formulation. Default: the one that the type is recommended with.")
+@click.option("--formulation", help="Formulation. Default: the one recommended for the type.")
 @click.option("--quadrature", callback=_quadrature, metavar="NX,NY",
               help="Gauss points along and across, or exact. Default: those of type and formulation.")
 @json_option
@@ -80,5 +80,6 @@ def report(audit: Audit) -> str:
     verdicts = [a.finding.verdict for a in made]
     lines.append(", ".join(f"{verdicts.count(v)} {v}" for v in ("pass", "fail", "note") if v in verdicts))
     if len(made) < len(audit.answers):
-        lines.append(f"{len(audit.answers) - len(made)} other checks were not made: there are no shape functions")
+        lines.append(f"{len(audit.answers) - len(made)} other checks were not made because there are no shape "
+                     "functions")
     return "\n".join(lines)

@@ -39,7 +39,7 @@ def element_counts(ctx: click.Context, parameter: click.Parameter, value: str | 
     except ValueError:
         found = [0]
     if min(found) < 1:
-        raise click.BadParameter(f"'{value}' is no list of numbers of elements; expected for example 2,4,8,16.")
+        raise click.BadParameter(f"'{value}' is not a list of numbers of elements; expected for example 2,4,8,16.")
     return found
 
 
@@ -52,7 +52,7 @@ def positive_numbers(ctx: click.Context, parameter: click.Parameter, value: str 
     except ValueError:
         found = (0.0,)
     if not all(0.0 < x < math.inf for x in found):
-        raise click.BadParameter(f"'{value}' is no list of positive numbers; expected for example 4e-3,2e-3,1e-3.")
+        raise click.BadParameter(f"'{value}' is not a list of positive numbers; expected for example 4e-3,2e-3,1e-3.")
     return found
 
 
@@ -75,19 +75,19 @@ def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) 
                                "ancf2d convergence swing.yaml --dt 0.02,0.01,0.005"))
 @case_argument
 @click.option("--elements", "meshes", callback=element_counts, metavar="N,N,...",
-              help="Numbers of elements of the whole model, shared by its bodies in the proportions of the case. "
-                   "Default: five meshes, doubling from the case's own.")
+              help="Numbers of elements of the whole model, divided among its bodies in the proportions of the case. "
+              "Default: five meshes, doubling from the case's own.")
 @click.option("--dt", "dts", callback=positive_numbers, metavar="DT,...",
-              help="Of a motion: fixed time steps to refine by, on the case's mesh, instead of meshes.")
+              help="For a motion: fixed time steps to compare on the case's mesh, instead of meshes.")
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
-              help="Of a motion: tolerances of adaptive steps to refine by, instead of meshes.")
+              help="For a motion: tolerances of adaptive steps to compare, instead of meshes.")
 @click.option("--element", "types", metavar="TYPE,...", shell_complete=complete_types,
               help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
                    "Default: the case's own.")
-@click.option("--formulation", help="Formulation of the types that name none.")
+@click.option("--formulation", help="Formulation of the types given without one.")
 @click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
-              help="What errors are against: a number, or auto for the extrapolated limit of each type.")
-@jobs_option("Meshes solved at the same time; values do not depend on it, measured times do.", "1")
+              help="Reference for the errors: a number, or auto for the extrapolated limit of each type.")
+@jobs_option("Number of meshes solved at the same time; this changes measured times but no values.", "1")
 @scheduler_option
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
@@ -112,7 +112,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     from ..study.run import load
 
     if dts and tolerances:
-        raise click.UsageError("--dt and --tolerance are both given: one of them refines.")
+        raise click.UsageError("--dt and --tolerance are both given; give only one.")
     steps = Steps("dt", dts) if dts else Steps("tolerance", tolerances) if tolerances else None
 
     variants, who = _variants(types, formulation), workers(jobs, scheduler, default=1)
@@ -170,8 +170,7 @@ def report(study: Convergence) -> str:
     limits = [_limit(s, several) for s in study.series]
     lines += [line.replace("finer meshes", "smaller steps") if timed else line for line in limits]
     if study.reference is None and any(s.reference is not None for s in study.series):
-        lines += ["", "errors are against the limit of each type and formulation itself; how far that is from the beam "
-                  "or continuum it stands for, they do not tell"]
+        lines += ["", "errors are relative to the limit of each type and formulation; they exclude model error"]
     return "\n".join(lines)
 
 

@@ -43,7 +43,7 @@ def command(session: Session, name: str | None) -> int:
     rows.append([RIGID_TYPE.name, f"{RIGID_TYPE.n_dof}: {_nodes(_describe(RIGID_TYPE))}", "none: it has no strain",
                  RIGID_TYPE.source])
     session.out("\n".join(table(rows, left=(0, 1, 2, 3))))
-    session.out("\n* default; 'ancf2d elements NAME' tells all about one")
+    session.out("\n* default; 'ancf2d elements NAME' shows the details of one")
     return 0
 
 

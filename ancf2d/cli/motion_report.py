@@ -33,7 +33,7 @@ def _steps(summary: dict[str, Any], time: str) -> str:
     sizes = f"of {number(dt[0], 4)} {time}" if dt[1] - dt[0] <= 1e-9 * dt[1] else (
         f"from {number(dt[0], 3)} to {number(dt[1], 3)} {time}")
     cut = summary.get("rejected", 0)
-    return f", steps {sizes}" + (f", {many(cut, 'attempt')} given up for smaller ones" if cut else "")
+    return f", steps {sizes}" + (f", {many(cut, 'step')} rejected and repeated smaller" if cut else "")
 
 
 def _accuracy(found: dict[str, Any]) -> str:

@@ -19,8 +19,8 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 @click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
 @click.argument("name", type=click.Path(), metavar="NAME")
 @click.option("--kind", type=click.Choice(KINDS),
-              help=f"What to start from. Default: NAME where it is one of them, else {KINDS[0]}.")
-@click.option("--force", is_flag=True, help="Replace NAME.yaml where it exists.")
+              help=f"Template to start from. Default: NAME if it is one of them, else {KINDS[0]}.")
+@click.option("--force", is_flag=True, help="Replace NAME.yaml if it exists.")
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
@@ -30,10 +30,10 @@ def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     is typed.
     """
     if not os.path.basename(name):
-        raise ResultsError(f"'{name}' is no name of a case; expected for example bridge")
+        raise ResultsError(f"'{name}' is not a valid case name; expected for example bridge")
     path = Path(name) if name.endswith((".yaml", ".yml")) else Path(name + ".yaml")
     if os.path.lexists(path) and not force:
-        raise ResultsError(f"'{path}' exists; choose another name, or replace it with --force")
+        raise ResultsError(f"'{path}' exists; choose another name, or replace the file with --force")
     from ..case import SCHEMA_FILE, template
     from ..results.replace import replacing
 

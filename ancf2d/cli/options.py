@@ -35,9 +35,9 @@ def examples(*lines: str) -> str:
 
 
 debug_option = _switch("--debug", attribute="debug", help="Show the Python traceback of a failure.")
-json_option = _switch("--json", attribute="json", help="Print one JSON object on stdout, also on failure.")
+json_option = _switch("--json", attribute="json", help="Print one JSON object on stdout, even if the command fails.")
 quiet_option = _switch("-q", "--quiet", attribute="quiet", help="Print errors only.")
-verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Say what was built and what was left out.")
+verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe what was built and what was left out.")
 
 def complete_types(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return the element types that a list separated by commas may go on with, or else files."""
@@ -64,8 +64,8 @@ set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VAL
                           help="Override a value of the case, e.g. bodies.beam.element.count=32 or "
                                "loads.0.value=[0,-500]; may be given several times.")
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
-scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Work on the Dask cluster with this scheduler, "
-                                "e.g. tcp://127.0.0.1:8786, instead of in processes of this machine.")
+scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, "
+                                "e.g. tcp://127.0.0.1:8786, instead of in processes on this machine.")
 
 
 def jobs_option(what: str, default: str) -> Callable[[F], F]:
@@ -81,10 +81,11 @@ def workers(jobs: int | None, scheduler: str | None, default: int | None = None)
     if scheduler is None:
         return Workers(jobs or default or cores())
     if jobs is not None:
-        raise click.UsageError("--jobs is for processes of this machine; with --scheduler, as many jobs run as the "
+        raise click.UsageError("--jobs is for processes on this machine; with --scheduler, as many jobs run as the "
                                "cluster has workers.")
     if not ADDRESS.fullmatch(scheduler):
-        raise click.UsageError(f"'{scheduler}' is no address of a scheduler; expected for example tcp://127.0.0.1:8786.")
+        raise click.UsageError(f"'{scheduler}' is not the address of a scheduler; expected for example "
+                               "tcp://127.0.0.1:8786.")
     if find_spec("distributed") is None:
         raise click.UsageError("--scheduler needs Dask: pip install 'ancf2d[cluster]'.")
     return Workers(scheduler=scheduler)

@@ -22,40 +22,41 @@ from .text import table
 @click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]",
                 shell_complete=complete_kinds)
 @click.option("--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
-              "Default, where nothing else is asked for: NAME-KIND.png in the working directory.")
-@click.option("--show", is_flag=True, help="Open a window; needs a display.")
-@click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write what is drawn as a table of numbers.")
-@click.option("--animate", type=click.Path(), metavar="FILE", help="Write an animation: .gif, or .mp4 where ffmpeg is "
+              "Default, unless another output is asked for: NAME-KIND.png in the working directory.")
+@click.option("--show", is_flag=True, help="Open a window (needs a display).")
+@click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write the plotted values as a table.")
+@click.option("--animate", type=click.Path(), metavar="FILE", help="Write an animation: .gif, or .mp4 if ffmpeg is "
               "installed (shape, fields, modes).")
 @click.option("--frames", metavar="N", type=click.IntRange(2), default=60, show_default=True,
-              help="Frames of it at most.")
+              help="Maximum number of frames of the animation.")
 @click.option("--fps", metavar="N", type=click.IntRange(1, 100), default=20, show_default=True,
-              help="Frames of it a second.")
-@click.option("--list", "list_only", is_flag=True, help="List the kinds of figure that the file can be drawn as.")
+              help="Frames per second of the animation.")
+@click.option("--list", "list_only", is_flag=True, help="List the kinds of figure available for the file.")
 @click.option("--scale", metavar="FACTOR", type=float,
               help="Magnification of displacements (shape, fields, snapshots).")
 @click.option("--state", metavar="N", type=int,
-              help="Stored state that is drawn; negative counts from the end (shape, fields, "
+              help="Stored state to draw; negative numbers count from the end (shape, fields, "
               "section_forces, difference).")
-@click.option("--field", metavar="NAME", help="Field that is drawn: stress, strain or energy (fields).")
-@click.option("--component", metavar="NAME", help="Component of it: xx, yy, xy, or mises of stress (fields).")
-@click.option("--unrolled/--in-place", default=None, help="Draw bodies over arc length and height, or where they are; "
-              "default: unrolled where they are thin (fields).")
-@click.option("--at", metavar="T,T,...", help="Times or load factors that are drawn (snapshots).")
+@click.option("--field", metavar="NAME", help="Field to draw: stress, strain or energy (fields).")
+@click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
+@click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
+              "place; default: unrolled if they are thin (fields).")
+@click.option("--at", metavar="T,T,...", help="Times or load factors to draw (snapshots).")
 @click.option("--probe", metavar="NAME", multiple=True,
-              help="Probe that is drawn; may be given several times (curves).")
+              help="Probe to draw; may be given several times (curves).")
 @click.option("--quantity", metavar="NAME", multiple=True,
-              help="Quantity that is drawn, e.g. uy; may be given several times (curves).")
+              help="Quantity to draw, e.g. uy; may be given several times (curves).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
-              help="What the error is drawn over (convergence, tradeoff).")
-@click.option("--values", is_flag=True, default=None, help="Draw the goal itself instead of its error (convergence).")
-@click.option("--reference", metavar="FILE", help="File that the others are compared to; default: the last one named "
+              help="Quantity on the horizontal axis (convergence, tradeoff).")
+@click.option("--values", is_flag=True, default=None, help="Draw the value of the goal instead of its error "
+              "(convergence).")
+@click.option("--reference", metavar="FILE", help="File to which the others are compared; default: the last one named "
               "(difference).")
-@click.option("--first", metavar="N", type=click.IntRange(1), help="First mode that is drawn (modes).")
+@click.option("--first", metavar="N", type=click.IntRange(1), help="First mode to draw (modes).")
 @click.option("--count", metavar="N", type=click.IntRange(1),
-              help="Number of modes or moments that are drawn (modes, snapshots).")
-@click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's, or what those of several "
-              "cases have in common.")
+              help="Number of modes or instants to draw (modes, snapshots).")
+@click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's title, or what the titles of "
+              "several cases have in common.")
 @force_option
 @quiet_option
 @debug_option
@@ -100,9 +101,9 @@ def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str
         bare = os.sep not in text and "." not in text
         (found if text in kinds or (bare and not os.path.exists(text)) else files).append(text)
     if len(found) > 1:
-        raise click.UsageError(f"One kind of figure at a time, got {' and '.join(found)}.")
+        raise click.UsageError(f"Give one kind of figure at a time, got {' and '.join(found)}.")
     if not files:
-        raise click.UsageError(f"There is no result file to draw: {arguments[0]} is none. The kinds of figure are "
+        raise click.UsageError(f"There is no result file to draw: {arguments[0]} is not one. The kinds of figure are "
                                f"{', '.join(kinds)}.")
     return files, found[0] if found else None
 
@@ -143,4 +144,4 @@ def _list(session: Session, results: Any) -> None:
         mark = "*" if kind.name == default else ""
         rows.append([kind.name + mark, *([f"no: {kind.missing}", ""] if kind.missing else [kind.doc, options])])
     session.out("\n".join(table(rows, left=(0, 1, 2))))
-    session.out("\n* drawn when no kind is named")
+    session.out("\n* drawn if no kind is named")

@@ -38,11 +38,11 @@ if TYPE_CHECKING:
               help="Result file; default: the case's name with .h5, in the working directory.")
 @set_option
 @click.option("--accuracy", type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True), metavar="TOL",
-              help="Relative accuracy of the case's goal: mesh, steps in time and, where the case says element: auto, "
-                   "element types are chosen to reach it, and the error is estimated. Exit 1 where it is not reached.")
-@click.option("--check", is_flag=True, help="Exit with 1 where a value under 'expected' is not met.")
-@click.option("--resume", is_flag=True, help="Go on with an interrupted dynamic run from its last checkpoint in "
-              "OUT.h5.part; the result is that of an uninterrupted run, bit for bit.")
+              help="Relative accuracy wanted for the case's goal. Meshes, time steps and, with element: auto, element "
+              "types are chosen to reach it, and the error is estimated. Exits with 1 if it is not reached.")
+@click.option("--check", is_flag=True, help="Exit with 1 if a value under 'expected' is not met.")
+@click.option("--resume", is_flag=True, help="Continue an interrupted dynamic run from its last checkpoint in "
+              "OUT.h5.part; the result is bit for bit that of an uninterrupted run.")
 @force_option
 @json_option
 @quiet_option
@@ -70,7 +70,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     check_output(out, force, *inputs_of(loaded))
     if is_pursued(loaded):
         if resume:
-            raise click.UsageError("--resume goes on with one run; solving to an accuracy takes many.")
+            raise click.UsageError("--resume continues a single run, but solving to an accuracy takes many.")
         return pursue(session, loaded, out, force, check)
     bar = Bar("solving", session.shows_progress)
     end, moves = run_end(loaded.case), solver_name(loaded.case) == "dynamic"
@@ -108,5 +108,5 @@ def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
     with suppress(ResultsError):
         if interrupted and read_checkpoint(part) is not None:
             arguments = [a for a in session.arguments if a != "--resume"]
-            more = f"; to go on: {shlex.join(['ancf2d', *arguments, '--resume'])}"
-    session.note(f"what was reached is in {part}; next: ancf2d info {part}{more}")
+            more = f"; to continue: {shlex.join(['ancf2d', *arguments, '--resume'])}"
+    session.note(f"the results so far are in {part}; next: ancf2d info {part}{more}")

@@ -14,7 +14,7 @@ from .session import Session
 @click.command(epilog=examples("ancf2d schema -o ancf2d.schema.json", "ancf2d schema --markdown"))
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
 @click.option("--markdown", is_flag=True, help="The reference of all keys as Markdown, instead of the JSON Schema.")
-@click.option("--definition", is_flag=True, help="The schema of files that describe an element of your own.")
+@click.option("--definition", is_flag=True, help="The schema of files that define your own elements.")
 @force_option
 @debug_option
 @click.pass_obj

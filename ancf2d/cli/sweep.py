@@ -34,16 +34,15 @@ if TYPE_CHECKING:
                                "--over bodies.beam.element.type=cable,reissner3"))
 @case_argument
 @click.option("--over", "over", multiple=True, required=True, metavar="PATH=A,B,...",
-              help="A value of the case and what it becomes, as YAML has it; lists are told apart by their brackets. "
-                   "Given several times, all combinations are run.")
+              help="A key of the case and the values it takes, in YAML, separated by commas. If given several times, "
+              "all combinations are run.")
 @set_option
-@jobs_option("Processes that solve cases at the same time.", "one per core")
+@jobs_option("Number of processes that solve cases at the same time.", "one per core")
 @scheduler_option
 @click.option("--out", "-o", type=click.Path(), metavar="DIR",
               help="Folder of the result files; default: the case's name with -sweep, in the working directory.")
-@click.option("--csv", "csv_file", type=click.Path(), metavar="FILE", help="Write the table as CSV, too.")
-@click.option("--force", is_flag=True, help="Compute what is there already anew, and replace files that ancf2d did "
-              "not write.")
+@click.option("--csv", "csv_file", type=click.Path(), metavar="FILE", help="Also write the table as CSV.")
+@click.option("--force", is_flag=True, help="Recompute existing rows, and replace files that ancf2d did not write.")
 @json_option
 @quiet_option
 @debug_option
@@ -85,8 +84,8 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
 
 def _part(session: Session, sweep: Sweep) -> None:
     rows = many(len(sweep.rows), "row")
-    session.note(f"{len(sweep.finished)} of {rows} are finished, with results in {sweep.folder}; the same command goes "
-                 f"on from there")
+    session.note(f"{len(sweep.finished)} of {rows} are finished, with results in {sweep.folder}; run the same command "
+                 "again to continue")
 
 
 def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
@@ -120,7 +119,7 @@ def report(sweep: Sweep) -> str:
     lines += [*table([head, *rows], left=left), "", f"results in {sweep.folder}"]
     reused = sum(row.reused for row in sweep.rows)
     if reused:
-        lines[-1] += f"; {reused} of {many(len(sweep.rows), 'row')} had been computed before"
+        lines[-1] += f"; {reused} of {many(len(sweep.rows), 'row')} were computed before"
     return "\n".join(lines)
 
 

@@ -43,7 +43,7 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
     except ValueError:
         seconds = math.nan
     if not 0.0 <= seconds < math.inf:
-        raise click.BadParameter(f"'{value}' is no time; expected for example 60s or 5min.")
+        raise click.BadParameter(f"'{value}' is not a time; expected for example 60s or 5min.")
     return seconds
 
 
@@ -60,23 +60,23 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
                    "case's proportions.")
 @click.option("--quadrature", "quadratures", metavar="Q,...",
               help="Quadratures, e.g. [2,2],[3,2],exact. Default: that of each type.")
-@click.option("--method", "methods", metavar="NAME,...", help="Of a motion: integrators. Default: the case's.")
-@click.option("--dt", "dts", callback=positive_numbers, metavar="DT,...", help="Of a motion: fixed time steps.")
+@click.option("--method", "methods", metavar="NAME,...", help="For a motion: integrators. Default: the case's.")
+@click.option("--dt", "dts", callback=positive_numbers, metavar="DT,...", help="For a motion: fixed time steps.")
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
-              help="Of a motion: tolerances of adaptive steps. Default: three, up to the case's own.")
+              help="For a motion: tolerances of adaptive steps. Default: three, up to the case's own.")
 @click.option("--budget", default="60s", show_default=True, callback=_seconds, metavar="TIME",
-              help="What the study may take, without compiling kernels: s, min or h. Each type has its share, spent on "
-                   "what is cheapest first; what does not fit is left out, and said.")
+              help="Time that the study may take, without compilation, in s, min or h. It is divided among the types; "
+              "each solves its cheapest settings first. Settings that do not fit are left out and listed.")
 @click.option("--repeat", default=3, show_default=True, type=click.IntRange(min=1), metavar="N",
-              help="How often each time is measured, more often what is short; the median counts.")
+              help="Number of timed runs of each setting, more for short ones; the median counts.")
 @click.option("--accuracy", "accuracies", default="1e-2,1e-3,1e-4", show_default=True, callback=positive_numbers,
-              metavar="TOL,...", help="Relative errors that a setting is recommended for.")
+              metavar="TOL,...", help="Relative errors for which a setting is recommended.")
 @click.option("--against", type=click.Choice(["limit", "continuum"]), default="limit", show_default=True,
-              help="What the front and the recommendations are of: the error against each type's own limit, or that "
-                   "and the distance of the limit from the plane-stress continuum together.")
+              help="Error that the front and the recommendations are based on: relative to each type's own limit, or "
+              "to the plane-stress continuum, which adds the model error.")
 @click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
-              help="What errors are against: a number, or auto for a finer solution of the same type.")
-@jobs_option("Settings solved at the same time; errors do not depend on it, measured times do.", "1")
+              help="Reference for the errors: a number, or auto for a finer solution of the same type.")
+@jobs_option("Number of settings solved at the same time; this changes measured times but no errors.", "1")
 @scheduler_option
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
@@ -129,7 +129,7 @@ def _quadratures(text: str) -> tuple[Any, ...]:
     try:
         return read_axes([f"quadrature={text}"])[0].values
     except CaseError:
-        raise click.UsageError(f"--quadrature: '{text}' is no list of quadratures; expected for example "
+        raise click.UsageError(f"--quadrature: '{text}' is not a list of quadratures; expected for example "
                                "[2,2],[3,2],exact.") from None
 
 
@@ -140,7 +140,7 @@ def _choice(types: str | None, meshes: list[int] | None, quadratures: str | None
     from ..study.variants import parse_variants
 
     if dts and tolerances:
-        raise click.UsageError("--dt and --tolerance are both given: steps are given by one of them.")
+        raise click.UsageError("--dt and --tolerance are both given; give only one.")
     if reference is not None and against == "continuum":
         raise click.UsageError("--reference is a number: --against continuum needs the limits of the types.")
     try:

@@ -90,10 +90,10 @@ def _memory(count: int | None) -> str:
 
 def _meaning(study: Study) -> str:
     against = {"limit": "the type's own limit", "continuum": "the type's own limit", "reference": "the number given"}
-    text = (f"error: against {against[study.against]}, relative; '<' where it is less than ten times that of the "
-            "reference, so that only a bound is known. time: median of the solves alone, kernels compiled before. "
-            "memory: most that Python and numpy held for model and solution. *: no other is both faster and closer")
-    return text + (", by the total with the model error." if study.against == "continuum" else ".")
+    text = (f"error: against {against[study.against]}, relative; '<' if it is less than ten times that of the "
+            "reference, so that only a bound is known. time: median of the solve alone, without compilation. memory: "
+            "peak use of Python and numpy for model and solution. *: no other setting is both faster and more accurate")
+    return text + (", counting the model error." if study.against == "continuum" else ".")
 
 
 def _limits(study: Study) -> list[str]:
@@ -149,7 +149,7 @@ def _recommended(study: Study, command: str) -> list[str]:
     for accuracy in study.accuracies:
         row = study.recommended(accuracy)
         if row is None:
-            lines.append(f"for {accuracy_name(accuracy)}: nothing that was solved is known to be so close")
+            lines.append(f"for {accuracy_name(accuracy)}: no setting solved is known to be this accurate")
             continue
         both = study.against == "continuum"
         error = f"error and model error {total_text(row)}" if both else f"error {error_text(row)}"

@@ -10,10 +10,10 @@ from .session import Session
 
 @click.command(epilog=examples("ancf2d view swing.h5", "ancf2d view swing.h5 --save swing.html"))
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
-@click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page as one file that can be mailed, "
+@click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page to a single self-contained file "
               "instead of serving it.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
-@click.option("--no-browser", is_flag=True, help="Open no browser; print the address only.")
+@click.option("--no-browser", is_flag=True, help="Only print the address; do not open a browser.")
 @force_option
 @quiet_option
 @debug_option
@@ -40,7 +40,7 @@ def command(session: Session, file: str, save: str | None, port: int, no_browser
         return 0
 
     def ready(address: str) -> None:
-        session.out(f"{file} is shown at {address} until Ctrl-C ({page.remark})")
+        session.out(f"{file} is served at {address} until Ctrl-C ({page.remark})")
         if not no_browser:
             import webbrowser
 

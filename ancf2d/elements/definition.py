@@ -19,7 +19,7 @@ def derivative_order(coordinate: str) -> tuple[int, int]:
     """
     match = _GRADIENT.fullmatch(coordinate)
     if match is None or coordinate == "r_":
-        raise ValueError(f"'{coordinate}' is no nodal coordinate; expected r, r_x, r_y, r_xy, r_yy, ... or theta")
+        raise ValueError(f"'{coordinate}' is not a nodal coordinate; expected r, r_x, r_y, r_xy, r_yy, ... or theta")
     return len(match[1] or ""), len(match[2] or "")
 
 

@@ -91,8 +91,8 @@ class _Builder:
             try:
                 self.meshes[name] = mesh = BodyMesh(plan, dof, node)
             except UnsolvableBasisError as error:
-                self.report(("bodies", name, "element"), f"bodies.{name}: elements as long as {plan.pieces[0].l:.3g} "
-                            f"beside a height of {plan.section.height:.3g} cannot be computed with ({error})",
+                self.report(("bodies", name, "element"), f"bodies.{name}: elements of length {plan.pieces[0].l:.3g} "
+                            f"and height {plan.section.height:.3g} are beyond floating-point computation ({error})",
                             "fewer elements, or a length and a height that differ less")
                 continue
             dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
@@ -180,7 +180,7 @@ class _Builder:
         names = [n for n, _ in self.supports]
         for constraint in drop_repeated(elimination, self.equations, set(names)):
             self.report(("boundary_conditions", names.index(constraint.owner), "angle"),
-                        f"{constraint.owner}: another support holds the {constraint.holds} already",
+                        f"{constraint.owner}: another support already holds the {constraint.holds}",
                         "one support that holds or moves it")
 
     def check_equations(self, elimination: Elimination) -> None:
@@ -188,12 +188,13 @@ class _Builder:
         for number_ in inconsistent(elimination, self.equations.rows, *course_of(self.case)):
             row = self.equations.rows[number_]
             path = ("boundary_conditions", names.index(row.owner)) if row.owner in names else ("joints",)
-            self.report(path, f"{row.owner}: {row.holds} contradicts what other supports and joints hold",
-                        "supports that can all be met")
+            self.report(path, f"{row.owner}: {row.holds} contradicts other supports or joints",
+                        "supports and joints that agree")
         owners = sorted({f"{self.equations.rows[n].owner} ({self.equations.rows[n].holds})"
                          for n, _ in elimination.redundant})
         if owners:
-            self.warnings.append("held twice: " + ", ".join(owners) + "; the reactions are shared with least norm")
+            self.warnings.append("held twice: " + ", ".join(owners)
+                                 + "; reactions of least norm are reported")
 
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):
@@ -201,8 +202,8 @@ class _Builder:
         motions = free_motions(list(self.meshes.values()), self.equations.rows, self.equations.constraints,
                                self.springs, self.e0)
         for motion in motions:
-            self.report(("boundary_conditions",), f"a mechanism: {motion}",
-                        "supports, joints or springs that hold every body")
+            self.report(("boundary_conditions",), f"{motion}, so there is no static solution",
+                        "a support, joint or spring that prevents this")
 
 
 def build_model(loaded: LoadedCase) -> Model:

@@ -31,9 +31,9 @@ def _warning(mesh: BodyMesh, e0: Array, e: Array) -> str | None:
     slender = float(turn[k] * length[k] / plan.section.height)
     if not slender > SAFE * plan.element.slender:
         return None
-    return (f"bodies.{plan.name}: {plan.element.name} is too stiff where elements bend so far: one turns by "
-            f"{turn[k]:.2g} rad along {length[k] / plan.section.height:.3g} heights (a product of {slender:.2g}; up to "
-            f"{SAFE * plan.element.slender:g} is safe): more elements, or vallejo or reissner3")
+    return (f"bodies.{plan.name}: {plan.element.name} is too stiff for elements bent this far: one turns by "
+            f"{turn[k]:.2g} rad over a length of {length[k] / plan.section.height:.3g} heights (product {slender:.2g}; "
+            f"up to {SAFE * plan.element.slender:g} is safe). Use more elements, or vallejo or reissner3")
 
 
 def _bend(mesh: BodyMesh, e: Array) -> Array:

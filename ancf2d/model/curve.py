@@ -81,7 +81,7 @@ def share_count(lengths: Sequence[float], count: int) -> list[int]:
     """
     total = sum(lengths)
     if not math.isfinite(count * total):
-        raise OverflowError("the length is no number")
+        raise OverflowError("the length is not a finite number")
     ideal = [count * length / total for length in lengths]
     shares = [max(1, math.floor(i + ALIKE)) for i in ideal]
     while (missing := count - sum(shares)) != 0:

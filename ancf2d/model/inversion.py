@@ -1,4 +1,4 @@
-"""Elements that have turned inside out: states that equations admit and bodies do not."""
+"""Inverted elements: states that the equations admit and bodies do not."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _fields(pool: Pool, some: slice, q: Array, wanted: list[tuple[tuple[Array, .
 
 
 def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
-    """Return which element has turned inside out at d (n_full,), in words; None where none has.
+    """Return which element is inverted at d (n_full,), in words; None where none is.
 
     ``before`` is the state one step before, from which no axis turns by more than a right angle.
     """
@@ -66,16 +66,16 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
 
 
 def _told(pool: Pool, ie: int, station: float) -> str:
-    """Return which place of which body has turned inside out."""
+    """Return in words where an element is inverted."""
     k = int(np.searchsorted(pool.first, ie, side="right")) - 1
     mesh, ie = pool.meshes[k], ie - int(pool.first[k])
     s = (mesh.starts[ie] + station * mesh.lengths[ie]) / mesh.plan.length
-    return f"{mesh.plan.name} has turned inside out at S = {s:.4g}"
+    return f"an element is inverted: '{mesh.plan.name}' at S = {s:.4g}"
 
 
 def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> None:
-    """Raise ComputationError where an element has turned inside out."""
+    """Raise ComputationError where an element is inverted."""
     found = inverted(model, d, before)
     if found is not None:
         raise ComputationError(found, at={"factor": float(f"{t:.6g}")},
-                               advice="a smaller load or motion: no body can be pressed to nothing and beyond")
+                               advice="a smaller load or motion: no body can be compressed past zero size")

@@ -54,8 +54,8 @@ class JointContext:
         for k, r in enumerate(others, start=1):
             gap, others_s = float(np.hypot(*(r - x))), [p.s for p in points[:k] if p.mesh is points[k].mesh]
             if any(abs(points[k].s - s) <= GAP for s in others_s):
-                problems.append((("between", k), f"{self.label}: {points[k].label} is where another point of the same "
-                                 "body is already", "points of different bodies, or apart along one"))
+                problems.append((("between", k), f"{self.label}: {points[k].label} coincides with another point of the "
+                                                 "same body", "points of different bodies, or apart along one"))
             elif gap > closable(x, points[0].mesh, points[k].mesh):
                 problems.append((("between", k),
                                  f"{self.label}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "

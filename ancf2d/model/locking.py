@@ -1,4 +1,4 @@
-"""Elements too stiff in bending, as their sections cannot thin or their arcs are long, or off where loaded across.
+"""Elements too stiff in bending, as sections cannot contract or arcs are long, or off under transverse load.
 
 And elements that are too soft, as their quadrature has too few points.
 """
@@ -157,28 +157,29 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
         return None
     usual = default_rule(plan.element, plan.formulation).normal
     motions = f"{hidden} motion{'s' * (hidden > 1)} of each {plan.element.name} element"
-    return (f"bodies.{plan.name}: {plan.rule} leave {motions} without stiffness, or nearly so at nu = "
-            f"{plan.section.nu:g}: a static state can be singular, and modes spurious; quadrature "
-            f"[{usual[0]}, {usual[1]}] gives them stiffness")
+    return (f"bodies.{plan.name}: {plan.rule} leave {motions} with no or almost no stiffness at nu = "
+            f"{plan.section.nu:g}, so that static solutions can be singular and modes spurious. Use quadrature "
+            f"[{usual[0]}, {usual[1]}]")
 
 
 def locking_warning(mesh: BodyMesh) -> str | None:
     """Return what to say of a body that Poisson's ratio makes wrong across or in bending, None where it does not."""
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
     if across > TOLD_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
-        return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is off by "
-                f"{100 * across:.3g} % where so short a body is loaded across, at nu = {plan.section.nu:g}; "
-                "formulation continuum is not")
+        return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
+                f"% off under transverse load on a body this short at nu = {plan.section.nu:g}. Use formulation "
+                "continuum")
     more, curved = arc_excess(mesh)
     who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
     if curved is not None and more >= max(TOLD, excess):
         _, l, kappa = curved.key
-        return (f"{who} is too stiff in bending by {100 * more:.3g} %, as one element is an arc of "
-                f"{abs(kappa) * l:.2g} rad, {l / plan.section.height:.3g} heights long: more elements, or reissner3")
+        return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element is an arc of "
+                f"{abs(kappa) * l:.2g} rad, {l / plan.section.height:.3g} heights long. Use more elements, or "
+                "reissner3")
     if excess < TOLD:
         return None
     better = [name for name in ("enhanced", "structural")
               if name != plan.formulation.name and FORMULATIONS[name].refuse(plan.element) is None]
     advice = f"formulation {' or '.join(better)}" if better else "patel in formulation continuum"
-    return (f"{who} cannot thin where it bends and is too stiff by {100 * excess:.3g} % at nu = {plan.section.nu:g}; "
-            f"{advice} is not")
+    return (f"{who} cannot contract across the section in bending and is too stiff by {100 * excess:.3g} % at nu = "
+            f"{plan.section.nu:g}. Use {advice}")

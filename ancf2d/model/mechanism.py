@@ -73,11 +73,11 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
             rate = phi / sizes[b]
             x, y = centres[b][0] - ty / rate, centres[b][1] + tx / rate
             x, y = (0.0 if abs(v) < 1e-9 * sizes[b] else v for v in (x, y))
-            words.append(f"{mesh.plan.name} can turn about ({x:.6g}, {y:.6g})")
+            words.append(f"'{mesh.plan.name}' is free to turn about ({x:.6g}, {y:.6g})")
         else:
             n = math.hypot(tx, ty)
             dx, dy = (0.0 if abs(v) < 1e-9 else v for v in (tx / n, ty / n))
-            words.append(f"{mesh.plan.name} can move along ({dx:.4g}, {dy:.4g})")
+            words.append(f"'{mesh.plan.name}' is free to move along ({dx:.4g}, {dy:.4g})")
     return " while ".join(words)
 
 

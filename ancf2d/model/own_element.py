@@ -43,8 +43,9 @@ def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
         raise DefinitionError([(("basis",), f"{len(polynomials)} basis functions for {element.n_shape} nodal "
                                 "coordinates", "as many functions as coordinates at all nodes together")])
     if element.lobatto and element.degree_x < 2:
-        raise DefinitionError([(("lobatto",), f"two Gauss-Lobatto points give a bar that turns more mass than it has, "
-                                f"got lobatto {element.lobatto:g} for a basis of degree {element.degree_x} in x",
+        raise DefinitionError([(("lobatto",), "two Gauss-Lobatto points overestimate the rotary inertia of a bar, got "
+                                              f"lobatto {element.lobatto:g} for a basis of degree {element.degree_x} "
+                                              "in x",
                                 "no lobatto, or a basis of higher degree")])
     return element
 

@@ -131,7 +131,7 @@ def _element_type(spec: Element, definition: ElementDefinition | None) -> Elemen
     if definition is not None:
         return _user_element(spec, definition)
     if spec.type == "auto":
-        raise RefusedError(("element", "type"), "element auto is chosen by 'ancf2d run' and 'ancf2d sweep' alone",
+        raise RefusedError(("element", "type"), "element auto works only with 'ancf2d run' and 'ancf2d sweep'",
                        "one of " + ", ".join(registry.names()))
     return registry.element_type(spec.type, spec.order)
 
@@ -231,7 +231,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
-        raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear: shear_factor means nothing",
+        raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
     section = resolve_section(body, element, formulation, k)
     return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count, tuple(acting),
@@ -245,7 +245,7 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
                            "line or polyline")
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "refine"):
         if getattr(body.element, key) is not None:
-            raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain: {key} means nothing",
+            raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain, so {key} has no effect",
                                f"no {key}")
     count = len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
     pieces = pieces_of(body.geometry, count)
@@ -293,7 +293,7 @@ def _computable(plan: BodyPlan) -> BodyPlan:
 
 
 def _incomputable(name: str) -> str:
-    return f"bodies.{name}: its length, section or stiffnesses are too large or too small to be computed with"
+    return f"bodies.{name}: its length, section or stiffnesses are too large or too small to compute with"
 
 
 def warnings_of(plan: BodyPlan) -> list[str]:
@@ -306,24 +306,25 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if inside:
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
         out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
-                   "has no kink: finer meshes then gain little; nodes: acting puts a node there")
+                   "cannot kink. Finer meshes gain little then; nodes: acting puts a node there")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
     if on_axis and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
                    "the points across have no effect")
     longest = max(p.l for p in plan.pieces) / plan.section.height
     if longest > plan.element.slender:
-        out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending where elements are long beside "
-                   f"their height ({longest:.3g} times; up to {plan.element.slender:g} is safe): more elements, or "
-                   "vallejo or reissner3, which have no such bound")
+        out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending with elements this slender "
+                   f"({longest:.3g} times as long as high; up to {plan.element.slender:g} is safe). Use more elements, "
+                   "or vallejo or reissner3, which have no such limit")
     if plan.element.common_coefficients and plan.length <= plan.section.height and plan.count > 1:
-        out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share the axis and its sections' "
-                   "directions alone: where so short a body is loaded across, it is off by half and more; patel in "
-                   "formulation continuum is not")
+        out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
+                   "of their sections, so results are off by half and more under transverse load on a body this short. "
+                   "Use "
+                   "patel in formulation continuum")
     turn = max(abs(p.kappa) * p.l for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element is an arc of {turn:.2g} rad, which can cost some per cent of "
-                   f"accuracy: more elements, so that each turns by less than {WIDE:g} rad")
+                   f"accuracy. Use more elements, so that each turns by less than {WIDE:g} rad")
     if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
     return out

@@ -219,7 +219,7 @@ def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
     for constraint in constraints:
         if isinstance(constraint, PointConstraint) and constraint.opposed(d, t):
             raise ComputationError(
-                f"{constraint.owner}: the section stands opposite to where it is held, as its element has turned "
-                "inside out", at={"t": t},
+                f"{constraint.owner}: the section points opposite to its prescribed direction because its element is "
+                "inverted", at={"t": t},
                 advice="smaller steps or a gentler motion, more elements there, or reissner3, whose sections cannot "
-                       "vanish")
+                       "collapse")

@@ -35,13 +35,13 @@ class Motion:
         try:
             away = self.course(0.0)
         except ComputationError as error:
-            return f"{self.name} has no start: {error}", "a value at t = 0"
+            return f"{self.name} has no value at t = 0: {error}", "an amplitude that is defined at t = 0"
         if abs(away) <= 1e-9 * (1.0 if self.key == "angle" else extent):
             return None
         if self.key in "xy":
-            return (f"{self.name} begins {away:.6g} away from where the point is",
-                    f"a position that starts in the reference, or u{self.key} for a displacement")
-        return f"{self.name} begins at {away:.6g}", "0 at t = 0"
+            return (f"{self.name} starts {away:.6g} away from the point's reference position",
+                    f"a position that starts at the point, or u{self.key} for a displacement")
+        return f"{self.name} starts at {away:.6g}", "0 at t = 0"
 
     def jump_problem(self, t_end: float) -> tuple[str, str] | None:
         """Return message and what is expected of a motion that would ask for an infinite velocity."""

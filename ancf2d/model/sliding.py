@@ -106,8 +106,8 @@ class OnAxis:
 
     def lost(self) -> ComputationError:
         """Return what to say of a point that is off the end of the body."""
-        return ComputationError(f"{self.owner}: {self.label} has left {self.body} over its end",
-                                advice=f"a longer {self.body}, or something that stops {self.label}")
+        return ComputationError(f"{self.owner}: {self.label} has slid off the end of {self.body}",
+                                advice=f"a longer {self.body}, or a stop for {self.label}")
 
     def check(self, d: Array) -> None:
         """Raise ComputationError where the point is off the end of the body at d."""

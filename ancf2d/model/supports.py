@@ -122,8 +122,8 @@ def _breathe(support: Clamp, point: PointRef, owner: str, out: Equations) -> Non
 
 def _fix(support: Fix, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
     if point.node is None:
-        raise SupportError(("at",), f"fix names coordinates of a node, and {point.label} is none",
-                           "the place of a node, or pin, roller, clamp")
+        raise SupportError(("at",), f"fix holds coordinates of a node, and there is no node at {point.label}",
+                           "a node, or a support of type pin, roller or clamp")
     coordinates = _coordinates(point)
     names = list(dict.fromkeys(name for _, name in coordinates))
     for k, name in enumerate(support.coordinates):

@@ -48,8 +48,8 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     if suffix not in WRITERS:
         raise ResultsError(f"cannot write '{path}': animations are {' or '.join(WRITERS)} files")
     if not WRITERS[suffix].isAvailable():
-        raise ResultsError(f"cannot write '{path}': it takes the program ffmpeg, which is not installed; "
-                           "install it, or write a .gif file")
+        raise ResultsError(f"cannot write '{path}': this needs the program ffmpeg, which is not installed; install it, "
+                           "or write a .gif file")
     return WRITERS[suffix](fps=fps)
 
 
@@ -59,9 +59,9 @@ def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, tit
     sources, chosen = chosen_kind(results, kind, options, animated=True)
     if chosen.frames is None:
         moving = ", ".join(k.name for k in KINDS.values() if k.frames is not None)
-        raise ResultsError(f"{chosen.name} stands still; what can be animated is {moving}")
+        raise ResultsError(f"{chosen.name} cannot be animated; {moving} can")
     if length < SMALLEST:
-        raise ResultsError(f"an animation has at least {SMALLEST} frames, not {length}")
+        raise ResultsError(f"an animation needs at least {SMALLEST} frames, not {length}")
     for picture in chosen.frames(sources, length, **options):
         if title is not None:
             picture.title = title

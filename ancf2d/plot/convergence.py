@@ -149,10 +149,10 @@ def _no_table(results: Results) -> str:
 
 def _no_times(results: Results) -> str:
     missing = _no_table(results)
-    return missing or ("" if "wall_s" in results.tables["convergence"] else "its table holds no times")
+    return missing or ("" if "wall_s" in results.tables["convergence"] else "its table holds no measured times")
 
 
-WORK_PRECISION = Kind("work_precision", "error of the goal against the measured time, and the best of all",
+WORK_PRECISION = Kind("work_precision", "error of the goal against the measured time, with the best of all marked",
                       _no_times, work_precision)
 CONVERGENCE = Kind("convergence", "error of the goal, or its values, against the number of elements",
                    _no_table, convergence)

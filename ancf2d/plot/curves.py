@@ -135,8 +135,8 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
 
 def _no_probes(results: Results) -> str:
     if not results.probes:
-        return "it holds no probes (output: probes: in the case names some)"
-    return "" if len(results.probe_t) > 1 else "its probes hold one value only"
+        return "it holds no probes (name some under output: probes: in the case)"
+    return "" if len(results.probe_t) > 1 else "its probes hold only one value"
 
 
 def _no_load(results: Results) -> str:

@@ -44,7 +44,7 @@ def difference(sources: Sequence[Source], *, reference: str | None = None, state
     for source in others:
         _comparable(source.results, against.results, state)
     units, names = against.results.units.length, list(against.results.bodies)
-    panel = Panel(("S, share of the arc length", "1"), ("distance between the axes", units))
+    panel = Panel(("S, fraction of the arc length", "1"), ("distance between the axes", units))
     floor = 0.0
     for name in names:
         s = stations([x.results.body(name) for x in sources])
@@ -66,7 +66,7 @@ def _reference(sources: Sequence[Source], wanted: str | None) -> Source:
         return sources[-1]
     found = [s for s in sources if wanted in (s.label, str(s.results.path), s.results.path.name, s.results.path.stem)]
     if len(found) != 1:
-        why = "several of the files go" if found else "none of the files goes"
+        why = "several of the files are known" if found else "none of the files is known"
         paths = ", ".join(str(s.results.path) for s in sources)
         raise ResultsError(f"{why} by the name '{wanted}' (the files: {paths})")
     return found[0]
@@ -120,5 +120,5 @@ def _bulge(results: Results, body: BodyRecord) -> float:
     return 0.5 * float(lengths.max() * np.abs(np.diff(angles)).max())
 
 
-DIFFERENCE = Kind("difference", "distance between the axes of two files or more, to the last one's", no_states,
+DIFFERENCE = Kind("difference", "distance of the axes in two or more files from those in the last one", no_states,
                   difference)

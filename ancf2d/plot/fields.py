@@ -217,10 +217,10 @@ def _wanted(results: Results, wanted: str | None) -> str:
     if wanted is None:
         return min(known, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER))
     if wanted in FORCES:
-        raise ResultsError(f"{wanted} is known along the axis only; draw it as section_forces")
+        raise ResultsError(f"{wanted} is stored along the axis only; draw it as section_forces")
     if wanted not in known:
-        raise ResultsError(f"'{results.path}' has no field '{wanted}' (it has {', '.join(known)}; output: fields: in "
-                           "the case names those that are stored)")
+        raise ResultsError(f"'{results.path}' has no field '{wanted}' (it has {', '.join(known)}; name those to store "
+                           "under output: fields: in the case)")
     return wanted
 
 
@@ -308,7 +308,7 @@ def _no_surface(results: Results) -> str:
     if no_states(results):
         return no_states(results)
     known = any(len(f.eta) > 1 for found in results.fields.values() for f in found.values())
-    return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores it)"
+    return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores stress)"
 
 
 def _no_forces(results: Results) -> str:
@@ -318,5 +318,5 @@ def _no_forces(results: Results) -> str:
     return "" if known else "it holds no section forces (output: fields: [N, Q, M] in the case stores them)"
 
 
-FIELDS = Kind("fields", "stress, strain or energy density over the bodies, as colour", _no_surface, fields, moving)
+FIELDS = Kind("fields", "stress, strain or energy density over the bodies, in colour", _no_surface, fields, moving)
 SECTION_FORCES = Kind("section_forces", "N, Q and M along the bodies", _no_forces, section_forces)

@@ -115,27 +115,27 @@ def _given_up(source: Source, panels: dict[str, Panel]) -> None:
     cut = history.get("cutbacks")
     if cut is not None and (cut > 0).any() and "factor" in panels:
         at = cut > 0
-        mark = Curve(source.name("after one given up"), history["step"][at], history["factor"][at],
+        mark = Curve(source.name("after a rejected step"), history["step"][at], history["factor"][at],
                      look={"marker": "x", "linestyle": "none"})
         panels["factor"].curves.append(mark)
     if rejected is not None and (rejected > 0).any() and "dt" in panels:
         at = rejected > 0
-        mark = Curve(source.name("after one given up"), history["t"][at], history["dt"][at],
+        mark = Curve(source.name("after a rejected step"), history["t"][at], history["dt"][at],
                      look={"marker": "x", "linestyle": "none"})
         panels["dt"].curves.append(mark)
 
 
 def _no_energies(results: Results) -> str:
     if not results.energies:
-        return "it holds no energies over time; dynamic runs do"
-    return "" if results.nt > 1 else "it holds one state only"
+        return "it holds no energies over time; only dynamic runs store them"
+    return "" if results.nt > 1 else "it holds only one state"
 
 
 def _no_steps(results: Results) -> str:
     if not ({"dt", "t"} <= set(results.history) or {"step", "factor"} <= set(results.history)):
-        return "it holds no steps; static and dynamic runs do"
-    return "" if results.history.rows > 1 else "it holds one step only"
+        return "it holds no steps; only static and dynamic runs store them"
+    return "" if results.history.rows > 1 else "it holds only one step"
 
 
-ENERGY = Kind("energy", "energies over time, and how well they balance (dynamic)", _no_energies, energy)
+ENERGY = Kind("energy", "energies over time, and the error of their balance (dynamic)", _no_energies, energy)
 STEPS = Kind("steps", "step sizes, iterations and local errors over time, or load steps", _no_steps, steps)

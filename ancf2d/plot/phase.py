@@ -62,14 +62,14 @@ def _line(name: str, x: np.ndarray, y: np.ndarray) -> list[Curve]:
 
 def _no_rates(results: Results) -> str:
     if any({q, RATES[q]} <= set(p) for p in results.probes.values() for q in RATES):
-        return "" if len(results.probe_t) > 1 else "its probes hold one value only"
-    return "it holds no probes with velocities; dynamic runs do"
+        return "" if len(results.probe_t) > 1 else "its probes hold only one value"
+    return "it holds no probes with velocities; only dynamic runs store them"
 
 
 def _no_paths(results: Results) -> str:
     if not any({"x", "y"} <= set(p) for p in results.probes.values()):
-        return "it holds no probes (output: probes: in the case names some)"
-    return "" if len(results.probe_t) > 1 else "its probes hold one value only"
+        return "it holds no probes (name some under output: probes: in the case)"
+    return "" if len(results.probe_t) > 1 else "its probes hold only one value"
 
 
 PHASE = Kind("phase", "displacements and rotations of probes against their rates (dynamic)", _no_rates, phase)

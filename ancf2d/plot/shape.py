@@ -162,7 +162,7 @@ def _part(source: Source, file: int, name: str, reference: Outline, deformed: Ou
 
 def _note(sources: Sequence[Source], state: int, factor: float) -> str:
     if not sources:
-        return "reference; the file holds no states"
+        return "reference (the file holds no states)"
     return when(sources[0].results, state) + magnified(factor)
 
 
@@ -188,4 +188,4 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
         yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, box)
 
 
-SHAPE = Kind("shape", "deformed bodies with their sections over the reference", no_bodies, shape, moving)
+SHAPE = Kind("shape", "deformed bodies with their sections, over the reference", no_bodies, shape, moving)

@@ -92,7 +92,7 @@ def _times(text: str) -> list[float]:
     try:
         return [float(part) for part in text.replace(",", " ").split()]
     except ValueError:
-        raise ResultsError(f"times are numbers with commas between them, not '{text}'") from None
+        raise ResultsError(f"times must be numbers separated by commas, not '{text}'") from None
 
 
 def _states(results: Results, at: str | None, count: int) -> list[int]:
@@ -117,7 +117,7 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
     spaced ones.
     """
     if int(count) < 1:
-        raise ResultsError(f"at least one moment must be drawn, not {count}")
+        raise ResultsError(f"at least one instant must be drawn, not {count}")
     factor, moments = chosen_scale(sources, -1, scale), []
     for file, source in enumerate(sources):
         results = source.results

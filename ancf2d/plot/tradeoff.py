@@ -78,16 +78,16 @@ def _note(table: Table, bounds: bool) -> str:
                "continuum": "errors against each type's own limit, and its distance from the continuum",
                "reference": "errors against a given number"}
     words = [against.get(str(table.attrs.get("against")), "")]
-    words += ["open symbols: the error is below that"] if bounds else []
+    words += ["open symbols: upper bound of the error"] if bounds else []
     return "; ".join(word for word in words if word)
 
 
 def _missing(results: Results) -> str:
     table = results.tables.get("tradeoff")
     if table is None or not {"element", "elements", "error", "judged", "wall_s"} <= set(table) or not table.rows:
-        return "it holds no study of work and precision ('ancf2d tradeoff CASE -o FILE.h5' writes one)"
+        return "it holds no work-precision study ('ancf2d tradeoff CASE -o FILE.h5' writes one)"
     return ""
 
 
-TRADEOFF = Kind("tradeoff", "error of the goal against measured time, memory or size, and the best of all settings",
+TRADEOFF = Kind("tradeoff", "error of the goal against measured time, memory or size, with the best settings marked",
                 _missing, tradeoff)

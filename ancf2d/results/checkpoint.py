@@ -41,7 +41,7 @@ class Checkpoint:
         values = {name: np.array(value) for name, value in self.values.items()}
         for name, value in values.items():
             if value.dtype.kind not in "iufb":
-                raise ResultsError(f"'{name}' of a checkpoint is of type {value.dtype}, not numbers")
+                raise ResultsError(f"'{name}' of a checkpoint is of type {value.dtype}, not numeric")
         return Checkpoint(self.t, values, dict(self.notes), rows, wall_s)
 
 
@@ -59,7 +59,7 @@ def write_checkpoint(file: h5py.File, found: Checkpoint, to_json: Any) -> None:
     if "notes" in group:
         del group["notes"]
     write_texts(group, "notes", json.dumps(dict(found.notes), default=to_json), "none",
-                "what else was known by then, as JSON text")
+                "everything else that was known then, as JSON text")
 
 
 def _write_value(group: h5py.Group, name: str, value: np.ndarray) -> None:
@@ -139,9 +139,9 @@ def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> s
         return "it was started with other --set options"
     for name in ("text", "completed"):
         if safe.text(case, name) != (header.get(f"case_{name}") or ""):
-            return "the case has changed since"
+            return "the case has changed since then"
     if safe.attribute(file, "case_files", "") != (header.get("case_files") or ""):
-        return "a file that the case reads has changed since"
+        return "a file that the case reads has changed since then"
     if not np.array_equal(safe.numbers(safe.child(file, "mesh", h5py.Group), "e0", 1), e0):
-        return "its mesh is another one"
+        return "its mesh is different"
     return ""

@@ -10,9 +10,9 @@ import numpy as np
 from ancf2d.results.reader import open_results
 
 _UNFINISHED = {
-    "running": "unfinished: its run is still going, or was killed",
-    "interrupted": "interrupted: it holds what was reached",
-    "failed": "failed: it holds what was reached",
+    "running": "unfinished: the run is still going or was killed",
+    "interrupted": "interrupted: it holds the results so far",
+    "failed": "failed: it holds the results up to the failure",
 }
 
 

@@ -91,7 +91,7 @@ class BodyRecord:
                           ("nodes", None)):
             array = getattr(self, name)
             if array.dtype.kind not in "iu":
-                raise ResultsError(f"body '{self.name}': {name} are no whole numbers")
+                raise ResultsError(f"body '{self.name}': {name} are not whole numbers")
             if array.size and (array.min() < 0 or (top is not None and array.max() >= top)):
                 raise ResultsError(f"body '{self.name}': {name} points outside its range")
 
@@ -113,7 +113,7 @@ class FieldRecord:
 _LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement"}
 _PROBE: dict[str, Column] = {c.name: c for c in (
     *(Column(n, "{L}", f"{w} in {n[-1]}") for n, w in _LENGTHS.items()),
-    Column("theta", "rad", "rotation of the section, zero in the reference, full turns counted"),
+    Column("theta", "rad", "rotation of the section from the reference, counted through full turns"),
     Column("vx", "{L}/{T}", "velocity in x"), Column("vy", "{L}/{T}", "velocity in y"),
     Column("omega", "rad/{T}", "angular velocity of the section"),
     Column("ax", "{L}/{T}^2", "acceleration in x"), Column("ay", "{L}/{T}^2", "acceleration in y"),
@@ -129,15 +129,15 @@ _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("iterations", "1", "Newton iterations of the step", True),
     Column("residual", "1", "residual after the last iteration, relative to the forces' scale"),
     Column("increment", "1", "last Newton increment, relative to the coordinates' scale"),
-    Column("cutbacks", "1", "times the step was halved before it converged", True),
+    Column("cutbacks", "1", "number of times the step was halved before it converged", True),
     Column("negative_pivots", "1", "negative pivots of the tangent: critical loads passed", True),
     Column("energy", "{F}*{L}", "strain energy"), Column("strain", "{F}*{L}", "strain energy"),
     Column("kinetic", "{F}*{L}", "kinetic energy"),
     Column("potential", "{F}*{L}", "potential energy of the loads, from the reference"),
-    Column("work", "{F}*{L}", "work done by loads and supports in motion that have no potential"),
+    Column("work", "{F}*{L}", "work done by loads without a potential and by moving supports"),
     Column("dissipated", "{F}*{L}", "energy lost in dampers and material"),
-    Column("rejected", "1", "attempts at the step that were given up for a smaller one", True),
-    Column("error", "1", "estimate of the step's local error, relative to the motion's size"),
+    Column("rejected", "1", "number of rejected attempts at the step, each repeated smaller", True),
+    Column("error", "1", "estimate of the step's local error, relative to the size of the motion"),
     Column("violation", "1", "largest violation of a constraint, relative to its own size"),
 )}
 _TABLE: dict[str, Column] = {c.name: c for c in (

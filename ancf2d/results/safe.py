@@ -42,16 +42,15 @@ def open_file(path: Path) -> h5py.File:
         more = f"; there is an unfinished '{part}'" if part.exists() else ""
         raise ResultsError(f"there is no result file '{path}'{more}")
     if not path.is_file():
-        raise ResultsError(f"'{path}' is no file, so it holds no results")
+        raise ResultsError(f"'{path}' is not a file, so it holds no results")
     try:
         with path.open("rb") as stream:
             head = stream.read(len(SIGNATURE))
     except OSError as error:
         raise ResultsError(f"cannot read '{path}': {error.strerror}") from error
     if head != SIGNATURE:
-        what = "is empty" if not head else "is no HDF5 file"
-        raise ResultsError(f"'{path}' {what}, so it is no ancf2d result; "
-                           f"'ancf2d run CASE' writes one")
+        what = "is empty" if not head else "is not an HDF5 file"
+        raise ResultsError(f"'{path}' {what}, so it is not an ancf2d result; 'ancf2d run CASE' writes one")
     file = _opened(path)
     try:
         _check_format(path, file)
@@ -69,7 +68,7 @@ def _opened(path: Path) -> h5py.File:
             return open_hdf5(source)
     except (OSError, RuntimeError) as error:
         cut = "truncated" in str(error)
-        what = "is cut off: it was not copied or written to its end" if cut else "is damaged"
+        what = "is truncated: it was not copied or written completely" if cut else "is damaged"
         raise ResultsError(f"'{path}' {what}; run its case again or copy it again") from error
 
 
@@ -78,8 +77,7 @@ def _check_format(path: Path, file: h5py.File) -> None:
         found = attribute(file, "format")
         version = attribute(file, "format_version")
     if found != FORMAT:
-        raise ResultsError(f"'{path}' is an HDF5 file but no ancf2d result; "
-                           f"'ancf2d run CASE' writes one")
+        raise ResultsError(f"'{path}' is an HDF5 file but not an ancf2d result; 'ancf2d run CASE' writes one")
     if not isinstance(version, int) or version < 1:
         raise ResultsError(f"'{path}' is damaged: its format_version is {version!r}")
     if version > FORMAT_VERSION:
@@ -190,7 +188,7 @@ def text(group: h5py.Group | None, name: str) -> str:
     if dataset is None:
         return ""
     if dataset.shape != () or dataset.dtype.kind != "S" or dataset.dtype.itemsize > MAX_TEXT:
-        raise ValueError(f"{dataset.name} is no text")
+        raise ValueError(f"{dataset.name} is not a text")
     return dataset[()].decode("utf-8", "replace")
 
 
@@ -203,7 +201,7 @@ def strings(group: h5py.Group | None, name: str) -> list[str]:
 def texts(dataset: h5py.Dataset) -> list[str]:
     """Return a dataset that ``child`` has found as a list of texts, where it is one."""
     if dataset.ndim != 1 or dataset.dtype.kind != "S" or dataset.nbytes > MAX_TEXT:
-        raise ValueError(f"{dataset.name} is no list of texts")
+        raise ValueError(f"{dataset.name} is not a list of texts")
     return [v.decode("utf-8", "replace") for v in dataset[()]]
 
 
@@ -211,5 +209,5 @@ def json_object(content: str) -> dict[str, Any]:
     """Return the JSON object in a text, or an empty one for an empty text."""
     found = json.loads(content) if content else {}
     if not isinstance(found, dict):
-        raise ValueError("the summary is no JSON object")
+        raise ValueError("the summary is not a JSON object")
     return found

@@ -180,7 +180,7 @@ class ResultWriter:
             self._growth.log(history)
         if probes:
             if t is None:
-                raise ResultsError("probe values need the time or load factor that they belong to")
+                raise ResultsError("probe values need their time or load factor")
             self._growth.probe(t, probes)
 
     # ------------------------------------------------------------------ what is written once
@@ -333,7 +333,7 @@ class ResultWriter:
             self.discard()
             return
         interrupted = not isinstance(value, Exception)
-        reason = str(value) or type(value).__name__ if value else "left before it was finished"
+        reason = str(value) or type(value).__name__ if value else "closed before it was finished"
         self.finish({"reason": reason}, "interrupted" if interrupted else "failed")
 
 

@@ -70,8 +70,9 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     if unstable:
         warnings.append("the state without the scaled loads is unstable already")
     warnings += doubts
-    warnings += [f"shape {k + 1}, of load factor {factors[k]:.6g}, is the mesh's, not the beam's: neighbouring "
-                 "elements part; fewer elements, or a type whose sections are common to neighbours, such as vallejo"
+    warnings += [f"shape {k + 1} (load factor {factors[k]:.6g}) belongs to the mesh, not to the beam: neighbouring "
+                 "elements separate. Use fewer elements, or a type whose neighbours share their sections, such as "
+                 "vallejo"
                  for k in np.flatnonzero(meshed)]
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
@@ -97,14 +98,15 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, me
     share = np.array(left)
     good, out = meshed | (share <= MISSED), []
     rough = ~meshed & good & (share > ROUGH)
-    for some, says in ((~good, "are none: linear buckling says nothing here"), (rough, "are estimates")):
+    for some, says in ((~good, "are no critical loads: linear buckling does not apply here"),
+                       (rough, "are only estimates")):
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
             out.append(f"load factors {named} {says}. The structure bends or strains before it buckles, by "
-                       f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, and there the linearisation misses "
-                       f"{share[k]:.2g} of the stiffness that it lets vanish. Solver static with method: arc_length "
-                       "finds critical points, if there are any")
+                       f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, where the linearisation neglects "
+                       f"{share[k]:.2g} of the stiffness that it takes to vanish. Solver static with method: "
+                       "arc_length finds the critical points, if there are any")
     return factors[good], V[good], meshed[good], out
 
 

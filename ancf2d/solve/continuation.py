@@ -224,7 +224,7 @@ class Curve:
             balance = system.assemble(d, t)
             residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
             if not np.isfinite(residuals[-1]):
-                raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
+                raise ComputationError("the forces are no longer finite", at=at, history=residuals)
             system.factor(at)
             z, dt = self._bordered(control, balance, d, t)
             increments.append(system.norm(z))
@@ -246,7 +246,7 @@ class Curve:
         c, gradient, by_t = control.evaluate(d, t)
         slope = by_t + float(gradient @ by_load)
         if slope == 0.0 or not np.isfinite(slope):
-            raise ComputationError("the load factor has no influence on what is controlled",
+            raise ComputationError("the load factor has no effect on the controlled quantity",
                                    at={"factor": float(f"{t:.6g}")})
         dt = -(c + float(gradient @ by_residual)) / slope
         return by_residual + dt * by_load, dt

@@ -170,7 +170,7 @@ class Run:
         energies = self.balance.take(row, d, v)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
         if self.inverted is None and (found := inverted(self.model, d)) is not None:
-            self.inverted = f"{found} at t = {row.t:.6g}: what follows is the motion of no body"
+            self.inverted = f"{found} at t = {row.t:.6g}: the motion after that is not physical"
         turned = self.model.turns.at(d, row.turned)
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
                       side=row.side)
@@ -230,17 +230,17 @@ def wound_warning(model: Model, d: Array) -> list[str]:
     share = wound / max(float(np.max(moved, where=~angles, initial=0.0)), model.extent)
     if share <= WOUND:
         return []
-    return [f"the error of the steps is larger than the tolerance says: it is relative to the largest displacement, as "
-            f"which turning counts, {share:.2g} times what anything has moved; a tolerance as many times smaller, or a "
-            "type without angles for coordinates, such as vallejo"]
+    return ["the error of the steps is larger than the tolerance suggests: the tolerance is relative to the largest "
+            f"displacement, rotation included, which is {share:.2g} times the distance that any point has moved. Use a "
+            "tolerance as many times smaller, or a type without angles as coordinates, such as vallejo"]
 
 
 def drift_warning(drift: float, estimate: float | None) -> list[str]:
     """Return what is to be said of a balance of energy that is off by much more than the estimated error."""
     if estimate is None or drift <= max(LOST, 10.0 * estimate):
         return []
-    return [f"the steps are too long for part of the motion: the balance of energy is off by {100 * drift:.2g} %, the "
-            f"estimated error is {100 * estimate:.2g} %, and shorter steps would tell which is right"]
+    return [f"the steps are too long for part of the motion: the energy balance is off by {100 * drift:.2g} %, but the "
+            f"estimated error is {100 * estimate:.2g} %. Shorter steps show which is right"]
 
 
 def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:

@@ -43,7 +43,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     state.tables = {"modes": table(state.report["frequencies"], verdicts)}
     state.warnings = [*state.warnings, *_warnings(spec, modes)]
     if spec.about == "reference" and np.any(pencil.balance.R):
-        state.warnings.append("the reference is no equilibrium: springs pull (about: static finds one)")
+        state.warnings.append("the reference is not an equilibrium because springs are loaded in it (about: static "
+                              "finds the equilibrium)")
     yield state
 
 
@@ -127,12 +128,13 @@ def _warnings(spec: Eigen, modes: Modes) -> list[str]:
     if len(modes.values) < spec.modes:
         out.append(f"the model has {len(modes.values)} modes, not {spec.modes}")
     if modes.counted is False:
-        out.append("the inertia of the shifted stiffness counts other modes than were found: some may be missing")
+        out.append("the inertia of the shifted stiffness differs from the number of modes found: some modes may be "
+                   "missing")
     unstable = int((modes.values < -modes.floor).sum())
     if unstable:
         out.append(f"{unstable} of the modes grow: this equilibrium is unstable")
     worst = float(modes.error.max(initial=0.0))
     if worst > POOR:
-        out.append(f"round-off limits the frequencies to about {0.5 * worst:.1g} of themselves; fewer or longer "
-                   "elements know more")
+        out.append(f"round-off limits the frequencies to about {0.5 * worst:.1g} of their values. Fewer or longer "
+                   "elements give more digits")
     return out

@@ -131,16 +131,16 @@ class Estimate:
         """Return what is to be said of an estimate that cannot be trusted."""
         if not self.failed and self._alike():
             if BROKEN * (len(self.stepper.pieces) - 1) > self.stepper.s.numbers[COUNT]:
-                return ["no error estimate: amplitudes break so often that runs with longer steps take those of this "
-                        "motion"]
-            return ["no error estimate: runs with longer steps were cut to those of this motion, or it has too few; "
-                    "the steps are too long for it: smaller ones"]
+                return ["no error estimate: the amplitudes have so many break points that runs with longer steps take "
+                        "the same steps"]
+            return ["no error estimate: runs with longer steps were cut to the same steps, or there are too few steps. "
+                    "The steps are too long for this motion: use smaller ones"]
         if self.failed:
-            return [f"no error estimate: {self.failed}; {self._finer}"]
+            return [f"no error estimate: {self.failed}. Use {self._finer}"]
         estimate, order = self._richardson()
         if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
-            return [f"the steps are too large for this motion: differences to runs with longer steps show order "
-                    f"{order:.1f} in place of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
+            return ["the steps are too large for this motion: differences from runs with longer steps show order "
+                    f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
         return []
 
     @property

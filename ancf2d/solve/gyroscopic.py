@@ -89,8 +89,8 @@ def gyroscopic_pairs(pencil: Pencil, gyroscope: Gyroscope, number: int) -> Pairs
     pivots = pencil.factor(0.0)
     if pivots.bad >= 0:
         raise ComputationError(
-            f"the stiffness in the turning frame is singular: {pencil.system.describe(pivots.bad)} has none",
-            advice="supports that hold the scene in the turning frame, or another omega")
+            f"the stiffness in the turning frame is singular: {pencil.system.describe(pivots.bad)} has no stiffness",
+            advice="supports that hold the model in the turning frame, or another omega")
     n = pencil.n
 
     scale = _lowest_scale(pencil)

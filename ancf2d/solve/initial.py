@@ -94,7 +94,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         *_, state = solve_static(static)
     except ComputationError as error:
         f = error.failure
-        raise ComputationError(f"the equilibrium that the motion starts from: {f.reason}", at=f.at, history=f.history,
+        raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
     return renumbered(state.d, [m.dofs for m in static.meshes.values()], model), state.turned
 
@@ -140,7 +140,7 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
     e0 = renumbered(results.e0, numbers.values(), model)
     gap = float(np.max(np.abs(e0 - model.e0) * model.weights, initial=0.0))
     if gap > SAME * model.extent:
-        raise fail(f"the reference in '{path}' is another one: nodes or directions differ by {gap:.3g}",
+        raise fail(f"the reference geometry in '{path}' is different: nodes or directions differ by {gap:.3g}",
                    "a result of the same reference geometry, with nodes at the same places: there is one wherever "
                    "something acts, unless element.nodes is regular")
 
@@ -151,7 +151,7 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
     full[:model.n_q] = d
     gaps = model.weights * np.abs(model.displacements(full[model.numbering.free], 0.0)[:model.n_q] - d)
     worst = int(np.argmax(gaps))
-    expected = "a result whose last state the supports and joints of this case hold"
+    expected = "a result whose last state satisfies the supports and joints of this case"
     if gaps[worst] > HELD * model.extent:
         raise fail(f"supports or joints hold {model.describe_coordinate(worst)} elsewhere than the last state of "
                    f"'{path}', by {gaps[worst]:.3g}", expected)
@@ -160,7 +160,7 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
             continue
         g = constraint.evaluate(model.e0 + d, full, 0.0)[0] / constraint.scale
         if abs(g) > HELD:
-            raise fail(f"{constraint.owner}: the {constraint.holds} is another one in the last state of '{path}', by "
+            raise fail(f"{constraint.owner}: the {constraint.holds} differs in the last state of '{path}', by "
                        f"{abs(g):.3g} of its size", expected)
 
 

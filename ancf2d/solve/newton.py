@@ -57,7 +57,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             balance = system.assemble(d, t, out=system.room)
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
-            raise ComputationError("the forces are no longer finite numbers", at=at, history=residuals)
+            raise ComputationError("the forces are no longer finite", at=at, history=residuals)
         pivots = system.factor(at)
         z = system.matrix.solve(balance.R, out=z)
         np.negative(z, out=z)

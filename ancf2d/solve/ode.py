@@ -248,12 +248,12 @@ class OdeStepper(Stepper):
         for t in (self.t, self.t + beyond):
             self._check_signals(t)
         self._check_joints()
-        reason = message or "the motion is no longer made of finite numbers"
+        reason = message or "the motion is no longer finite"
         return ComputationError(
             f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),
                                                                     "step": int(self.s.numbers[COUNT]) + 1},
-            advice="method radau5, which takes stiff motion in longer steps; an element may also have turned inside "
-                   "out: look at the last states")
+            advice="method radau5, which takes longer steps in stiff motion, or look at the last states: an element "
+                   "may also be inverted")
 
     # ------------------------------------------------------------------ going on later
 

@@ -122,7 +122,7 @@ class Follower:
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
                     return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
-                trouble = ComputationError("something lies ahead that no step resolves",
+                trouble = ComputationError("the path ahead cannot be resolved by any step",
                                            at={"factor": float(f"{b.t:.6g}")})
             except ComputationError as error:
                 trouble = error
@@ -202,8 +202,8 @@ class Follower:
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
             warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are known to "
-                                   f"about {point.uncertainty / size:.1g} of the largest; fewer or longer elements "
-                                   "know more"]
+                                   f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements "
+                                   "give more digits"]
         turned = self.curve.system.count(point.d, point.t)
         state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)

@@ -203,7 +203,7 @@ def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
     away = curve.metric.norm((found.d[free] - d[free], found.t - t))
     step = curve.metric.norm((b.d[free] - a.d[free], b.t - a.t))
     if away > 0.25 * step:
-        raise ComputationError(f"{goal} was passed but could not be met", at={"factor": float(f"{t:.6g}")})
+        raise ComputationError(f"{goal} was passed but could not be located", at={"factor": float(f"{t:.6g}")})
     return curve.point(found, a.s + x * h, scale)
 
 
@@ -223,7 +223,7 @@ class PathLog:
     def branch(self, a: PathPoint, b: PathPoint) -> str:
         """Note a bifurcation between two points; return it in words."""
         factor = 0.5 * (a.t + b.t)
-        direction = "straight on: the tangent is continued and the branches that leave here are not followed"
+        direction = "and the path goes straight on; the branches that leave here are not followed"
         self.bifurcations.append({"factor": factor, "negative_pivots": [a.negative, b.negative],
                                   "direction": direction})
         return (f"a bifurcation was passed at load factor {factor:.6g} ({a.negative} negative pivots before, "

@@ -133,8 +133,8 @@ class ProbeSteps:
         slope = float(gradient @ by_load) + by_t
         if slope == 0.0:
             until = self.goal.until
-            raise ComputationError(f"{until.probe} {until.quantity} does not change with the load factor: it cannot be "
-                                   "controlled", advice="another quantity, or method: arc_length")
+            raise ComputationError(f"{until.probe} {until.quantity} does not change with the load factor, so it cannot "
+                                   "be controlled", advice="another quantity, or method: arc_length")
         return self.sign / slope
 
     def control(self, a: PathPoint, h: float) -> Control:

@@ -85,8 +85,8 @@ def _without_potential(loaded: LoadedCase) -> list[Problem]:
     if not acts:
         return []
     what = "buckling" if isinstance(case.solver, Buckling) else "eigen about the static state"
-    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, {what} would "
-                                  "need an unsymmetric eigenvalue problem (flutter), which is not solved",
+    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, {what} needs "
+                                                "an unsymmetric eigenvalue problem (flutter), which is not supported",
                                   expected="loads of fixed direction, or eigen about the reference")
             for i, load in enumerate(case.loads)
             if isinstance(load, FollowerForce) or (isinstance(load, Distributed) and load.follower)]
@@ -98,7 +98,7 @@ def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
     if not isinstance(case.solver, Eigen):
         return []
     return [loaded.source.problem(("bodies", name, "element"), f"bodies.{name} is rigid: modes of models with rigid "
-                                  "bodies are not solved",
+                                                               "bodies are not supported",
                                   expected="a body that deforms, however stiff, or solver: dynamic")
             for name, body in case.bodies.items() if body.element.type == RIGID_TYPE.name]
 
@@ -119,13 +119,13 @@ def left_out(case: Case) -> list[str]:
     dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
                if body.material is not None and body.material.damping is not None]
     dampers += [f"springs.{i}.damping" for i, spring in enumerate(case.springs) if spring.damping > 0]
-    out = [f"these modes are undamped: {', '.join(dampers)} do not count"] if dampers else []
+    out = [f"these modes are undamped: {', '.join(dampers)} have no effect"] if dampers else []
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []
         what += ["prescribed motions"] if any(isinstance(s, Prescribed) for s in case.boundary_conditions) else []
         if what:
-            out.append(f"these modes are about the reference: {' and '.join(what)} do not count, but by what they hold "
-                       "(about: static finds the state that they lead to)")
+            out.append(f"these modes are about the reference: {' and '.join(what)} have no effect, except that "
+                       "prescribed points are held (about: static finds the state that they lead to)")
     return out
 
 

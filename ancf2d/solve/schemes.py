@@ -99,7 +99,7 @@ def _constrained(model: Model) -> str:
 def _multistep(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """States of multistep methods cannot be put onto constraints."""
     if scheme.scipy is not None and not scheme.scipy.one_step and model.constraints:
-        yield ("method", f"{scheme.name} goes on from earlier steps, which cannot be kept on the constraints of "
+        yield ("method", f"{scheme.name} is a multistep method, which cannot satisfy the constraints of "
                f"{_constrained(model)}", "Radau, RK45, DOP853, or a method of the tool's own, such as radau5")
 
 
@@ -107,14 +107,14 @@ def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refus
     """Forces of constraints swing up under methods without damping at infinity (Cardona & Geradin 1989)."""
     if scheme.scipy is not None or scheme.conserves or not model.constraints:
         return
-    why = f"lets the constraint forces of {_constrained(model)} swing up from step to step"
+    why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
     if not scheme.damps:
         turns = all(c.holds in ("rotation", "relative rotation") for c in model.constraints)
         types = ", or elements that turn by a coordinate theta, such as reissner3" if turns else ""
-        yield ("method", f"{scheme.name}, which damps nothing, {why}",
+        yield ("method", f"{scheme.name}, which has no numerical damping, {why}",
                f"radau5, energy_momentum or generalized_alpha{types}")
     elif scheme.radii is not None and spectral_radius(spec) == 1.0:
-        yield "spectral_radius", f"1, which damps nothing, {why}", "a spectral radius below 1, such as 0.8"
+        yield "spectral_radius", f"1, which has no numerical damping, {why}", "a spectral radius below 1, such as 0.8"
 
 
 def _radius(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
@@ -122,9 +122,10 @@ def _radius(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal
     if rho is None:
         return
     if scheme.radii is None:
-        yield "spectral_radius", f"{scheme.name} has none to choose", "no spectral_radius, or method generalized_alpha"
+        yield ("spectral_radius", f"{scheme.name} has no spectral radius",
+               "no spectral_radius, or method generalized_alpha")
     elif not scheme.radii[0] <= rho <= scheme.radii[1]:
-        yield ("spectral_radius", f"{rho:g} is outside what {scheme.name} can have",
+        yield ("spectral_radius", f"{rho:g} is out of range for {scheme.name}",
                f"from {scheme.radii[0]:g} to {scheme.radii[1]:g}, or method generalized_alpha")
 
 
@@ -135,7 +136,7 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
     names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None]
     if names:
         formulations = sorted({model.meshes[n].plan.formulation.name for n in names})
-        yield ("method", f"{scheme.name} has no forces that keep the energy for the formulation "
+        yield ("method", f"{scheme.name} has no energy-conserving forces for formulation "
                f"{', '.join(formulations)} of {', '.join(names)}",
                "generalized_alpha or radau5, or elements of another formulation, such as structural")
 

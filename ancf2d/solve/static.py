@@ -81,11 +81,11 @@ def solve_linear(model: Model) -> Iterator[State]:
     floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
     z, known = refined(apply, system.matrix.solve, system.norm, load, floor, system.still(zero, 1.0))
     if not np.isfinite(system.norm(z)):
-        raise ComputationError("the linear solve gave no finite displacement", at={"solver": "linear_static"},
-                               advice="check loads and stiffnesses for extreme values")
+        raise ComputationError("the linear solve gave displacements that are not finite",
+                               at={"solver": "linear_static"}, advice="check loads and stiffnesses for extreme values")
     if known > HOPELESS:
         raise ComputationError(
-            "round-off has drowned the soft motions beside the stiff ones: no digit of the displacements is known",
+            "the stiffness is too ill-conditioned: no digit of the displacements is significant",
             at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
     d = model.displacements(z, 1.0)
     elastic = system.action(zero, d, 1.0, linear=True)
@@ -93,8 +93,8 @@ def solve_linear(model: Model) -> Iterator[State]:
     history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
     warnings = [] if known <= POOR else [
-        f"round-off limits the displacements: they are known to about {known:.1g} of the largest; fewer or longer "
-        "elements, or solver static, know more"]
+        f"round-off limits the displacements: they are known to about {known:.1g} of the largest. Fewer or longer "
+        "elements, or solver static, give more digits"]
     yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
 
 
@@ -339,10 +339,10 @@ class _March:
             return []
         if self.negative > 0:
             return [f"the equilibrium is stable again from load factor {t:.6g} on"]
-        apart = [f", or short neighbours part in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
+        apart = [f", or short neighbouring elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
         return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
                 f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
-                "leads onto the branch that bends away, method: arc_length through limit points"]
+                "leads onto the buckled branch; method: arc_length passes limit points"]
 
 
 def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
@@ -380,7 +380,7 @@ def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks
     size = system.norm(result.d[system.model.numbering.where])
     if result.uncertainty > max(POOR * size, STILL * system.model.extent):
         warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
-                    f"{result.uncertainty / size:.1g} of the largest; fewer or longer elements know more"]
+                    f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
     turned = system.count(result.d, t)
     return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 
@@ -392,7 +392,7 @@ def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
             f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
             at={"step": number + 1, **f.at},
             advice="a load factor on either side of it. The structure buckles or snaps there: a small imperfection of "
-                   "shape or load leads onto the branch that bends away, method: arc_length through limit points")
+                   "shape or load leads onto the buckled branch, and method: arc_length passes limit points")
     return ComputationError(
         f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
         history=f.history,

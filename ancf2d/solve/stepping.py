@@ -154,7 +154,7 @@ class Stepper:
                        "hold what no other holds")
         if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
             self._check_signals(t)
-            raise ComputationError("the accelerations are no finite numbers", at={"t": t},
+            raise ComputationError("the accelerations are not finite", at={"t": t},
                                    advice="check loads, masses and stiffnesses for extreme values")
         self.s.turned[:] = self.turns_on(t, 0.0, self.s.z, self.s.v)
         self._restart()
@@ -369,8 +369,8 @@ class Stepper:
         bad = -1 if self.p.sliding is None else sliding_check(self.p.sliding, d)
         if bad >= 0:
             joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]
-            raise ComputationError(f"{joint.owner}: the point has left the end of the body that it slides on",
-                                   at={"t": self.t}, advice="a longer body, or something that stops the point")
+            raise ComputationError(f"{joint.owner}: the point has slid off the end of its body",
+                                   at={"t": self.t}, advice="a longer body, or a stop for the point")
 
     def _failure(self, outcome: int) -> ComputationError:
         """Return what to say of a step that could not be made."""
@@ -384,9 +384,9 @@ class Stepper:
         worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
         if self.p.full[worst] < self.model.n_q:
             at["coordinate"] = self.model.describe_coordinate(int(self.p.full[worst]))
-        reason = {NOT_FINITE: "the forces are no longer finite numbers",
+        reason = {NOT_FINITE: "the forces are no longer finite",
                   SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
         return ComputationError(
             f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
-            advice="an element may have turned inside out, or the motion run into a singular position: look at the "
-                   "last states; smaller steps before it, or a tighter tolerance, may lead past")
+            advice="looking at the last states: an element may be inverted, or the motion may have met a singular "
+                   "position; smaller steps before it, or a smaller tolerance, may pass it")

@@ -91,7 +91,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
     loaded = for_study(loaded)
     goal = loaded.case.goal
     if goal is None:
-        raise CaseError(loaded.source.problem((), "the case has no goal: nothing is named that an error could be of",
+        raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to find the error of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
     watch = _Watch(goal, isinstance(loaded.case.solver, Dynamic))
     given = progress or Progress()
@@ -115,7 +115,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
     if outcome.failure is not None:
         raise outcome.failure
     if not found:
-        raise ComputationError(f"the solver gives no value of {describe_goal(goal)}")
+        raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
     return Solved(found[0], outcome, watch.last)
 
 

@@ -158,7 +158,8 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     for a case without a goal, or one that no variant can solve; a level that fails is a row that says so.
     """
     if loaded.case.goal is None:
-        raise CaseError(loaded.source.problem((), "the case has no goal: nothing is named that should converge",
+        raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to study the convergence "
+                                              "of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
     if steps is not None and not isinstance(loaded.case.solver, Dynamic):
         raise CaseError(loaded.source.problem(("solver", "type"), "there are no time steps to refine",
@@ -177,7 +178,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     count = itertools.count(1)
     rows = run_jobs(solve_job, flat, workers, _lost, lambda i, row: done(next(count) / len(flat)))
     if any(row.kinks for row in rows):
-        warnings.append("something acts inside elements of some meshes, as nodes: regular or preset: paper asks for: "
+        warnings.append("something acts inside elements of some meshes because of nodes: regular or preset: paper, so "
                         "orders are rough")
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
@@ -197,10 +198,10 @@ def meshes_of(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str,
     for total in totals:
         new = distribute(loaded.case, total)
         if sum(new.values()) != total:
-            warnings.append(f"{total} elements are too few for the bodies: {sum(new.values())} are used")
+            warnings.append(f"{total} elements are too few for the bodies, so {sum(new.values())} are used")
         elif not proportional(loaded.case, new):
             split = ", ".join(f"{n} {name}" for name, n in new.items())
-            warnings.append(f"{total} elements cannot be shared in the proportions of the case ({split}): orders are "
+            warnings.append(f"{total} elements cannot be divided in the proportions of the case ({split}): orders are "
                             "rough")
         if new not in counts:
             counts.append(new)

@@ -90,13 +90,13 @@ def estimate(n: Sequence[float], f: Sequence[float], scale: float) -> Estimate:
     if not f:
         return Estimate(None, None, None, False, "no mesh has a value")
     if len(f) == 1:
-        return Estimate(f[0], None, None, False, "one mesh: no estimate")
+        return Estimate(f[0], None, None, False, "only one mesh: no estimate")
     k = round_off_level(f, scale)
     if k is not None:
         return _settled(n, f, k, scale)
     if len(f) == 2:
         value, bar = _extrapolate(n, f, ASSUMED_ORDER, DOUBTFUL)
-        return Estimate(value, bar, None, False, f"two meshes: order {ASSUMED_ORDER:g} is assumed")
+        return Estimate(value, bar, None, False, f"only two meshes: order {ASSUMED_ORDER:g} is assumed")
     return _limit(n, f)
 
 
@@ -113,13 +113,13 @@ def _limit(n: Sequence[float], f: Sequence[float]) -> Estimate:
     if p is None:
         spread = max(f[-3:]) - min(f[-3:])
         return Estimate(f[-1], DOUBTFUL * spread, None, False,
-                        "not asymptotic: the last three values do not approach from one side; finer meshes are needed")
+                        "not asymptotic: the last three values do not converge from one side; finer meshes are needed")
     if p <= 0.0:
         return Estimate(None, None, p, False, "not asymptotic: the differences grow; finer meshes are needed")
     confirmed = len(f) == 3 or (before is not None and abs(p - before) <= max(0.15 * p, 0.2))
     if confirmed and p >= (LEAST_UNCONFIRMED if len(f) == 3 else LEAST_ORDER):
         value, bar = _extrapolate(n, f, p, CONFIRMED)
-        return Estimate(value, bar, p, True, "three meshes: no fourth confirms the order" if len(f) == 3 else "")
+        return Estimate(value, bar, p, True, "three meshes: the order is unconfirmed" if len(f) == 3 else "")
     value, _ = _extrapolate(n, f, max(p, LEAST_ORDER), DOUBTFUL)
     trusted = min(p, before if before is not None and before > 0 else p, ASSUMED_ORDER)
     _, bar = _extrapolate(n, f, max(trusted, LEAST_ORDER), DOUBTFUL)

@@ -24,7 +24,7 @@ from .cluster import Task, cluster
 J = TypeVar("J")
 R = TypeVar("R")
 
-DIED = "the process that solved this has died: it was killed, or memory ran out"
+DIED = "the process that solved this died: it was killed or ran out of memory"
 # libraries below numpy would each start a thread per core in every process
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
            "NUMBA_NUM_THREADS")

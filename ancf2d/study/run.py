@@ -242,7 +242,7 @@ def _resumes(case: Case, out: str, progress: Progress) -> bool:
     else:
         found = read_checkpoint(part)
         why = f"'{part}' holds no checkpoint"
-    progress.note(f"{why}: starting afresh" if found is None else
+    progress.note(f"{why}: starting from the beginning" if found is None else
                   f"resuming '{part}' at t = {found.t:.6g} {case.units.time}")
     return found is not None
 

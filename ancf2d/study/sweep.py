@@ -175,7 +175,7 @@ def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] =
 
     def take(i: int, summary: dict[str, Any]) -> None:
         if summary["status"] == "converged" and not os.path.exists(jobs[i].output):
-            unseen = f"'{jobs[i].output}' was written by a worker of another machine and is not seen here"
+            unseen = f"'{jobs[i].output}' was written by a worker on another machine and is not visible here"
             summary.setdefault("warnings", []).append(unseen)
         _fill(needed[jobs[i].name][1], jobs[i].goal, summary)
         done()
@@ -273,7 +273,7 @@ def _solve(job: Job) -> dict[str, Any]:
     loaded = job.load()
     if not os.path.isdir(os.path.dirname(job.output) or "."):
         raise ResultsError(f"there is no folder '{os.path.dirname(job.output)}' on this worker; several machines need "
-                           f"one that they share")
+                           "a shared folder")
     options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
         summary = solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary

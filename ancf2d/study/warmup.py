@@ -54,7 +54,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     if kernels in _READY:
         return
     cold = cache_is_cold()
-    what = f"compiling kernels, which cannot be kept for the next run: {REFUSED}" if REFUSED else (
+    what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (
         "compiling kernels for this machine (first run of this kind only) ...")
     announce = threading.Timer(0.0 if cold else PATIENCE, compiling, [what])
     announce.daemon = True
@@ -133,7 +133,7 @@ def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
             if _had(descriptor):
                 threading.Thread(target=_show_life, args=(path, ended), daemon=True).start()
             else:
-                tell("another process that compiles kernels has stopped; going on without waiting for it")
+                tell("another process that was compiling kernels has stopped; continuing without it")
         yield
     finally:
         ended.set()

@@ -77,11 +77,11 @@ def scene(results: Results, budget: int = BUDGET) -> dict[str, Any]:
     ``step`` (i2). Raises ResultsError for a file without bodies or states.
     """
     if not results.bodies:
-        raise ResultsError(f"'{results.path}' holds no bodies to look at")
+        raise ResultsError(f"'{results.path}' holds no bodies to show")
     drawn = [_drawn(body) for body in results.bodies.values()]
     modes = "modes/shapes" in results.arrays
     if not modes and not results.nt:
-        raise ResultsError(f"'{results.path}' holds no states to look at")
+        raise ResultsError(f"'{results.path}' holds no states to show")
     base = results.e(-1) if modes and results.solver == "eigen" and results.nt else results.e0
     start = _all_points(drawn, base)
     size = start.nbytes // 4  # two numbers of 16 bits for two of 64

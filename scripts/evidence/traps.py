@@ -97,7 +97,7 @@ def report() -> str:
     text = (f"With dt = 0.005, 0.01 and 0.02 s and 4 and 16 elements, and this table, {len(ran)} runs: {len(plain)} "
             f"passed without a cut step, the true error at most {worst:.1f} times the estimate; "
             f"{sum(not t.honest for t in ran)} mislead.")
-    return table(["type", "method", "true error", "estimate", "attempts given up", "exit code", "says", ""],
+    return table(["type", "method", "true error", "estimate", "steps rejected", "exit code", "says", ""],
                  rows) + f"\n\n{text}"
 
 

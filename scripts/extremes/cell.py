@@ -15,8 +15,8 @@ from typing import Any
 import ancf2d
 
 # what a warning must speak of to announce a wrong number; other warnings excuse nothing
-TELLS = ("too stiff", "round-off", "critical point", "unstable", "inside out", "soften the clamp", "is the mesh's",
-         "positive load factors", "curves the reference", "cannot thin", "loaded across", "error of the steps",
+TELLS = ("too stiff", "round-off", "critical point", "unstable", "is inverted", "soften the clamp", "to the mesh",
+         "positive load factors", "curves the reference", "cannot contract", "transverse load", "error of the steps",
          "steps are too")
 VERDICTS = ("holds", "degrades", "refused", "slow", "wrong")
 

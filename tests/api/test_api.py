@@ -106,7 +106,7 @@ def test_all_problems_of_a_case_are_told_with_their_lines() -> None:
 
 
 def test_overrides_that_are_one_text_are_refused() -> None:
-    with pytest.raises(TypeError, match="not one text"):
+    with pytest.raises(TypeError, match="not a single string"):
         ancf2d.load(TEXT, "title=a")
 
 

@@ -55,7 +55,7 @@ def test_coordinates_that_do_not_determine_the_basis_are_a_verdict(call: Call, f
     result = call("audit", "mine.yaml")
     assert result.exit_code == 0
     assert "rank 5 of 6" in result.stdout
-    last = f"{len(CHECKS) - 1} other checks were not made: there are no shape functions"
+    last = f"{len(CHECKS) - 1} other checks were not made because there are no shape functions"
     assert result.stdout.splitlines()[-1] == last
 
 
@@ -63,7 +63,7 @@ def test_coordinates_that_do_not_determine_the_basis_are_a_verdict(call: Call, f
     (["rigid"], "rigid has no strain: there is nothing to examine"),
     (["vallejoo"], "did you mean 'vallejo'?"), (["none.yaml"], "none.yaml: error: cannot read the file"),
     (["2d2n", "--formulation", "enhanced"], "2d2n has no formulation enhanced"),
-    (["2d2n", "--quadrature", "2"], "'2' is no pair of numbers of Gauss points"),
+    (["2d2n", "--quadrature", "2"], "'2' is not a pair of numbers of Gauss points"),
     (["vallejo", "--preset", "paper"], "the paper has no vallejo"), (["wrong.yaml"], "wrong.yaml:2:14: error: basis")])
 def test_what_is_wrong_is_said_with_exit_2(call: Call, folder: Path, arguments: list[str], words: str) -> None:
     (folder / "wrong.yaml").write_text(OWN.replace('"x"', '"x^^2"'))

@@ -39,7 +39,7 @@ def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
 @pytest.mark.parametrize(("arguments", "said"), [
     (("beam.h5", "beam.xdmf"), "unknown suffix '.xdmf' (known: .vtkhdf, .csv, .json)"),
     (("beam.h5", "beam.yaml"), "unknown suffix '.yaml'"), (("beam.h5", "there.csv"), "replace it with --force"),
-    (("none.h5", "a.csv"), "there is no result file 'none.h5'"), (("beam.yaml", "a.csv"), "is no HDF5 file"),
+    (("none.h5", "a.csv"), "there is no result file 'none.h5'"), (("beam.yaml", "a.csv"), "is not an HDF5 file"),
     (("beam.h5", "none/a.csv"), "does not exist"), (("beam.h5",), "missing argument")],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")
 def test_refusals_exit_with_2_and_leave_everything_as_it_is(solved: Call, folder: Path, arguments: tuple[str, ...],

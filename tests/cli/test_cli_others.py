@@ -161,7 +161,7 @@ def test_the_difference_of_two_meshes(solved: Call, folder: Path) -> None:
                     "--title", "A")
     assert result.stdout == "wrote d.png (difference)\nwrote d.csv (difference)\n"
     text = (folder / "d.csv").read_text()
-    assert text.startswith('curve,"S, share of the arc length",distance between the axes [m]\n')
+    assert text.startswith('curve,"S, fraction of the arc length",distance between the axes [m]\n')
     assert {line.split(",")[0] for line in text.split("\n")[1:-1]} == {"1 (reissner2)", "3 (reissner2)"}
     assert solved("plot", "1.h5", "3.h5", "difference", "--reference", "1.h5", "--data", "d.csv").exit_code == 0
     assert "\n3," in (folder / "d.csv").read_text()

@@ -45,7 +45,7 @@ def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
     assert ["count", "status", "tip", "uy", "elements", "time", "result"] in lines
     assert "results in mine" in first.stdout
     again = call(*COUNTS, "--out", "mine")
-    assert "results in mine; 2 of 2 rows had been computed before" in again.stdout
+    assert "results in mine; 2 of 2 rows were computed before" in again.stdout
     rows = csv.DictReader((folder / "t.csv").read_text().splitlines())
     assert [row["bodies.beam.element.count"] for row in rows] == ["1", "2"]
 
@@ -67,8 +67,8 @@ def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: 
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (("--csv", "beam.yaml"), "is an input of this command"), (("--csv", "nowhere/t.csv"), "does not exist"),
-    (("--scheduler", "here"), "no address of a scheduler"),
-    (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "2"), "--jobs is for processes of this machine")],
+    (("--scheduler", "here"), "not the address of a scheduler"),
+    (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "2"), "--jobs is for processes on this machine")],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")
 def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, folder: Path, arguments: tuple[str, ...],
                                                             said: str) -> None:
@@ -80,7 +80,7 @@ def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, folder: 
 
 def test_convergence_has_the_same_options(call: Call) -> None:
     arguments = ("convergence", "beam.yaml", "--elements", "1,2", "--scheduler")
-    assert "no address of a scheduler" in call(*arguments, "here").stderr
+    assert "not the address of a scheduler" in call(*arguments, "here").stderr
     assert "--jobs is for processes" in call(*arguments, "tcp://127.0.0.1:1", "--jobs", "2").stderr
 
 
@@ -101,8 +101,8 @@ def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err.split("\n")[-3:-1] == ["interrupted", "1 of 3 rows are finished, with results in beam-sweep; the same "
-                                      "command goes on from there"]
+    assert err.split("\n")[-3:-1] == ["interrupted", "1 of 3 rows are finished, with results in beam-sweep; run the "
+                                      "same command again to continue"]
     found = json.loads(out)
     assert found["status"] == "interrupted"
     assert [row["status"] for row in found["rows"]] == ["converged", "waiting", "waiting"]

@@ -26,7 +26,7 @@ def test_table_fits_the_terminal_and_recommends_commands_that_run(call: Call) ->
     assert max(map(len, table.splitlines())) <= 100
     assert "*" in table
     assert "cable:structural is refused: cable has no formulation structural" in " ".join(table.split())
-    assert "for 1e-30: nothing that was solved is known to be so close" in advice
+    assert "for 1e-30: no setting solved is known to be this accurate" in advice
     command = next(line for line in advice.splitlines() if line.strip().startswith("ancf2d run"))
     assert call(*shlex.split(command)[1:], "-o", "best.h5").exit_code == 0
 
@@ -59,12 +59,12 @@ def test_file_holds_the_table_and_plot_draws_it_with_its_front(call: Call, folde
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (("--budget", "soon"), "'soon' is no time; expected for example 60s or 5min"),
+    (("--budget", "soon"), "'soon' is not a time; expected for example 60s or 5min"),
     (("--element", "cabel"), "did you mean 'cable'?"),
     (("--dt", "1e-3", "--tolerance", "1e-3"), "--dt and --tolerance are both given"),
     (("--method", "newmark"), "no integrator to choose"),
     (("--against", "continuum", "--reference", "1"), "--against continuum needs the limits of the types"),
-    (("--accuracy", "0"), "no list of positive numbers"),
+    (("--accuracy", "0"), "not a list of positive numbers"),
     (("--element", "cable:structural"), "cable has no formulation structural"),
     (("--quadrature", "[2,"), "'[2,' is no list of quadratures"),
     (("-o", "beam.yaml"), "is an input of this command"),
@@ -79,6 +79,6 @@ def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, argument
 def test_budget_without_room_is_a_failure_that_says_so(call: Call, call_json: CallJson) -> None:
     result = call("tradeoff", "beam.yaml", "--budget", "0")
     assert result.exit_code == 1
-    assert "error: the budget had no room for any solution" in result.stderr
+    assert "error: the budget did not allow any solution" in result.stderr
     assert "left out" in result.stdout
     assert call_json("tradeoff", "beam.yaml", "--budget", "0", "--json")["status"] == "failed"

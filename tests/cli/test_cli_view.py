@@ -42,13 +42,13 @@ def test_a_page_is_served_and_the_browser_opened_unless_told_not_to(solved: Call
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setattr(view_module, "serve", lambda html, port, ready: ready(f"http://127.0.0.1:{port}/"))
     result = solved("view", "beam.h5", "--port", "8123", *(["--no-browser"] if flag else []))
-    assert result.stdout.startswith("beam.h5 is shown at http://127.0.0.1:8123/ until Ctrl-C (all 4 states")
+    assert result.stdout.startswith("beam.h5 is served at http://127.0.0.1:8123/ until Ctrl-C (all 4 states")
     assert opened == ([] if flag else ["http://127.0.0.1:8123/"])
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (["beam.h5", "--save", "beam.h5"], "is an input of this command"),
-    (["beam.yaml"], "is no HDF5 file"),
+    (["beam.yaml"], "is not an HDF5 file"),
     (["none.h5"], "there is no result file 'none.h5'"),
     (["beam.h5", "--save", "none/page.html"], "cannot write 'none/page.html'"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")

@@ -38,8 +38,8 @@ def test_time_steps_energies_and_momentum() -> None:
 
 def test_steps_that_vary_and_were_given_up() -> None:
     found = lines(dt=[1e-5, 2e-3], rejected=12)
-    assert found["time"] == "1.5 s, steps from 1e-05 to 0.002 s, 12 attempts given up for smaller ones"
-    assert lines(dt=[1e-5, 2e-3], rejected=1)["time"].endswith("1 attempt given up for smaller ones")
+    assert found["time"] == "1.5 s, steps from 1e-05 to 0.002 s, 12 steps rejected and repeated smaller"
+    assert lines(dt=[1e-5, 2e-3], rejected=1)["time"].endswith("1 step rejected and repeated smaller")
 
 
 def test_estimate_of_the_error() -> None:

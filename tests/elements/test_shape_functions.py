@@ -182,7 +182,7 @@ def test_nodal_coordinates_name_a_derivative(name, order):
 
 @pytest.mark.parametrize("name", ["", "r_", "rx", "theta", "r_z", "r_yx", "s"])
 def test_other_names_are_no_nodal_coordinate(name):
-    with pytest.raises(ValueError, match="is no nodal coordinate"):
+    with pytest.raises(ValueError, match="is not a nodal coordinate"):
         derivative_order(name)
 
 

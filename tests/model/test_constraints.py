@@ -188,7 +188,7 @@ def test_a_rotation_that_is_held_twice_has_one_multiplier_at_most(name):
 
 def test_a_rotation_that_is_held_is_not_moved():
     body = {"a": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
-    with pytest.raises(CaseError, match="turn: another support holds the rotation already"):
+    with pytest.raises(CaseError, match="turn: another support already holds the rotation"):
         helpers.build(body, bc=[{"type": "clamp", "at": "a@0"},
                                 {"name": "turn", "type": "prescribed", "at": "a@0", "angle": 0.1}])
 

@@ -1,4 +1,4 @@
-"""Elements that have turned inside out are found wherever they are."""
+"""Inverted elements are found wherever they are."""
 
 from __future__ import annotations
 
@@ -26,6 +26,6 @@ def test_the_element_that_has_turned_is_named(monkeypatch, block, name, element)
     d[others] = -1.5 * (model.e0[others] - element)
     found = inversion.inverted(model, d, zero)
     assert found is not None
-    assert found.startswith("b has turned inside out at S = ")
+    assert found.startswith("an element is inverted: 'b' at S = ")
     # the one before bends back where its end is turned
     assert element - 1 <= COUNT * float(found.rsplit(" ", 1)[1]) <= element + 1 + 1e-3

@@ -94,7 +94,7 @@ def test_all_of_it_at_lobatto_nodes_is_a_diagonal_mass(tmp_path):
 def test_two_points_would_give_a_turning_bar_more_mass():
     spec = ElementDefinition("mine", ("1", "x"), tuple(DefinitionNode(at, ("r", "theta")) for at in (0.0, 1.0)),
                              lobatto=0.5)
-    with pytest.raises(DefinitionError, match="turns more mass than it has"):
+    with pytest.raises(DefinitionError, match="overestimate the rotary inertia"):
         own_element(spec)
 
 

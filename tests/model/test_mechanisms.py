@@ -41,7 +41,7 @@ def roller(at: str, fixed: str) -> dict:
     ],
 )
 def test_mechanisms_are_refused_with_one_sentence_per_motion(name, bc, joints, second, motions):
-    with pytest.raises(CaseError, match="a mechanism") as error:
+    with pytest.raises(CaseError, match="no static solution") as error:
         scene(name, bc, joints, second=second)
     assert len(error.value.problems) == motions
 
@@ -72,22 +72,22 @@ def test_springs_hold(name):
     lift = {"type": "translational", "between": ["a@1", [1.0, 1.0]], "stiffness": 2.0}
     scene(name, [PIN0], [], [lift])
     along = {"type": "translational", "between": ["a@1", [2.0, 0.0]], "stiffness": 2.0}
-    with pytest.raises(CaseError, match="a mechanism"):
+    with pytest.raises(CaseError, match="no static solution"):
         scene(name, [PIN0], [], [along])
 
 
 def test_a_rotation_is_named_with_its_pole_and_a_translation_with_its_direction():
-    with pytest.raises(CaseError, match=r"a can turn about \(0, 0\)"):
+    with pytest.raises(CaseError, match=r"'a' is free to turn about \(0, 0\)"):
         scene("vallejo", [PIN0])
-    with pytest.raises(CaseError, match=r"a can move along \(1, 0\)"):
+    with pytest.raises(CaseError, match=r"'a' is free to move along \(1, 0\)"):
         scene("vallejo", [roller("a@0", "y"), roller("a@1", "y")])
-    with pytest.raises(CaseError, match=r"b can turn about \(1, 0\)"):
+    with pytest.raises(CaseError, match=r"'b' is free to turn about \(1, 0\)"):
         scene("vallejo", [CLAMP], [HINGE], second=True)
 
 
 def test_pole_of_two_rollers_is_where_their_normals_meet():
     bc = [{"type": "roller", "at": "a@0", "fixed": "y"}, {"type": "roller", "at": "a@1", "normal": [1, 1]}]
-    with pytest.raises(CaseError, match=r"a can turn about \(0, -1\)"):
+    with pytest.raises(CaseError, match=r"'a' is free to turn about \(0, -1\)"):
         scene("reissner3", bc)
 
 
@@ -106,5 +106,5 @@ def test_a_torsion_spring_within_a_rigid_body_holds_nothing(end: list[float]) ->
     """What round-off leaves of its stiffness is no support: the bar turned by 1e33 rad."""
     bar = {"geometry": {"type": "line", "start": [0.182, 0.031], "end": end}, "element": {"type": "rigid"}}
     spring = {"type": "rotational", "between": ["a@0.25", "a@0.5"], "stiffness": 0.015}
-    with pytest.raises(CaseError, match="a can turn about"):
+    with pytest.raises(CaseError, match="'a' is free to turn about"):
         helpers.build({"a": bar}, "static", bc=[PIN0], springs=[spring])

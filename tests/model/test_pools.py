@@ -77,14 +77,14 @@ def test_what_has_turned_inside_out_is_told_by_the_name_of_its_body(body, elemen
         assert inverted(model, d, np.zeros(model.n_q)) is None
         ends = mesh.dofs[element]
         d[ends[-2 * nc:-nc]] -= 3.0 * (model.e0[ends[-2 * nc:-nc]] - model.e0[ends[:nc]])
-        assert inverted(model, d, np.zeros(model.n_q)).startswith(f"{body} has turned")
+        assert inverted(model, d, np.zeros(model.n_q)).startswith(f"an element is inverted: '{body}'")
         return
     for k in functionals:
         at = mesh.dofs[element, nc * k:nc * k + nc]
         d[at] = -2.0 * model.e0[at]
     found = inverted(model, d)
     assert found is not None
-    assert found.startswith(f"{body} has turned inside out at S = ")
+    assert found.startswith(f"an element is inverted: '{body}' at S = ")
     ends = [s for p in mesh.plan.pieces for s in (p.s0 + p.l * np.arange(p.count)).tolist()]
     nearest = float(found.rsplit(" ", 1)[1]) * mesh.plan.length - ends[element]
     assert abs(nearest) <= 1.01 * mesh.plan.pieces[0].l

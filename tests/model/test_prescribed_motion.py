@@ -66,11 +66,11 @@ def test_loads_without_an_amplitude_are_constant_over_time_and_the_others_follow
 
 
 REFUSED = [
-    ({"x": 1.5}, "x", "begins 0.5 away"),
-    ({"y": formula("t - 0.6")}, "y", "begins -0.1 away"),
-    ({"ux": 0.1}, "ux", "begins at 0.1"),
-    ({"uy": {"type": "sine", "frequency": 1, "phase": 0.5}}, "uy", "begins at 0.479"),
-    ({"angle": 0.2}, "angle", "begins at 0.2"),
+    ({"x": 1.5}, "x", "starts 0.5 away"),
+    ({"y": formula("t - 0.6")}, "y", "starts -0.1 away"),
+    ({"ux": 0.1}, "ux", "starts at 0.1"),
+    ({"uy": {"type": "sine", "frequency": 1, "phase": 0.5}}, "uy", "starts at 0.479"),
+    ({"angle": 0.2}, "angle", "starts at 0.2"),
     ({"angle": formula("1/t")}, "angle", "divides by zero"),
     ({"ux": formula("0 if t < 0.5 else 1")}, "ux", "jumps at t = 0.5"),
     ({"angle": formula("0 if t < 0.5 else 1 if t < 1.25 else 2")}, "angle", "jumps at t = 0.5 and once more"),
@@ -115,10 +115,10 @@ def test_static_motions_may_begin_with_a_step_but_positions_start_where_the_body
     assert check_model(helpers.load(**{**motion(ux=step, uy=step, angle=step), "solver": "static"}))[0] == []
     scene = motion(ux=step, y={"type": "constant"}, angle=0.1)
     (problem,) = check_model(helpers.load(**{**scene, "solver": "static"}))[0]
-    assert "begins 1.5 away" in problem.message
+    assert "starts 1.5 away" in problem.message
     assert problem.path[-1] == "y"
 
 
 def test_building_raises_the_problems() -> None:
-    with pytest.raises(CaseError, match="begins at 0\\.2"):
+    with pytest.raises(CaseError, match="starts at 0\\.2"):
         helpers.build(**motion(angle=0.2))

@@ -89,21 +89,21 @@ def test_axes_and_legend_name_units_files_types_and_the_reference(tmp_path: Path
                        (("coarse", "theta", 1.0), ("fine_2d2n", "interpolated", 1.1), ("last", "tangent", 1.2)))
     figure = draw([one, two, three], "difference")
     (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("S, share of the arc length", "distance between the axes [mm]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("S, fraction of the arc length", "distance between the axes [mm]")
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
     assert [t.get_text() for t in figure.legends[0].get_texts()] == ["coarse (reissner2)", "fine_2d2n"]
     assert axes.get_title(loc="left").endswith("load factor 1, against last (cable)")
     for name in ("coarse", "coarse.h5", str(one.path), "coarse (reissner2)"):
         figure = draw([one, two, three], "difference", reference=name)
         assert [t.get_text() for t in figure.legends[0].get_texts()] == ["fine_2d2n", "last (cable)"]
-    assert "none of the files goes by the name 'course'" in refusal(one, two, reference="course")
-    assert "several of the files go by the name 'coarse'" in refusal(one, one, two, reference="coarse")
+    assert "none of the files is known by the name 'course'" in refusal(one, two, reference="course")
+    assert "several of the files are known by the name 'coarse'" in refusal(one, one, two, reference="coarse")
 
 
 def test_every_body_is_compared(tmp_path: Path) -> None:
     one, two = (open_results(mechanism(tmp_path / f"{n}.h5", steps)) for n, steps in (("one", 40), ("two", 20)))
     header, rows = read(data_csv([one, two], tmp_path / "a.csv", "difference", state=0))
-    assert header == ["curve", "S, share of the arc length", "distance between the axes [m]"]
+    assert header == ["curve", "S, fraction of the arc length", "distance between the axes [m]"]
     assert {row[0] for row in rows} == {"one: crank", "one: rod"}
     # state 10 of one is at t = 0.25, of two at t = 0.5
     assert "not at the same time in state 10: 0.25 and 0.5" in refusal(one, two, state=10)

@@ -133,7 +133,7 @@ def test_snapshots_are_the_nearest_states(tmp_path: Path) -> None:
         assert shades == sorted(shades, reverse=True)  # later is darker, also in grey
         with pytest.raises(ResultsError, match="states from 0 to 1, none at 2"):
             build(results, "snapshots", at="2")
-        with pytest.raises(ResultsError, match="numbers with commas"):
+        with pytest.raises(ResultsError, match="numbers separated by commas"):
             build(results, "snapshots", at="now")
 
 

@@ -67,7 +67,7 @@ def test_two_runs_are_overlaid(tmp_path: Path) -> None:
     assert [c.name.split(":")[0] for c in found.panels[1].curves] == ["a", "b"]
     assert np.abs(found.panels[1].curves[0].y).max() < 1e-12 < np.abs(found.panels[1].curves[1].y).max()
     assert isinstance(steps, Curves)
-    assert {"a", "b", "a: after one given up"} <= {c.name for c in steps.panels[0].curves}
+    assert {"a", "b", "a: after a rejected step"} <= {c.name for c in steps.panels[0].curves}
 
 
 def test_steps_show_sizes_iterations_and_errors(tmp_path: Path) -> None:

@@ -43,14 +43,14 @@ def test_a_missing_file_names_the_unfinished_one(tmp_path: Path) -> None:
 
 
 def test_files_that_are_no_results_are_named(tmp_path: Path) -> None:
-    for name, content, words in (("case.yaml", b"format: 1\n", "is no HDF5 file"),
+    for name, content, words in (("case.yaml", b"format: 1\n", "is not an HDF5 file"),
                                  ("empty.h5", b"", "is empty")):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ResultsError, match=f"{name}' {words}"):
             open_results(tmp_path / name)
     with h5py.File(tmp_path / "foreign.h5", "w") as f:
         f["data"] = np.zeros(3)
-    with pytest.raises(ResultsError, match="an HDF5 file but no ancf2d result"):
+    with pytest.raises(ResultsError, match="an HDF5 file but not an ancf2d result"):
         open_results(tmp_path / "foreign.h5")
     with pytest.raises(ResultsError, match="is no file"):
         open_results(tmp_path)

@@ -139,7 +139,7 @@ def test_another_version_or_mesh_is_not_resumed(tmp_path: Path) -> None:
     w = begin(tmp_path / "a.h5", False)
     states(w, 3)
     w.finish({}, "interrupted")
-    with pytest.raises(ResultsError, match="its mesh is another one"):
+    with pytest.raises(ResultsError, match="its mesh is different"):
         ResultWriter.resume(tmp_path / "a.h5", DYNAMIC, np.zeros(12))
     with h5py.File(part_path(w.path), "r+") as file:
         file.attrs["version_ancf2d"] = "0.0.1"

@@ -104,7 +104,7 @@ def chain(count: int) -> dict[str, Any]:
 def test_three_hundred_motions_that_nothing_holds(tmp_path: Path) -> None:
     found = problems(tmp_path, json.dumps(chain(100)))
     assert len(found) == 300
-    assert all(text.startswith("a mechanism: b") for text in found)
+    assert all(text.startswith("'b' is free to") for text in found)
 
 
 def test_more_bodies_than_can_be_checked(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_an_alias_bomb_is_refused_where_it_begins(tmp_path: Path) -> None:
     ("bodies.beam.geometry.end", [1e-150, 0], "too large or too small"),
     ("bodies.beam.section.height", 1e200, "too large or too small"),
     ("bodies.beam.section", {"A": 1e300, "I": 1e-300, "height": 1}, "too large or too small"),
-    ("bodies.beam.geometry.end", [1e-9, 0], "cannot be computed with"),
+    ("bodies.beam.geometry.end", [1e-9, 0], "beyond floating-point computation"),
     ("bodies.beam.geometry", {"type": "polyline", "points": [[-1e308, 0], [0, 0], [1e308, 0]]},
      "too large or too small"),
     ("bodies.beam.geometry", {"type": "arc", "center": [0, 0], "radius": 5e-324, "from": 0, "to": 1},

@@ -64,7 +64,7 @@ def test_numbers_of_coordinates_are_whole(tmp_path: Path, name: str) -> None:
         values = group[name][()]
         del group[name]
         group[name] = values.astype(float)
-    with open_results(path) as found, pytest.raises(ResultsError, match=f"{name} are no whole numbers"):
+    with open_results(path) as found, pytest.raises(ResultsError, match=f"{name} are not whole numbers"):
         _ = found.bodies
 
 

@@ -36,7 +36,7 @@ def test_a_section_that_turns_inside_out_where_it_is_held_ends_the_motion(method
     states, error = followed({"a": rod("vallejo", 2)}, 0.4, method, **scene)
     assert error is not None
     assert "a@0" in error.failure.reason
-    assert "inside out" in error.failure.reason
+    assert "is inverted" in error.failure.reason
     assert states[-1].t > 0.3
     _, error = followed({"a": rod("vallejo", 2, E=100 * RUBBER["E"])}, 0.4, method, **scene)
     assert error is None
@@ -61,7 +61,7 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
                                     "estimate": False},
                     bc=[{"type": "clamp", "at": "a@0"}], loads=hit, output={"interval": 0.001})
     states = list(solve(model))
-    told = [w for w in states[-1].warnings if "inside out" in w]
+    told = [w for w in states[-1].warnings if "is inverted" in w]
     assert told
     *_, last = solve(model, states[-2].checkpoint)
-    assert told == [w for w in last.warnings if "inside out" in w]
+    assert told == [w for w in last.warnings if "is inverted" in w]

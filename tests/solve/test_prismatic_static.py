@@ -126,5 +126,5 @@ def test_a_joint_holds_one_direction_of_three():
         )
     messages = sorted(p.message for p in caught.value.problems)
     assert len(messages) == 2
-    assert any("bar can move along (1, 0)" in m for m in messages)
-    assert any("bar can turn about (0.7, " in m for m in messages)
+    assert any("'bar' is free to move along (1, 0)" in m for m in messages)
+    assert any("'bar' is free to turn about (0.7, " in m for m in messages)

@@ -148,7 +148,7 @@ def test_a_run_killed_behind_its_last_state_computes_that_again(monkeypatch: pyt
 def test_nothing_to_resume_from_starts_afresh_and_says_so(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
     found, notes = run(monkeypatch, loaded, "a.h5", resume=True)
     assert found["t"] == 3.0
-    assert notes == ["there is no unfinished 'a.h5.part': starting afresh"]
+    assert notes == ["there is no unfinished 'a.h5.part': starting from the beginning"]
     static = load_case_text(CASE.replace("dynamic, t_end: 3, dt: 0.01", "linear_static"), vocabulary=vocabulary())
     monkeypatch.undo()
     notes = []
@@ -159,7 +159,7 @@ def test_nothing_to_resume_from_starts_afresh_and_says_so(monkeypatch: pytest.Mo
 def test_a_changed_case_is_refused_and_the_states_stay(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
     run(monkeypatch, loaded, "a.h5", 9)
     other = load_case_text(CASE.replace("EI: 1.0e3", "EI: 1.1e3"), vocabulary=vocabulary())
-    with pytest.raises(ResultsError, match="the case has changed since"):
+    with pytest.raises(ResultsError, match="the case has changed since then"):
         run(monkeypatch, other, "a.h5", resume=True)
     with open_results("a.h5.part") as r:
         assert r.nt == 9
@@ -186,7 +186,7 @@ def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.Mon
     run(monkeypatch, other(), "a.h5", 12, resume=True)
     before = (tmp_path / file).read_bytes()
     (tmp_path / file).write_bytes(before + (b"quadrature: [6, 1]\n" if file == "element.yaml" else b"\0"))
-    with pytest.raises(ResultsError, match="a file that the case reads has changed since"):
+    with pytest.raises(ResultsError, match="a file that the case reads has changed since then"):
         run(monkeypatch, other(), "a.h5", resume=True)
     (tmp_path / file).write_bytes(before)
     assert run(monkeypatch, other(), "a.h5", resume=True)[0]["t"] == 3.0

@@ -128,7 +128,7 @@ def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(warmup, "_touch", lambda *_: told.wait(30.0))
     model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
     warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
-    assert texts == ["compiling kernels, which cannot be kept for the next run: '/here' belongs to another user"]
+    assert texts == ["compiling kernels, which cannot be cached for the next run: '/here' belongs to another user"]
 
 
 def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -142,7 +142,7 @@ def test_a_page_stays_below_five_megabytes_and_says_what_was_left_out(tmp_path: 
 
 
 def test_a_file_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
-    said = pytest.raises(ResultsError, match="holds no states to look at")
+    said = pytest.raises(ResultsError, match="holds no states to show")
     with open_results(table_file(tmp_path / "a.h5", {"2d2n": 2})) as results, said:
         make_page(results)
 

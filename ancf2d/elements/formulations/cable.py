@@ -150,7 +150,7 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 def _refuse(element: ElementType) -> str | None:
     if element.has_theta or element.degree_y > 0:
-        return f"{element.name} can shear: this form is for elements whose section stays normal to r_x"
+        return f"{element.name} can shear: this formulation is for elements whose section stays normal to r_x"
     if not any("r_x" in n.coordinates for n in element.nodes):
         return f"{element.name} has no r_x at its nodes: its slope would jump between elements"
     return None

@@ -129,17 +129,17 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
 
 def _needs_body(element: ElementType) -> str | None:
     if element.has_theta or element.degree_y == 0:
-        return f"{element.name} is a curve: it has no body to integrate a stress over"
+        return f"{element.name} is a curve, without a section to integrate stresses over"
     return None
 
 
 def _refuse_split(element: ElementType) -> str | None:
     if element.common_coefficients:
-        return (f"the y^2 of {element.name} is tied to x^2: without Poisson coupling over the section it would "
-                "add the bending stiffness once more")
+        return (f"the y^2 of {element.name} is tied to x^2: without Poisson coupling over the section it would add the "
+                "bending stiffness twice")
     if element.degree_y > 2:
         return (f"the section of {element.name} stretches unevenly (y^3): Poisson coupling with the strain of the axis "
-                "alone would miss its mean, and plain tension come out wrong")
+                "alone would miss its mean, and simple tension would be wrong")
     return _needs_body(element)
 
 

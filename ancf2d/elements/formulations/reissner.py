@@ -75,5 +75,5 @@ EXACT = PointLaw(4, 3, 4, strain, geometric)
 
 FORMULATIONS = (
     Formulation("geometrically_exact", EXACT, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
-                "Simo & Vu-Quoc 1986", "axial and shear strain in the turned section, curvature theta'"),
+                "Simo & Vu-Quoc 1986", "axial and shear strain in the rotated section, curvature theta'"),
 )

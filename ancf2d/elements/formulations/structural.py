@@ -133,9 +133,9 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 def _refuse(element: ElementType) -> str | None:
     if element.has_theta or element.degree_y == 0:
-        return f"{element.name} has no r_y that could turn a section"
+        return f"{element.name} has no r_y to give its section a direction"
     if element.degree_y > 1:
-        return f"its strains do not see the y^2 of {element.name}: that coordinate would have no stiffness"
+        return f"its strains do not depend on the y^2 of {element.name}, which would have no stiffness"
     return None
 
 

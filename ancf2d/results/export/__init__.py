@@ -33,7 +33,7 @@ class Format:
 FORMATS = {f.suffix: f for f in (
     Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf"),
     Format(".csv", "the probes over time or load factor", "probes"),
-    Format(".json", "everything small: where it came from, summary, probes, steps, tables", "small"),
+    Format(".json", "all small data: provenance, summary, probes, steps, tables", "small"),
 )}
 
 

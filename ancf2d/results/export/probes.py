@@ -21,8 +21,8 @@ def write(results: Results, path: Path, done: Done) -> None:
     """Write ``t`` or ``factor``, then ``NAME.x``, ``NAME.y``, ... of each probe. Raises ResultsError without probes."""
     columns = {f"{name}.{q}": values for name, table in results.probes.items() for q, values in table.items()}
     if not columns:
-        raise ResultsError(f"'{results.path}' holds no values of probes; name points under output.probes of the case "
-                           f"and run it again")
+        raise ResultsError(f"'{results.path}' holds no values of probes; name points under output.probes in the case "
+                           "and run it again")
     count = len(results.probe_t)
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -76,8 +76,8 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
-            pursuit.tell(f"bodies.{name}: nodes stand where something acts, in spite of nodes: regular: meshes that "
-                         "have kinks inside elements do not tell of the accuracy")
+            pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
+                         "meshes with kinks inside elements cannot show the accuracy")
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:
@@ -95,13 +95,13 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
         reasons = [level.reason for level in pursuit.levels if level.reason]
         raise ComputationError(f"no mesh could be solved: {reasons[-1] if reasons else found.note}",
                                at={"elements": pursuit.levels[-1].setting.elements},
-                               advice="run the case with a mesh of your own, which tells more")
+                               advice="run the case with a mesh of your own to see more")
     if tolerance is not None:
         return _in_time(pursuit, level, error, found)
     expected = level.answer
     pursuit.write(level, lambda level: (found, error))
     if pursuit.begins and _strayed(level, expected, BRANCH * left):
-        pursuit.tell("load steps end elsewhere: all meshes are solved again with them")
+        pursuit.tell("the load steps have changed, so all meshes are solved again")
         pursuit.guesses = False
         pursuit.known.clear()
         return _climbed(pursuit, types, tolerance)
@@ -124,13 +124,13 @@ def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
 
     while True:
         tolerance = tenth(rough.setting.tolerance or 1.0)
-        fine = pursuit.solve(replace(rough.setting, tolerance=tolerance), "steps in time: how much they matter", told)
+        fine = pursuit.solve(replace(rough.setting, tolerance=tolerance), "effect of the time steps", told)
         pursuit.write(fine, told)
         accuracy = pursuit.accuracy(fine, *told(fine))
         if accuracy["achieved"] or error > pursuit.wanted or fine.reason:
             return accuracy
         if tolerance <= LEAST_TOLERANCE or 2 * fine.work > MOST_WORK:
-            return accuracy | {"note": "steps in time so small as would be needed take too long"}
+            return accuracy | {"note": "the time steps needed would take too long"}
         rough = fine
 
 

@@ -50,9 +50,9 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     ladders = {name: candidates(pursuit, name) for name in bodies}
     best = {name: ladder[-1] for name, ladder in ladders.items()}
     types = dict(best)
-    why = {name: f"{ladder[-1].element} is what errors are against" for name, ladder in ladders.items()}
+    why = {name: f"errors are relative to {ladder[-1].element}" for name, ladder in ladders.items()}
     meshes = _Meshes(pursuit, tolerance)
-    if meshes.solve(best, SIZE, "the model that errors are against").answer is None:
+    if meshes.solve(best, SIZE, "reference model for the errors").answer is None:
         return Choice(types, why, 0.0)
     error, left = 0.0, allowed
     for i, name in enumerate(bodies):
@@ -94,7 +94,7 @@ class _Meshes:
         size, before = SIZE, float("inf")
         finest = SIZE if self.tolerance is not None else FINEST
         while True:
-            gap = apart(self.solve(types, size, why), self.solve(best, size, "the model that errors are against"))
+            gap = apart(self.solve(types, size, why), self.solve(best, size, "reference model for the errors"))
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None
             size, before = 2.0 * size, gap

@@ -80,15 +80,15 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
     if levels[-1].kinks:
         # an order between two of them says nothing of the next one; what two meshes moved bounds what a third will
         error = DOUBTFUL * max(gaps)
-        return Estimate(f[-1], error, None, False, "a point slides along a body and its kink through the elements: no "
-                        "order"), error / size
+        return Estimate(f[-1], error, None, False, "a point slides along a body, so its kink moves through the "
+                        "elements: no order"), error / size
     if (order is not None and order <= LEAST) or gaps[1] >= gaps[0]:
         error = 3.0 * max(gaps)
-        return Estimate(None, error, order, False, "not asymptotic: the differences do not fall"), error / size
+        return Estimate(None, error, order, False, "not asymptotic: the differences do not decrease"), error / size
     if order is None:
         trusted = min(max(math.log(gaps[0] / gaps[1]) / ratio, 1.0), SWINGING)
         error = DOUBTFUL * gaps[1] / math.expm1(trusted * ratio)
-        return Estimate(f[-1], error, None, False, "the values swing about their limit"), error / size
+        return Estimate(f[-1], error, None, False, "the values oscillate about their limit"), error / size
     alike = before is not None and order / ALIKE < before < order * ALIKE
     if alike:
         assert before is not None

@@ -50,7 +50,7 @@ class Ladder:
         """
         size, shared, hopeless = 1.0, len(self.shares) < 2, ""
         for _ in range(MOST_LEVELS):
-            why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted by the order seen"
+            why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted from the observed order"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
             level, error, found = self._chosen(wanted)
@@ -87,7 +87,7 @@ class Ladder:
             return f"{elements} elements and about {self.levels[-1].iterations} iterations would be needed"
         recent = [level.estimate or 0.0 for level in self.levels[-STALLED - 1:]]
         if len(self.levels) >= LADDER + STALLED and recent[-1] >= 0.5 * max(recent[:-1]):
-            return f"{STALLED} finer meshes have not made the error smaller"
+            return f"{STALLED} finer meshes have not reduced the error"
         return ""
 
     def _steps_matter(self) -> bool:
@@ -99,7 +99,7 @@ class Ladder:
         if gap < 0.5 * apart(self.levels[-3], middle):
             return False
         finer = self.pursuit.solve(replace(middle.setting, tolerance=tenth(self.tolerance)),
-                                   "whether meshes differ because of the steps in time")
+                                   "whether the time steps cause the differences between meshes")
         if not apart(middle, finer) > NOISE * gap:
             return False
         self.tolerance = tenth(self.tolerance)
@@ -157,13 +157,13 @@ def shares_by_weight(ladder: Ladder, size: float) -> dict[str, float] | None:
     has n of each body in the proportions D^(1/(p + 1)). Shares are powers of two, so that meshes double in proportion.
     """
     base = ladder.setting(size)
-    middle = ladder.pursuit.solve(base, "mesh that the bodies are refined from")
+    middle = ladder.pursuit.solve(base, "starting mesh for refining single bodies")
     if middle.answer is None:
         return None
     moves = {}
     for name in ladder.shares:
         finer = ladder.pursuit.solve(replace(base, counts={**base.counts, name: 2 * base.counts[name]}),
-                                     f"how much the mesh of {name} matters")
+                                     f"effect of the mesh of {name}")
         if finer.answer is None:
             return None
         moves[name] = finer.answer.distance(middle.answer)

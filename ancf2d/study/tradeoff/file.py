@@ -22,9 +22,9 @@ def write_tradeoff(study: Study, loaded: LoadedCase, path: str, command: str = "
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("error_below", "1", WHAT["error_below"]), Column("model_error", "1", WHAT["model_error"]),
                Column("judged", "1", WHAT["judged"]),
-               Column("pareto", "1", "1 where no other row is both faster and closer", integer=True),
+               Column("pareto", "1", "1 where no other row is both faster and more accurate", integer=True),
                Column("memory_bytes", "1", WHAT["memory_bytes"], integer=True),
-               Column("runs", "1", "how often the time was measured", integer=True),
+               Column("runs", "1", "number of timed runs", integer=True),
                Column("method", "none", "integrator, empty for the case's"),
                Column("step", "1", "time step, or tolerance"), Column("status", "none", "converged or failed"))
     rows = [_entry(row) for row in study.rows if row.measured.status == "converged"]

@@ -53,7 +53,7 @@ def limit(series: Series, reference: float | None = None) -> Limit:
     """Return what a series tends to, from what was solved of it."""
     good = [(m, m.answer) for m in series.reference.done if m.answer is not None]
     if not good:
-        return Limit(note="nothing was solved that could tell the limit")
+        return Limit(note="nothing was solved that could show the limit")
     answers = [a for _, a in good]
     f = sequence(answers)
     found = estimate([float(m.elements) for m, _ in good], f, answers[-1].size)
@@ -94,7 +94,7 @@ def suffices(series: Series, found: Limit) -> bool:
 # ---------------------------------------------------------------------------- the continuum
 
 def continuum_series(planner: Planner) -> dict[int, Series]:
-    """Return the series of ``ancf[3, q]`` by q; none where sections are stiffnesses, which are of no continuum.
+    """Return the series of ``ancf[3, q]`` by q; none where sections are given as stiffnesses, without a continuum.
 
     Supports and forces act on the mean of a section: at a point, a continuum gives way without limit.
     """
@@ -138,7 +138,8 @@ def continuum(found: dict[int, Limit]) -> Limit:
     """Return the limit over the order across; known as well as the last two orders agree, and their meshes tell."""
     good = [found[q] for q in sorted(found) if found[q].known]
     if len(good) < 2 or good[-2].answer is None:
-        return Limit(note="the budget had no room for it, or it has no limit" if found else "sections are stiffnesses")
+        return Limit(note="the budget did not allow it, or it has no limit" if found else "sections are given as "
+                     "stiffnesses")
     return replace(good[-1], bar=good[-1].bar + good[-1].error(good[-2].answer))
 
 

@@ -139,7 +139,7 @@ class Planner:
     def _check(self) -> None:
         choice, source = self.choice, self.loaded.source
         if self.loaded.case.goal is None:
-            raise CaseError(source.problem((), "the case has no goal: nothing is named that an error could be of",
+            raise CaseError(source.problem((), "the case has no goal, so there is no value to find the error of",
                                            expected="for example goal: {probe: mid, quantity: uy}"))
         if self.motion is None and (choice.key or choice.methods != (None,)):
             raise CaseError(source.problem(("solver", "type"), "there are no time steps and no integrator to choose",

@@ -15,12 +15,12 @@ from .plan import Series
 
 WHAT = {
     "error": "relative discretisation error against the series' own limit",
-    "error_below": "where the error is too close to that of the reference to be told: the most that it can be",
+    "error_below": "upper bound of the error where it is too close to that of the reference",
     "model_error": "relative distance between the series' limit and that of the continuum",
-    "judged": "what the front and the recommendations go by: error, or error_below where that is not told, and with it "
-              "the model error where errors are against the continuum",
-    "wall_s": "median of the runs' solve times, without reading, building and kernel compilation",
-    "memory_bytes": "the most that Python and numpy held at a time for model and solution, in a run of its own",
+    "judged": "basis of the front and the recommendations: error, or error_below where that is unknown, plus the model "
+    "error where errors are relative to the continuum",
+    "wall_s": "median of the solve times, without reading, building and compilation",
+    "memory_bytes": "peak memory of Python and numpy for model and solution, measured in a separate run",
 }
 
 
@@ -152,7 +152,7 @@ class Study:
             "warnings": self.warnings}
         if not self.converged:
             reasons = [row.measured.reason for row in self.rows if row.measured.reason]
-            out.update(reason=reasons[0] if reasons else "the budget had no room for any solution", at={})
+            out.update(reason=reasons[0] if reasons else "the budget did not allow any solution", at={})
         return out
 
     def _continuum(self) -> dict[str, Any] | None:

@@ -38,7 +38,7 @@ def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
     found = {q: limit(s) for q, s in behind.items()}
     study.continuum, study.continuum_q = continuum(found), [q for q, f in found.items() if f.known]
     if choice.continuum and not study.continuum.known:
-        raise ComputationError(f"the continuum behind the case is not known: {study.continuum.note}")
+        raise ComputationError(f"the continuum solution of the case is not known: {study.continuum.note}")
     for k, s in enumerate(series):
         rows, known = rows_of(k, s, limit(s, choice.reference), study.continuum, choice.continuum,
                               choice.reference is not None)
