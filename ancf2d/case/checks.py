@@ -164,8 +164,8 @@ class _Checker:
         if what in ("vx", "vy"):
             below = "quantity"
         if self.solver not in solvers:
-            self.fail((*path, below), f"{dotted(path)}: {what} cannot be had from solver "
-                      f"{self.solver}, only from {listed(solvers)}", on_key=True)
+            self.fail((*path, below), f"{dotted(path)}: {what} is not available from solver {self.solver}, only from "
+                      f"{listed(solvers)}", on_key=True)
             return
         if ("solver",) in self.failed:
             return
@@ -173,8 +173,8 @@ class _Checker:
         modes = getattr(self.case.solver, "modes", None)
         if number is not None and modes is not None and number > modes:
             name = "number" if form == "kind" else form
-            self.fail((*path, name), f"{dotted((*path, name))} is {number}, but the solver is "
-                      f"asked for {modes} modes only", "a larger solver.modes")
+            self.fail((*path, name), f"{dotted((*path, name))} is {number}, but solver.modes is only {modes}", "a "
+                      "larger solver.modes")
         if form == "limit_point":
             self.limit_point(path, goal.limit_point)
 
@@ -185,7 +185,7 @@ class _Checker:
             self.fail(path, f"{dotted(path)}: limit points are found with method arc_length only",
                       "solver.method: arc_length", on_key=True)
         elif isinstance(solver.until, LimitPoints) and number > solver.until.count:
-            self.fail(path, f"{dotted(path)} is {number}, but the path ends after "
+            self.fail(path, f"{dotted(path)} is {number}, but the path ends after limit point "
                       f"{solver.until.count}", "a larger solver.until.limit_points")
 
     def masses(self) -> None:
@@ -245,9 +245,9 @@ class _Checker:
         if case.goal is not None:
             return
         if isinstance(case.accuracy, float):
-            self.fail(("accuracy",), "accuracy is given, but no goal says of what",
+            self.fail(("accuracy",), "accuracy is given without a goal",
                       "goal: {probe, quantity} or another goal")
         for name, body in case.bodies.items() if case.bodies is not INVALID else ():
             if body is not INVALID and body.element is not INVALID and body.element.type == "auto":
-                self.fail(("bodies", name, "element"), "element auto is chosen for a goal, and the case has none",
+                self.fail(("bodies", name, "element"), "element auto needs a goal, and the case has none",
                           "goal: {probe, quantity} or another goal; or an element type")

@@ -18,15 +18,15 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 # libyaml's words -> ours; the first that occurs in its message is taken
 _HINTS = (
-    ("found character '\\t'", "a tab stands where YAML allows only spaces"),
-    ("found a tab character", "a tab stands where YAML allows only spaces"),
+    ("found character '\\t'", "a tab is used where YAML allows only spaces"),
+    ("found a tab character", "a tab is used where YAML allows only spaces"),
     ("mapping values are not allowed",
      "unexpected ':' here; check the indentation, and that the value before it has ended"),
     ("could not find expected ':'", "a key without ':' after it"),
     ("did not find expected ',' or ']'", "a '[' is not closed, or a ',' is missing in it"),
     ("did not find expected ',' or '}'", "a '{' is not closed, or a ',' is missing in it"),
-    ("did not find expected key", "this does not continue what stands above; "
-     "check the indentation, and the quotes and brackets before it"),
+    ("did not find expected key", "this does not continue the value above; check the indentation, and the quotes and "
+     "brackets before it"),
     ("did not find expected '-' indicator", "this does not continue the list above; "
      "check the indentation"),
     ("found unexpected ':'", "a ':' must be followed by a space and a value"),
@@ -99,7 +99,7 @@ class _Composer:
         """Report a construct; the rest of a file with very many of them is not read."""
         self.problems.append(mark.problem(message))
         if len(self.problems) >= MAX_PROBLEMS:
-            raise CaseError([*self.problems, mark.problem("the rest of the file was not read after so many problems")])
+            raise CaseError([*self.problems, mark.problem("too many problems; the rest of the file was not read")])
 
     def take(self, event: Any) -> None:
         if isinstance(event, yaml.ScalarEvent):
@@ -204,7 +204,7 @@ class _Composer:
         text = next((ours for theirs, ours in _HINTS if theirs in words), "")
         if "cannot start any token" in words:
             char = source[mark.column - 1: mark.column]
-            text = ("a tab stands where YAML allows only spaces" if char == "\t" else
+            text = ("a tab is used where YAML allows only spaces" if char == "\t" else
                     f"{quoted(char)} cannot begin a value; put the value in quotes")
         text = text or words.strip()
         opened = error.context_mark
@@ -212,7 +212,7 @@ class _Composer:
             if "is not closed" in text:
                 mark = self.mark(opened)
             else:
-                text += f" (in what begins in line {opened.line + self.line})"
+                text += f" (in the value that begins in line {opened.line + self.line})"
         return mark.problem(f"not valid YAML: {text}")
 
     def unreadable(self, error: Any, text: str) -> Problem:

@@ -22,7 +22,7 @@ from .source import Source, line_breaks
 class DefinitionNode:
     """A node of an element: its place, and the derivatives of r that are coordinates there."""
 
-    at: float = key(Number("", ge=0, le=1), "Place along the element, from 0 to 1", example=0)
+    at: float = key(Number("", ge=0, le=1), "Position along the element, from 0 to 1", example=0)
     coordinates: tuple[str, ...] = key(ListOf(Text("the name of a nodal coordinate"),
                                               "nodal coordinates", 1),
                                        "Nodal coordinates: r, r_x, r_y, r_xy, r_yy, ...",
@@ -46,21 +46,21 @@ class ElementDefinition:
     nodes: tuple[DefinitionNode, ...] = key(
         ListOf(Record(DefinitionNode), "nodes {at, coordinates}", 1), "Nodes, in order along "
         "the element")
-    formulation: str | None = key(Known("formulations"), "How strains become elastic forces",
+    formulation: str | None = key(Known("formulations"), "Formulation of the elastic forces",
                                   default=None)
     quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or {normal, shear}",
                           default=None, example=[3, 2])
     shear_factor: float | str | None = key(SHEAR_FACTOR, "Shear correction: a number, timoshenko "
                                            "or none", default=None)
-    lobatto: float = key(Number("", ge=0, le=1), "Share of the mass that Gauss-Lobatto points along the "
-                         "axis integrate", default=0.0, example=0.8)
+    lobatto: float = key(Number("", ge=0, le=1), "Fraction of the mass that is integrated with Gauss-Lobatto points "
+                         "along the axis", default=0.0, example=0.8)
 
     def check(self) -> Iterator[Issue]:
         """Yield nodes that are not in order, and functions that are given twice."""
         for i, (a, b) in enumerate(pairwise(self.nodes)):
             if not a.at < b.at:
-                yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the "
-                            f"place of the node before, got {b.at:g}")
+                yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the position of the "
+                            f"previous node, got {b.at:g}")
         for i, text in enumerate(self.basis):
             if text in self.basis[:i]:
                 yield Issue(("basis", i), f"basis: '{text}' is given twice")

@@ -173,8 +173,7 @@ def good_name(text: str) -> bool:
 
 def bad_name(what: str, text: str) -> str:
     """Return the message about a text that cannot be a name."""
-    return (f"{what}: {quoted(text)} cannot be a name; a name is up to 80 characters "
-            "without @ . / = [ ]")
+    return (f"{what}: {quoted(text)} is not a valid name; a name has up to 80 characters, without @ . / = [ ]")
 
 
 class Choice(Kind):

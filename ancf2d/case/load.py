@@ -80,7 +80,7 @@ def _no_case(root: object, name: str) -> Problem:
     if root is None or (isinstance(root, Scalar) and root.value is None):
         return Problem("the file is empty", file=name, expected=wanted)
     got = root.shown() if hasattr(root, "shown") else "something else"
-    return Problem(f"the file holds {got}, no case", file=name, expected=wanted)
+    return Problem(f"the file holds {got}, not a case", file=name, expected=wanted)
 
 
 def _labels(root: MapNode) -> tuple[str, str, str]:

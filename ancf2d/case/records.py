@@ -224,7 +224,7 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
         if owners:
             of += f"; it belongs to {listed(owners)}"
         elif name.isdigit():
-            of += "; is a decimal comma meant? write a point"
+            of += "; write decimals with a point, not a comma"
         wanted = "" if near or owners else listed(keys) if keys else "no key but type"
         binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
                     wanted, near)

@@ -211,7 +211,7 @@ class _Parser:
         if text in ("if", "else"):
             raise self.fail(f"a value is missing before '{text}'")
         if text not in FUNCTION_NAMES:
-            raise self.fail(f"'{text}' is not known; known are {_NAMES}")
+            raise self.fail(f"'{text}' is unknown; known names are {_NAMES}")
         self.take()
         if self.peek() != "(":
             raise self.fail(f"'(' is missing after {text}")

@@ -30,7 +30,7 @@ def test_a_case_brings_its_definitions(vocabulary):
     ("name: a\nbasis: []\nnodes: []\n", "1 or more polynomials"),
     ("name: a\nbasis: [1, 1]\nnodes: [{at: 0, coordinates: [r]}]\n", "'1' is given twice"),
     ("name: a\nbasis: [1]\nnodes: [{at: 0, coordinates: [r]}, {at: 0, coordinates: [r]}]\n",
-     "must be > 0, the place of the node before"),
+     "must be > 0, the position of the previous node"),
     ("name: a\nbasis: [1]\nnodes: [{at: 0, coordinates: [r, r]}]\n", "r is named twice"),
     ("name: a\nbasis: [1\n", "not closed"), ("name: a\nbases: [1]\n", "did you mean 'basis'")])
 def test_broken_definitions(text, words, tmp_path, vocabulary):

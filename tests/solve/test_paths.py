@@ -402,5 +402,5 @@ def test_constant_loads_that_find_no_equilibrium_are_named():
 
 
 def test_displacement_control_needs_something_to_control():
-    with pytest.raises(CaseError, match="method displacement goes to what a probe reaches"):
+    with pytest.raises(CaseError, match="method displacement ends where a probe reaches a value"):
         truss(path({"load_factor": 1}, "displacement"))

@@ -16,7 +16,7 @@ from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
 from ..syntax import ExpressionError, Tree, syntax
 
-SCALE_DOC = "Factor on the whole"
+SCALE_DOC = "Factor by which the amplitude is multiplied"
 
 
 @record
@@ -40,8 +40,8 @@ class Ramp:
     """Rises from 0 at t0 to 1 at t1 and stays there."""
 
     tag = "ramp"
-    t0: float = key(Number("s"), "Where it begins to rise", default=0.0)
-    t1: float = key(Number("s"), "Where it has risen", default=1.0)
+    t0: float = key(Number("s"), "Where the rise begins", default=0.0)
+    t1: float = key(Number("s"), "Where the rise ends", default=1.0)
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:
@@ -68,8 +68,8 @@ class Table:
                                example=[0, 1, 2])
     value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each time",
                                     example=[0, 1, 0])
-    smooth: bool = key(Flag(), "Monotone cubic pieces with continuous slope, level at both ends, "
-                       "in place of straight ones; between two values it never leaves their range",
+    smooth: bool = key(Flag(), "Interpolate with monotone cubics of continuous slope, level at both ends, instead of "
+                       "straight lines; between two points the curve stays between their values",
                        default=False)
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 

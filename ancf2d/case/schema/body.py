@@ -22,13 +22,13 @@ class Line:
     """A straight reference axis."""
 
     tag = "line"
-    start: Vec2 = key(PLACE, "Where S = 0 is", example=[0, 0])
-    end: Vec2 = key(PLACE, "Where S = 1 is", example=[2, 0])
+    start: Vec2 = key(PLACE, "Point at S = 0", example=[0, 0])
+    end: Vec2 = key(PLACE, "Point at S = 1", example=[2, 0])
 
     def check(self) -> Iterator[Issue]:
         """Yield what is wrong: a line without length."""
         if self.start == self.end:
-            yield Issue(("end",), "{}: the line has no length, start and end are the same point")
+            yield Issue(("end",), "{}: the line has no length: start and end are the same point")
 
 
 @record
@@ -38,15 +38,15 @@ class Arc:
     tag = "arc"
     center: Vec2 = key(PLACE, "Centre of the circle", example=[0, 0])
     radius: float = key(Number("m", gt=0), "Radius", example=1)
-    from_: float = key(Number("rad"), "Angle from the x axis to where S = 0 is", example=0)
-    to: float = key(Number("rad"), "Angle from the x axis to where S = 1 is; the axis turns "
-                    "counter-clockwise where it is larger than 'from'", example=1.5708)
+    from_: float = key(Number("rad"), "Angle from the x axis to the point S = 0", example=0)
+    to: float = key(Number("rad"), "Angle from the x axis to the point S = 1; larger than 'from' for a "
+                    "counter-clockwise arc", example=1.5708)
 
     def check(self) -> Iterator[Issue]:
         """Yield what is wrong with the sweep: zero, or more than a full turn."""
         sweep = self.to - self.from_
         if sweep == 0:
-            yield Issue(("to",), "{}: the arc has no length, from and to are the same angle")
+            yield Issue(("to",), "{}: the arc has no length: from and to are the same angle")
         elif abs(sweep) > 2 * math.pi * (1 + 1e-9):
             yield Issue(("to",), f"{{}}: the arc turns by {sweep:.6g} rad, more than a full turn",
                         "angles in rad, at most 2 pi = 6.2831853 apart")
@@ -85,7 +85,7 @@ class AreaSection:
 
     A: float = key(Number("m^2", gt=0), "Area", example=6)
     I: float = key(Number("m^4", gt=0), "Second moment of area", example=2)
-    height: float = key(Number("m", gt=0), "Height, in the plane, of the real section", example=2)
+    height: float = key(Number("m", gt=0), "Height in the plane of the actual section", example=2)
 
 
 @record(kw_only=True)
@@ -118,7 +118,8 @@ class Material:
 
     E: float | None = key(Number("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
     nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
-    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed where mass matters",
+    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, gravity and "
+                            "steady_rotation",
                             default=None,
                             example=7850)
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
@@ -148,12 +149,12 @@ class Element:
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
-    count: int | None = key(Integer(), "Number of elements; a polyline needs one per piece "
-                            "at least", default=None, example=8)
+    count: int | None = key(Integer(), "Number of elements; a polyline needs at least one per piece", default=None,
+                            example=8)
     order: tuple[int, int] | None = key(
-        ORDER, "Degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
+        ORDER, "Polynomial degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
         example=[2, 1])
-    formulation: str | None = key(Known("formulations"), "How strains become elastic forces "
+    formulation: str | None = key(Known("formulations"), "Formulation of the elastic forces "
                                   "(default: the one recommended for the type)", default=None)
     quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or separately for "
                           "{normal, shear}", default=None, example=[2, 2])
@@ -162,20 +163,19 @@ class Element:
         "none for 1", default=None)
     preset: str | None = key(Choice("paper"), "paper: as in the paper (continuum, shear factor "
                              "0.5, 2 x 2 Gauss points)", default=None)
-    definition: str | None = key(Text("the name of a file"), "File that describes an own element, "
-                                 "relative to the case", default=None)
-    nodes: str | None = key(Choice("acting", "regular"), "Where nodes stand. acting: wherever a "
-                            "support, joint, spring, mass or load acts, and at the ends of line loads; "
-                            "the elements between are equally long in each stretch, and count is shared "
-                            "among stretches in proportion to their lengths, one each at least. regular: "
+    definition: str | None = key(Text("the name of a file"), "File that defines an element of your own, relative to "
+                                 "the case", default=None)
+    nodes: str | None = key(Choice("acting", "regular"), "Where nodes are placed. acting: wherever a support, joint, "
+                            "spring, mass or load acts, and at the ends of line loads; elements between two such "
+                            "places are equally long, and count is divided among these stretches in proportion to "
+                            "their lengths, at least one each. regular: "
                             "all elements of a straight piece or arc are equally long (default: acting; "
                             "regular with preset paper)", default=None)
-    refine: int | None = key(Integer(), "Divides each of the 'count' elements into so many: meshes "
-                             "with a node at every node of the coarser one (default: 1)", default=None)
-    mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body, where it is not the "
-                             "section's", default=None)
-    inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about "
-                                "its centre of mass, where it is not the section's", default=None)
+    refine: int | None = key(Integer(), "Divides each of the 'count' elements into this many, so that all nodes of the "
+                             "coarser mesh remain nodes (default: 1)", default=None)
+    mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body (default: that of its section)", default=None)
+    inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about its centre of mass "
+                                "(default: that of its section)", default=None)
 
     def written(self) -> Any:
         """Return ``auto`` alone where that is all."""
@@ -184,7 +184,7 @@ class Element:
     def check(self) -> Iterator[Issue]:
         """Yield keys that do not go together."""
         if self.type == "user" and self.definition is None:
-            yield Issue((), "{}.type is missing: the element type, or 'definition' of an own one")
+            yield Issue((), "{}.type is missing: the element type, or 'definition' for an element of your own")
         if self.definition is not None and self.type != "user":
             yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
                         "other", "type user, or no type, beside 'definition'")
@@ -192,8 +192,7 @@ class Element:
             given = [k for k in ("count", "nodes", "refine", "order", "formulation", "quadrature", "shear_factor",
                                  "preset") if getattr(self, k) is not None]
             if given:
-                yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which "
-                            "chooses by itself")
+                yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which chooses it")
         elif self.count is None and self.type != "rigid":
             yield Issue((), "{}.count is missing: number of elements", "a whole number >= 1")
         if (self.type == "ancf") != (self.order is not None):

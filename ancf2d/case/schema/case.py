@@ -62,24 +62,25 @@ class BodyInitial:
 class Initial:
     """How a motion starts."""
 
-    from_: str = key(StartText(), "State it starts from: rest (the reference), static (equilibrium under the loads), "
-                     "or the last state of a result file, which supports and joints have to hold", default="rest")
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of everything; what supports and joints do not "
-                                               "allow of it is lost as in a plastic impact", default=None)
-    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of everything; added "
-                                             "to the velocity", default=None)
+    from_: str = key(StartText(), "Initial state: rest (the reference), static (equilibrium under the loads), or the "
+                     "last state of a result file, which must satisfy the supports and joints", default="rest")
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of all bodies; the part that supports and joints do "
+                                               "not allow is lost, as in a plastic impact", default=None)
+    rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of all bodies about a point, added to the "
+                                             "velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),
-                                         "What single bodies do instead", default={})
+                                         "Velocities of single bodies, instead of the above", default={})
 
 
 @record
 class Rayleigh:
     """Damping alpha M + beta K, where beta acts on the rates of strain."""
 
-    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix: forces -alpha M v, which slow rigid motion too",
+    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix: forces -alpha M v, which also slow rigid "
+                       "motions",
                        default=0.0)
     beta: float = key(Number("s", ge=0), "Added to every body's retardation time kelvin_voigt: stress D (eps + beta "
-                      "d eps/dt), which is beta K for small motion and nothing in rigid motion", default=0.0)
+                      "d eps/dt), equal to beta K for small motions and zero in rigid motions", default=0.0)
 
 
 @record
@@ -107,7 +108,7 @@ class FormatNumber(Integer):
         return "1"
 
     def bounds(self, unit: str) -> str:
-        return "1, the one format that this version reads"
+        return "1, the only format that this version reads"
 
 
 @record(kw_only=True)
@@ -115,10 +116,10 @@ class Case:
     """A case: what is modelled, what is computed, what is wanted of it."""
 
     format: int = key(FormatNumber(), "Version of this format", default=1)
-    title: str = key(Text(number=True), "What the case is about", default="")
+    title: str = key(Text(number=True), "Title of the case", default="")
     units: Units = key(Record(Units), "Labels of the units that the numbers are in",
                        default=Units())
-    bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "What is modelled")
+    bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies of the model")
     boundary_conditions: tuple[Support, ...] = key(
         ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", default=())
     joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies",
@@ -127,15 +128,15 @@ class Case:
                                       default=())
     masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", default=())
     loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", default=())
-    initial: Initial | None = key(Record(Initial), "How the motion starts (dynamic)", default=None)
+    initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
     damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic)",
                                   default=None)
     steady_rotation: SteadyRotation | None = key(
         Record(SteadyRotation), "Steady rotation of the frame (static, eigen)", default=None)
-    solver: Solver = key(OneOf(Solver), "What is computed")
-    goal: Goal | None = key(Record(Goal), "The value whose accuracy matters", default=None)
-    accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy that is wanted of the "
-                                 "goal", default=None, example=1e-4)
-    output: Output = key(Record(Output), "What is stored", default=Output())
+    solver: Solver = key(OneOf(Solver), "What to compute, and how")
+    goal: Goal | None = key(Record(Goal), "Value whose accuracy matters", default=None)
+    accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy wanted for the goal", default=None,
+                                 example=1e-4)
+    output: Output = key(Record(Output), "What to store in the result file", default=Output())
     expected: tuple[Expected, ...] = key(ListOf(Record(Expected), "known values"),
                                          "Known values, for checking the result", default=())

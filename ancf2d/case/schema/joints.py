@@ -80,7 +80,7 @@ Joint = PinJoint | WeldJoint | SliderJoint | PrismaticJoint
 def _spring_issues(ends: tuple[object, ...], stiffness: float, damping: float) -> Iterator[Issue]:
     yield from _same_twice(ends)
     if all(isinstance(end, GroundPoint) for end in ends):
-        yield Issue(("between",), "{}.between: both ends stand on the ground",
+        yield Issue(("between",), "{}.between: both ends are on the ground",
                     "at least one point BODY@S")
     if stiffness == 0 and damping == 0:
         yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0")
@@ -95,7 +95,7 @@ class TranslationalSpring:
                                                    example=["a@1", [0, 1]])
     stiffness: float = key(Number("N/m", ge=0), "Stiffness", default=0.0)
     damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
-    length: float | None = key(Number("m", ge=0), "Length without force (default: the distance "
+    length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "
                                "in the reference)", default=None)
     name: str | None = key(NAME, "Name", default=None)
 
@@ -113,7 +113,7 @@ class RotationalSpring:
                                                    example=["a@1", "b@0"])
     stiffness: float = key(Number("N m/rad", ge=0), "Stiffness", default=0.0)
     damping: float = key(Number("N m s/rad", ge=0), "Damping", default=0.0)
-    angle: float = key(Number("rad"), "Relative rotation, second less first, without moment",
+    angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
                        default=0.0)
     name: str | None = key(NAME, "Name", default=None)
 
@@ -129,7 +129,7 @@ Spring = TranslationalSpring | RotationalSpring
 class Mass:
     """A point mass, with moment of inertia where it has one."""
 
-    at: Point = key(POINT, "Where it sits", example="rod@1")
+    at: Point = key(POINT, "Point at which the mass is attached", example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)
     inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", default=0.0)
     name: str | None = key(NAME, "Name", default=None)

@@ -13,7 +13,7 @@ from .points import POINT, Point
 
 NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
-AMPLITUDE_DOC = "Factor over load factor or time (default: ramp in static cases, else constant)"
+AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
 SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"
 

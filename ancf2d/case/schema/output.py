@@ -19,20 +19,20 @@ FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {k
 
 
 def _probe() -> Any:
-    return key(Name("the name of a probe"), "Probe that is looked at",
+    return key(Name("the name of a probe"), "Probe",
                default=None, refers="probes",
                example="mid")
 
 
 def _quantity() -> Any:
     return key(Choice(*PROBE_QUANTITIES, *REACTION_QUANTITIES, *CASE_QUANTITIES),
-               "What of it: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
+               "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
                "reaction; strain_energy of the case", default=None, example="uy")
 
 
 def _reaction() -> Any:
-    return key(Name("the name of a boundary condition"), "Boundary condition whose reaction is "
-               "looked at", default=None, refers="reactions", example="left")
+    return key(Name("the name of a boundary condition"), "Boundary condition whose reaction is the goal",
+               default=None, refers="reactions", example="left")
 
 
 def _kind() -> Any:
@@ -48,8 +48,8 @@ def _load_factor() -> Any:
 
 
 def _limit_point() -> Any:
-    return key(Integer(), "Which limit point of the path, counted from 1: its load factor, "
-               "or with probe and quantity where the probe is then", default=None)
+    return key(Integer(), "Which limit point of the path, counted from 1: its load factor or, with probe and quantity, "
+               "that value of the probe there", default=None)
 
 
 def goal_issues(goal: Any) -> Iterator[Issue]:
@@ -65,15 +65,15 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
     allowed = {"probe": PROBE_QUANTITIES, "reaction": REACTION_QUANTITIES,
                "": CASE_QUANTITIES}.get(form, ())
     if not form and goal.quantity is None:
-        yield Issue((), "{}: nothing is asked for", FORMS)
+        yield Issue((), "{}: no quantity is given", FORMS)
     elif goal.quantity is None and allowed:
-        yield Issue((), f"{{}}.quantity is missing: what of the {form}", ", ".join(allowed))
+        yield Issue((), f"{{}}.quantity is missing: which quantity of the {form}", ", ".join(allowed))
     elif goal.quantity is not None and not allowed:
         yield Issue(("quantity",), f"{{}}: quantity cannot be given with {form}")
     elif goal.quantity is not None and goal.quantity not in allowed:
         of = f"a {form}" if form else "the whole case"
         near = " (is 'probe' or 'reaction' missing?)" if not form else ""
-        yield Issue(("quantity",), f"{{}}: {goal.quantity} is no quantity of {of}{near}",
+        yield Issue(("quantity",), f"{{}}: {goal.quantity} is not a quantity of {of}{near}",
                     ", ".join(allowed))
     if (goal.kind is None) != (goal.number is None):
         yield (Issue(("number",), "{}: number is for modes only; 'kind' is missing",
@@ -83,7 +83,7 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
 
 @record
 class Goal:
-    """The value whose accuracy matters."""
+    """Value whose accuracy matters."""
 
     probe: str | None = _probe()
     quantity: str | None = _quantity()
@@ -112,11 +112,11 @@ class Expected:
     number: int | None = _number()
     load_factor: int | None = _load_factor()
     limit_point: int | None = _limit_point()
-    value: float = key(Number(), "The known value", example=-9.6061e-5)
-    rtol: float | None = key(Number("", ge=0), "Allowed error relative to the value", default=None,
+    value: float = key(Number(), "Known value", example=-9.6061e-5)
+    rtol: float | None = key(Number("", ge=0), "Allowed error, relative to the value", default=None,
                              example=1e-4)
     atol: float | None = key(Number("", ge=0), "Allowed error, absolute", default=None)
-    source: str | None = key(Text(number=True), "Where the value comes from", default=None)
+    source: str | None = key(Text(number=True), "Source of the value", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield where nothing known is named, or no tolerance."""
@@ -125,19 +125,19 @@ class Expected:
             yield Issue((), "{}: neither rtol nor atol is given", "rtol (relative to the value) "
                         "or atol")
         elif self.value == 0 and not self.atol:
-            yield Issue(("value",), "{}: a value of 0 cannot be met within rtol alone",
+            yield Issue(("value",), "{}: a value of 0 needs an absolute tolerance",
                         "atol > 0")
 
 
 @record
 class Output:
-    """What is stored."""
+    """What to store in the result file."""
 
-    probes: dict[str, Probe] = key(MapOf(PROBE, "points by name"), "Points whose motion is "
-                                   "recorded: BODY@S, or {at: BODY@S, y: distance from the axis}",
+    probes: dict[str, Probe] = key(MapOf(PROBE, "points by name"), "Points whose motion is recorded: BODY@S, or "
+                                   "{at: BODY@S, y: distance from the axis}",
                                    default={}, example={"mid": "beam@0.5"})
-    every: int | None = key(Integer(), "Steps between stored states (default in motion: about 200 states, fixed steps "
-                            "as they end)", default=None)
+    every: int | None = key(Integer(), "Number of steps between stored states (default in motion: about 200 states, at "
+                            "the ends of fixed steps)", default=None)
     interval: float | None = key(Number("s", gt=0), "Time between stored states", default=None)
     fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
                                   "Fields to store over the bodies: N, Q, M (at the probes too), stress, strain, "

@@ -52,7 +52,7 @@ class PointText(Kind):
         s = resolve(place)
         if isinstance(s, bool) or not isinstance(s, int | float):
             return binder.fail(node.mark, path, f"{dotted(path)} must be {self.words(binder)}, "
-                               f"got {quoted(node.text)}: {quoted(place)} is no number")
+                               f"got {quoted(node.text)}: {quoted(place)} is not a number")
         if not (math.isfinite(s) and 0 <= s <= 1):
             return binder.fail(node.mark, path,
                                f"{dotted(path)}: S must be in [0, 1], got {quoted(node.text)}")

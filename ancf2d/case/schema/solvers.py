@@ -51,13 +51,13 @@ class Static:
     """Static equilibrium, or an equilibrium path, with large displacements."""
 
     tag = "static"
-    steps: int | None = key(Integer(), "The load is raised by at most 1/steps of the whole "
-                            "at a time; with arc_length the most steps taken", default=None)
+    steps: int | None = key(Integer(), "Number of load steps: each raises the load by at most 1/steps of the total; "
+                            "with arc_length, the maximum number of steps", default=None)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative size of the last Newton "
                                   "correction", default=None, example=1e-10)
-    max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
+    max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step",
                                      default=None)
-    method: str = key(Choice("newton", "arc_length", "displacement"), "How the path is followed",
+    method: str = key(Choice("newton", "arc_length", "displacement"), "Path-following method",
                       default="newton")
     until: LoadFactor | LimitPoints | ProbeReaches = key(
         ByKeys((LimitPoints, ("limit_points",)),
@@ -71,10 +71,10 @@ class Static:
             yield Issue(("until",), f"{{}}: limit points cannot be passed with method "
                         f"{self.method}", "method: arc_length")
         if isinstance(self.until, ProbeReaches) and self.method == "newton":
-            yield Issue(("until",), "{}: method newton goes to a load factor, not to a "
-                        "displacement", "method: arc_length or displacement")
+            yield Issue(("until",), "{}: method newton ends at a load factor, not at a displacement", "method: "
+                        "arc_length or displacement")
         if isinstance(self.until, LoadFactor) and self.method == "displacement":
-            yield Issue(("until",), "{}: method displacement goes to what a probe reaches",
+            yield Issue(("until",), "{}: method displacement ends where a probe reaches a value",
                         "until: {probe, quantity, reaches}")
 
 
@@ -83,10 +83,11 @@ class Eigen:
     """Natural frequencies and modes."""
 
     tag = "eigen"
-    modes: int = key(Integer(), "Number of modes, the lowest ones", default=10)
-    about: str = key(Choice("reference", "static"), "State that vibrates: the reference, or the "
+    modes: int = key(Integer(), "Number of modes, from the lowest", default=10)
+    about: str = key(Choice("reference", "static"), "State about which the model vibrates: the reference, or the "
                      "static equilibrium under the loads", default="reference")
-    verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: what has no counterpart there is spurious",
+    verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
+                       "spurious",
                        default=False)
 
 
@@ -95,7 +96,7 @@ class Buckling:
     """Load factors at which the linear static state buckles."""
 
     tag = "buckling"
-    modes: int = key(Integer(), "Number of load factors, the lowest ones", default=4)
+    modes: int = key(Integer(), "Number of load factors, from the lowest", default=4)
 
 
 @record
@@ -109,15 +110,17 @@ class Dynamic:
                                   f"default {STEP_TOLERANCE:g})", default=None, example=1e-6)
     method: str | None = key(Known("integrators"), "Time integrator (default: the recommended "
                              "one)", default=None)
-    max_iterations: int | None = key(Integer(), "Newton iterations per step at most",
+    max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step",
                                      default=None)
     spectral_radius: float | None = key(
-        Number("", ge=0, le=1), "What is left per step of motions far too fast for the steps: 1 nothing is damped, "
-        "0 all of it (generalized_alpha; hht from 0.5; default 0.8)", default=None)
-    newton: str = key(Choice("reuse", "full"), "A tangent for every Newton iteration (full), or the last one while it "
-                      "serves (reuse)", default="reuse")
-    estimate: bool = key(Flag(), "An error estimate, by runs beside with steps of 2 dt and 4 dt, or 10 and 100 times "
-                         "the tolerance", default=True)
+        Number("", ge=0, le=1), "Spectral radius at infinite frequency: the factor by which each step reduces motions "
+        "far too fast for it, from 1 (no damping) to 0 (removed at once) (generalized_alpha; hht from 0.5; default "
+        "0.8)",
+        default=None)
+    newton: str = key(Choice("reuse", "full"), "A new tangent in every Newton iteration (full), or the last one for as "
+                      "long as it works (reuse)", default="reuse")
+    estimate: bool = key(Flag(), "Error estimate, from additional runs with steps of 2 dt and 4 dt, or with 10 and 100 "
+                         "times the tolerance", default=True)
 
     @property
     def local_error(self) -> float:
@@ -133,8 +136,8 @@ class Dynamic:
             yield Issue(("dt",), f"{{}}.dt must be <= t_end, got dt {self.dt:g} and t_end "
                         f"{self.t_end:g}")
         if self.dt is not None and self.dt < SHORTEST * self.t_end:
-            yield Issue(("dt",), f"{{}}.dt is {self.dt:g}, {self.dt / self.t_end:.2g} of t_end: time does not advance "
-                        "by such steps in floating-point numbers", f"at least {SHORTEST * self.t_end:g}")
+            yield Issue(("dt",), f"{{}}.dt is {self.dt:g}, {self.dt / self.t_end:.2g} of t_end: too small for time to "
+                        "advance in floating-point numbers", f"at least {SHORTEST * self.t_end:g}")
 
 
 Solver = LinearStatic | Static | Eigen | Buckling | Dynamic

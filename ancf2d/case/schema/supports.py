@@ -13,8 +13,7 @@ from .points import POINT, Point
 
 NAME = Name()
 SPREAD = Choice("uniform", "parabolic")
-SPREAD_DOC = ("Hold the mean of the section with this weight rather than the axis alone "
-              "(differs from q = 2 on)")
+SPREAD_DOC = ("Hold the mean of the section with this weight instead of the axis (makes a difference from q = 2 on)")
 
 
 def motion(unit: str) -> ByShape:
@@ -29,7 +28,7 @@ class Pin:
     tag = "pin"
     at: Point = key(POINT, "Point that is held", example="beam@0")
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
-    name: str | None = key(NAME, "Name, for its reaction", default=None)
+    name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
 
 @record
@@ -41,15 +40,15 @@ class Roller:
     fixed: str | None = key(Choice("x", "y"), "Direction that is held", default=None, example="y")
     normal: tuple[float, float] | None = key(
         Vector(Number(), "nx, ny", nonzero=True),
-        "Direction that is held, where it is neither x nor y; of any length", default=None)
+        "Direction that is held if it is neither x nor y; of any length", default=None)
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
-    name: str | None = key(NAME, "Name, for its reaction", default=None)
+    name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem unless exactly one of fixed and normal is given."""
         if (self.fixed is None) == (self.normal is None):
             given = "fixed and normal are both given" if self.fixed else (
-                "the direction that is held is missing")
+                "the direction to hold is missing")
             yield Issue(("normal",) if self.fixed else (), f"{{}}: {given}",
                         "one of fixed: x, fixed: y, or normal: [nx, ny]")
 
@@ -62,11 +61,11 @@ class Clamp:
     at: Point = key(POINT, "Point that is held", example="beam@0")
     hold: str | None = key(
         Choice("all", "section", "breathe"),
-        "all: every nodal coordinate; section: position and section rotation; breathe: position "
-        "in the mean, section straight and in direction, free to stretch (default: position, r_y and warping where a "
-        "type has such coordinates, and no strain; section for the others; all with preset paper)",
+        "all: every nodal coordinate; section: position and section rotation; breathe: mean position and direction of "
+        "the section, which stays straight but may stretch (default: position, r_y and warping for types "
+        "with such coordinates, leaving strains free; section for other types; all with preset paper)",
         default=None)
-    name: str | None = key(NAME, "Name, for its reaction", default=None)
+    name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
 
 @record
@@ -78,7 +77,7 @@ class Fix:
     coordinates: tuple[str, ...] = key(
         ListOf(Known("nodal_coordinates"), "nodal coordinates", 1),
         "Nodal coordinates that are held", example=["x", "y", "ry_x"])
-    name: str | None = key(NAME, "Name, for its reaction", default=None)
+    name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield coordinates that are named twice."""
@@ -99,7 +98,7 @@ class Prescribed:
     uy: float | Amplitude | None = key(motion("m"), "Displacement in y", default=None)
     angle: float | Amplitude | None = key(motion("rad"), "Rotation of the section from the "
                                           "reference", default=None)
-    name: str | None = key(NAME, "Name, for its reaction", default=None)
+    name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where nothing is prescribed, or the same thing twice."""
