@@ -339,7 +339,7 @@ class _March:
             return []
         if self.negative > 0:
             return [f"the equilibrium is stable again from load factor {t:.6g} on"]
-        apart = [f", or short neighbouring elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
+        apart = [f", or short elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
         return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
                 f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
                 "leads onto the buckled branch; method: arc_length passes limit points"]
