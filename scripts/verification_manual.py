@@ -21,20 +21,21 @@ AREAS = {
 }
 TOP = """# Verification manual
 
-Every case below `cases/` with its references: closed forms, differential equations solved to many digits, other
-programs, and print, each with its source. Written by `python scripts/make_docs.py`, which solves them all.
+This manual lists every case in `cases/` with its references: closed forms, differential equations solved to many
+digits, other programs, and published values, each with its source. It is written by `python scripts/make_docs.py`,
+which solves all cases.
 
-*Allowed* is the tolerance of the case: half a unit of the last printed digit where the source is print, else the error
-of the mesh that the case is meant to show. The verdict is `ok` where the value is within it. `ancf2d run CASE` prints
-the same comparison:
+*Allowed* is the tolerance of the case: half a unit of the last printed digit for published values, otherwise the
+discretisation error that the case is meant to show. The verdict is `ok` if the value is within the tolerance.
+`ancf2d run CASE` prints the same comparison:
 
 ```bash
 ancf2d run cases/static/elastica.yaml
 ```
 
-What errors of meshes and of models are to be expected is in [accuracy.md](accuracy.md), motions over all of their time
-are in [motion.md](motion.md), all printed frequencies in [modes.md](modes.md), and what single elements can represent
-is in [audit.md](audit.md).
+[accuracy.md](accuracy.md) describes the discretisation and model errors to expect, [motion.md](motion.md) compares
+motions over their whole duration, [modes.md](modes.md) lists all printed frequencies, and [audit.md](audit.md) examines
+single elements.
 """
 
 
