@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 from house import code_lines, cycles, imports, inner_cycles, sources
 
-PACKAGE = Path(__file__).parents[1] / "ancf2d"
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "ancf2d"
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
 BASE = {"cores", "errors", "interrupts", "plain", "__version__"}
 # what a room may import from, besides itself and the base
 BELOW = {
@@ -56,6 +59,22 @@ def test_rooms_import_from_those_below(room: str) -> None:
 
 def test_every_room_is_known() -> None:
     assert sorted(p.name for p in PACKAGE.iterdir() if p.is_dir() and any(p.glob("*.py"))) == ROOMS
+
+
+def test_the_architecture_page_tells_who_may_import_whom() -> None:
+    rows = re.findall(r"^\| `(\w+)/` \| .* \| (.*) \|$", ARCHITECTURE, re.M)
+    assert {room: set(re.findall(r"`(\w+)/`", others)) for room, others in rows} == BELOW
+    named = re.search(r"modules at the top: (.*?)\.\s", ARCHITECTURE.replace("`", ""), re.S)
+    assert named is not None
+    assert set(re.findall(r"(\w+)\.py", named[1])) == BASE - {"__version__"}
+
+
+def test_the_architecture_page_names_every_folder_and_nothing_that_is_not_there() -> None:
+    named = set(re.findall(r"`([\w./-]+(?:/|\.py))`", ARCHITECTURE))
+    assert [name for name in sorted(named) if not ((PACKAGE / name).exists() or (ROOT / name).exists())] == []
+    folders = {f"{path.relative_to(PACKAGE).as_posix()}/" for path in PACKAGE.rglob("*")
+               if path.is_dir() and path.name != "__pycache__"}
+    assert folders - named == set()
 
 
 def test_modules_do_not_import_each_other() -> None:

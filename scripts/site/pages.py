@@ -14,7 +14,8 @@ FIRST = "index.md"
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the files that documents link to outside docs/."""
-    added = {FIRST: "README.md", "LICENSE": "LICENSE", "CHANGELOG.md": "CHANGELOG.md", "CITATION.cff": "CITATION.cff"}
+    added = {name: name for name in ("LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff")}
+    added[FIRST] = "README.md"
     added |= {p: p for p in (f.relative_to(ROOT).as_posix() for f in ROOT.glob("cases/**/*.yaml"))}
     for place, source in added.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
@@ -23,6 +24,6 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Lead links to where the files are on the site."""
-    if page.file.src_uri == FIRST:
-        return re.sub(r"\]\(docs/", "](", markdown)
+    if page.file.src_uri in (FIRST, "CONTRIBUTING.md"):
+        return re.sub(r"\]\(docs/", "](", markdown).replace("](README.md", f"]({FIRST}")
     return re.sub(r"\]\(\.\./(README\.md)?", lambda m: f"]({FIRST}" if m[1] else "](", markdown)

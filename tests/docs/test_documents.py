@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 EVERY = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 NAMED_FILE = re.compile(r"[Ss]ave this as `([\w.-]+)`:\n\n```(?:yaml|python)\n(.*?)^```$", re.M | re.S)
