@@ -59,13 +59,13 @@ def _visible(c: str) -> str:
 
 
 class Ancf2dError(Exception):
-    """Base of every failure that ancf2d expects and explains; never shown as a traceback."""
+    """Base class of all failures that ancf2d explains; the command line never shows them as tracebacks."""
 
     exit_code = 1
 
 
 class CaseError(Ancf2dError):
-    """The case (or the command line) is wrong: ``problems`` lists all of it, in file order."""
+    """The case or the command line is wrong; ``problems`` lists everything that is wrong, in file order."""
 
     exit_code = 2
 
@@ -89,7 +89,7 @@ class Failure:
 
 
 class ComputationError(Ancf2dError):
-    """A computation failed; ``failure`` says where, how, the likely cause and what to change."""
+    """A computation failed; ``failure`` says where and how, the likely cause and what to change."""
 
     def __init__(self, reason: str, *, at: dict[str, Any] | None = None,
                  history: list[float] | None = None, advice: str = "") -> None:
@@ -116,6 +116,6 @@ class SingularTangentError(ComputationError):
 
 
 class ResultsError(Ancf2dError):
-    """A result file cannot be read or written: missing, foreign, damaged, or in the way."""
+    """A result file cannot be read or written: it is missing, damaged, of another program, or would be overwritten."""
 
     exit_code = 2

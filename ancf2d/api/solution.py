@@ -43,11 +43,11 @@ def _release(results: Results | None, temporary: Temporary | None) -> None:
 
 
 class Solution:
-    """A solved case.
+    """A solved case: its summary, its states and, if one was written, its result file.
 
     Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is what the result file
     holds: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
-    asked for, which raises ResultsError where states were not kept.
+    used, which raises ResultsError if no states were kept.
     """
 
     def __init__(self, case: LoadedCase, outcome: Outcome, temporary: Temporary | None = None) -> None:
@@ -63,7 +63,7 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """``converged``, or ``failed`` where a part was asked for."""
+        """``converged``, or ``failed`` for a solution made with ``partial``."""
         return str(self.summary["status"])
 
     @property
@@ -85,13 +85,13 @@ class Solution:
 
     @property
     def checks(self) -> list[dict[str, Any]]:
-        """The expected values of the case beside the computed ones."""
+        """The expected values of the case, each with the computed value."""
         found: list[dict[str, Any]] = self.summary["checks"]
         return found
 
     @property
     def warnings(self) -> list[str]:
-        """What the run warned of."""
+        """The warnings of the run."""
         return list(self.summary["warnings"])
 
     @property
@@ -101,7 +101,7 @@ class Solution:
 
     @property
     def value(self) -> float | None:
-        """The value of the case's goal, None where there is none."""
+        """The value of the case's goal, None if it has no goal."""
         goal = self.case.case.goal
         return None if goal is None else quantity(goal, self.summary)
 
@@ -109,7 +109,7 @@ class Solution:
 
     @property
     def path(self) -> Path | None:
-        """The result file that was asked for."""
+        """The result file, None if none was written."""
         place = self.summary["output"]
         return None if place is None else Path(place)
 

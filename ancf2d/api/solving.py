@@ -27,11 +27,11 @@ Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
 
 
 def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
-    """Return a checked case: from a file, from a text of several lines, from a mapping, or a loaded one changed.
+    """Return a checked case from a file, a multi-line YAML string, a mapping, or a loaded case, with overrides applied.
 
     ``overrides`` are values by their path, ``{"bodies.beam.element.count": 32}``, or the command line's
-    ``["bodies.beam.element.count=32"]``. Files that a text or mapping names are relative to the working directory.
-    Raises CaseError with all problems.
+    ``["bodies.beam.element.count=32"]``. File names in a string or mapping are relative to the working directory.
+    Raises CaseError, which lists all problems.
     """
     options = _options(overrides)
     if isinstance(case, LoadedCase):
@@ -49,13 +49,13 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
           partial: bool = False) -> Solution:
     """Solve a case and return its solution.
 
-    ``accuracy`` is the wanted relative error of the case's goal: mesh and steps are chosen for it, and whether it is
-    reached is told by ``Solution.accuracy``. ``output`` names the result file to write, and ``force`` lets it replace
-    one that ancf2d did not make. Without ``states`` and ``output`` nothing is kept but the summary, which makes loops
-    over many cases faster. With ``partial``, a computation that fails returns what it had reached.
+    ``accuracy`` is the relative error wanted for the case's goal: mesh and steps are chosen to reach it, and
+    ``Solution.accuracy`` says whether they did. ``output`` names the result file to write, and ``force`` lets it
+    replace one that ancf2d did not make. Without ``states`` and ``output`` only the summary is kept, which makes loops
+    over many cases faster. With ``partial``, a computation that fails returns the states that it reached.
 
-    Raises CaseError with all problems of the case, ComputationError where it cannot be solved, and ResultsError where
-    the file cannot be written.
+    Raises CaseError, which lists all problems of the case, ComputationError if it cannot be solved, and ResultsError
+    if the file cannot be written.
     """
     extra = () if accuracy is None else (f"accuracy={float(accuracy)!r}",)
     loaded = load(case, (*_options(overrides), *extra))
@@ -83,11 +83,11 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
 
     ``elements`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``types``
     element types to compare, as ``["vallejo", "reissner3", "vallejo:structural"]``; ``dt`` or ``tolerance`` refine
-    the steps of a motion instead; ``reference`` is the exact value where it is known. ``jobs`` meshes are solved at
+    the steps of a motion instead; ``reference`` is the exact value, if it is known. ``jobs`` meshes are solved at
     the same time. The study has ``rows`` (element, elements, value, error, order, ...) and ``series``, one of each
     type with its limit and error bar.
 
-    Raises CaseError for a case without a goal or that no type can solve, and for steps of two kinds.
+    Raises CaseError if the case has no goal, if no type can solve it, or if ``dt`` and ``tolerance`` are both given.
     """
     if dt and tolerance:
         raise CaseError("dt and tolerance are both given; give only one")

@@ -22,7 +22,7 @@ from .source import Source, line_breaks
 
 @dataclass(frozen=True)
 class LoadedCase:
-    """A valid case with where it came from."""
+    """A checked case and its source: the file, its text and the overrides."""
 
     case: Case
     source: Source

@@ -21,11 +21,11 @@ from ancf2d.results.rows import StateRows
 
 
 class Results:
-    """One open result file; states are read when asked for, one by one, in blocks or all at once.
+    """One open result file, whose states are read on demand: one by one, in blocks or all at once.
 
-    Of a file that a run is still writing it shows what was there when it was opened.
+    If a run is still writing the file, this shows what it held when it was opened.
     Nodal coordinates of state i are ``e(i) = e0 + d(i)``; i counts from 0, negative from the end.
-    Errors: ResultsError wherever the file is not what it says it is.
+    Reading raises ResultsError wherever the file is damaged or inconsistent.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -89,7 +89,7 @@ class Results:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The ``--json`` object of the run; empty while it is unfinished."""
+        """The JSON object that the run prints with ``--json``; empty while it is unfinished."""
         with safe.damage(self.path):
             return safe.json_object(safe.text(self._file, "summary"))
 
@@ -161,7 +161,7 @@ class Results:
         return rows
 
     def rows(self, name: str) -> np.ndarray:
-        """Return ``name`` (d, v or a) of all states at once (nt, nq); ResultsError where it was not stored."""
+        """Return ``name`` (d, v or a) of all states at once (nt, nq). Raises ResultsError if it was not stored."""
         rows = self._all_rows(name)
         with safe.damage(self.path):
             return rows.block(0, self.nt)
@@ -235,7 +235,7 @@ class Results:
         return record
 
     def body(self, name: str) -> BodyRecord:
-        """Return a body by name, or raise ResultsError with the names that there are."""
+        """Return a body by name. Raises ResultsError, which lists the known names, if there is none."""
         if name not in self.bodies:
             raise ResultsError(f"'{self.path}' has no body '{name}' (bodies: "
                                f"{', '.join(self.bodies)})")
@@ -328,7 +328,7 @@ class Results:
 
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
-        """What the run can be resumed from, where it is unfinished and has got so far."""
+        """The checkpoint of an unfinished run, from which it can be resumed; None if it has none."""
         with safe.damage(self.path):
             return checkpoint_of(self._file)
 
@@ -373,7 +373,7 @@ class Results:
             return safe.datasets(safe.child(self._file, "arrays", h5py.Group))
 
     def array(self, path: str) -> np.ndarray:
-        """Return one of ``arrays`` in full."""
+        """Return one of ``arrays`` as a NumPy array. Raises ResultsError if there is none of this path."""
         if path not in self.arrays:
             raise ResultsError(f"'{self.path}' has no array '{path}' "
                                f"(arrays: {', '.join(self.arrays) or 'none'})")
@@ -382,7 +382,7 @@ class Results:
             return safe.values(dataset, dataset.ndim)
 
     def close(self) -> None:
-        """Close the file; whatever was not read by then cannot be read any more."""
+        """Close the file, after which nothing more can be read from it."""
         self._file.close()
 
     def __enter__(self) -> Results:
@@ -393,5 +393,5 @@ class Results:
 
 
 def open_results(path: str | os.PathLike[str]) -> Results:
-    """Open a result file for reading; ResultsError says what is wrong with it and what to do."""
+    """Open a result file for reading. Raises ResultsError, which says what is wrong with the file and what to do."""
     return Results(path)

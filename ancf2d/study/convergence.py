@@ -115,7 +115,7 @@ class Series:
 
 @dataclass
 class Convergence:
-    """A finished study: a series per element type."""
+    """A finished convergence study, with one series of meshes or time steps for each element type."""
 
     case: str
     title: str

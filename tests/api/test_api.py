@@ -195,7 +195,7 @@ def test_nothing_is_left_when_a_solution_is_forgotten(monkeypatch: pytest.Monkey
 def test_without_states_there_is_the_summary_alone(solution: ancf2d.Solution) -> None:
     found = ancf2d.solve(TEXT, states=False)
     assert found.value == solution.value
-    with pytest.raises(ancf2d.ResultsError, match="were not kept"):
+    with pytest.raises(ancf2d.ResultsError, match="kept no states"):
         _ = found.d
     assert "<svg" not in found._repr_html_()
 

@@ -47,5 +47,5 @@ def cost(s: Subject) -> Finding:
     """Examine the time of forces and tangent of an element beside that of vallejo."""
     yard = subject(YARDSTICK)
     own, theirs = seconds_per_element(s), seconds_per_element(yard)
-    return Finding(own / theirs, NOTE, f"{1e6 * own:.2f} us for forces and tangent, against {1e6 * theirs:.2f} us of "
-                   f"{YARDSTICK}; about {operations(s)} operations, against {operations(yard)}")
+    return Finding(own / theirs, NOTE, f"{1e6 * own:.2f} us for forces and tangent, compared with {1e6 * theirs:.2f} "
+                   f"us of {YARDSTICK}; about {operations(s)} operations, against {operations(yard)}")

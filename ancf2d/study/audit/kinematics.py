@@ -29,7 +29,7 @@ def solvability(s: Subject) -> Finding:
         return Finding(worst, FAIL, f"the nodal coordinates do not determine the basis where nu = {nu:g} (length "
                        f"{length:g} h)")
     if worst > WELL:
-        return Finding(worst, NOTE, f"nearly singular (nu = {nu:g}, length {length:g} h): digits are lost")
+        return Finding(worst, NOTE, f"nearly singular (nu = {nu:g}, length {length:g} h), so digits are lost")
     return Finding(worst, PASS, "the nodal coordinates determine the basis")
 
 
@@ -52,8 +52,8 @@ def completeness(s: Subject) -> Finding:
         d = linear_field(model, G)
         field = np.stack([xi, 0.5 * eta], axis=1) @ G.T
         worst = max(worst, float(np.abs(np.einsum("pcn,n->pc", rows, d) - field).max()))
-    return judged(worst, ROUND_OFF, "holds every linear field, and so its own straight reference",
-                  "does not hold all linear fields: constant strains are not in it")
+    return judged(worst, ROUND_OFF, "represents every linear field, and so its own straight reference",
+                  "does not represent all linear fields, so constant strains are missing")
 
 
 def _change(s: Subject, along: float, across: float) -> float:
@@ -75,10 +75,11 @@ def reversal(s: Subject) -> Finding:
     """Examine whether swapping the ends, S(xi) -> S(-xi), leads to the same space of shapes."""
     change = _change(s, -1.0, 1.0)
     if change <= ROUND_OFF:
-        return Finding(change, PASS, "numbered from the other end the element is the same")
+        return Finding(change, PASS, "the element is the same with its ends swapped")
     forth, back = (_tip(s, wall) for wall in (0, 1))
-    return Finding(change, FAIL, "not symmetric: the shapes from the other end are others; the tip of a cantilever of "
-                   f"4 elements, bent far, moves by {abs(back / forth - 1):.1e} of its way")
+    return Finding(change, FAIL, "not symmetric: the shapes differ when the ends are swapped; the tip of a cantilever "
+                   "of "
+                   f"4 elements, bent far, moves by {abs(back / forth - 1):.1e} of its deflection")
 
 
 def _tip(s: Subject, wall: int) -> float:
@@ -91,8 +92,8 @@ def _tip(s: Subject, wall: int) -> float:
 
 def mirror(s: Subject) -> Finding:
     """Examine whether y -> -y leads to the same space of shapes."""
-    return judged(_change(s, 1.0, -1.0), ROUND_OFF, "upside down the element is the same",
-                  "not symmetric: upside down the shapes are others")
+    return judged(_change(s, 1.0, -1.0), ROUND_OFF, "the element is the same upside down",
+                  "not symmetric: the shapes differ upside down")
 
 
 def _jump(s: Subject, i: int, eta: Array) -> float:
@@ -118,9 +119,10 @@ def position_continuity(s: Subject) -> Finding:
     jump = _jump(s, 0, _across(s))
     axis = _jump(s, 0, np.zeros(1))
     if jump <= ROUND_OFF:
-        return Finding(jump, PASS, "neighbours share their whole common section (conforming)")
+        return Finding(jump, PASS, "conforming: neighbours share their whole common section")
     where = "away from the axis" if axis <= ROUND_OFF else "on the axis too"
-    return Finding(jump, FAIL, f"nonconforming: end faces of neighbours part {where} (jump per displacement of a node)")
+    return Finding(jump, FAIL, f"nonconforming: end faces of neighbours separate {where} (jump per displacement of a "
+                   "node)")
 
 
 def slope_continuity(s: Subject) -> Finding:

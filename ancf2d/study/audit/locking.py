@@ -43,13 +43,13 @@ def shear_factor(s: Subject) -> Finding:
     if value <= ZERO:
         return Finding(None, NOTE, "the element does not shear")
     if abs(value / right - 1) <= UNIFORM:
-        return Finding(value, PASS, f"the rectangle's factor ({right:.4f} at nu = {NU:g}) is in it")
+        return Finding(value, PASS, f"it includes the rectangle's factor ({right:.4f} at nu = {NU:g})")
     bent = factor_in_bending(s)
     if abs(bent / right - 1) <= BENT:
-        return Finding(value, PASS, f"{value:.4g} of G A in uniform shear; in bending the section warps by itself: "
+        return Finding(value, PASS, f"{value:.4g} of G A in uniform shear; in bending the section can warp: "
                        f"{bent:.4f}")
     return Finding(value, FAIL, f"the effective shear factor is {value:.4g}, where the rectangle's is {right:.4f}: "
-                   f"{percent(value / right)} of the right shear stiffness")
+                   f"{percent(value / right)} of the correct shear stiffness")
 
 
 def factor_in_bending(s: Subject) -> float:
@@ -90,7 +90,7 @@ def shear_locking(s: Subject) -> Finding:
                        f"{SLENDER[-1]:g} with 4 elements)")
     cause = _cause(s, *deflected(s, SLENDER[-1], 4, SMALL), large=0.0)
     return Finding(lost, NOTE if cause == ACROSS else FAIL, f"from L/h = {SLENDER[0]:g} to {SLENDER[-1]:g}, 4 "
-                   f"elements, {percent(lost)} of the deflection are lost, to {cause}")
+                   f"elements, {percent(lost)} of the deflection are lost to {cause}")
 
 
 def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
@@ -137,7 +137,7 @@ class Lost:
             return Finding(max(self.most, 0.0), PASS, good)
         if self.kept <= max(LOCKS, GOES * self.most):
             return Finding(self.most, NOTE, f"{percent(self.most)} of the bending compliance are lost at nu = "
-                           f"{self.at:g}, but this goes with the mesh")
+                           f"{self.at:g}, but this vanishes with refinement")
         usual = f"{percent(self.usual)} at {NU:g}" if self.usual > LOCKS else f"nothing at {NU:g}"
         return Finding(self.most, FAIL, f"{bad}: {percent(self.most)} of the bending compliance are lost at nu = "
                        f"{self.at:g}, {usual}{remedy}")
@@ -167,8 +167,8 @@ def poisson_locking_of_basis(s: Subject) -> Finding:
     """Examine the same with the elastic forces of the whole continuum, whatever the formulation."""
     full = s.with_formulation("continuum")
     if full is None:
-        return Finding(None, NOTE, "the element has no body: nothing contracts across")
-    remedy = "" if s.formulation.name == "continuum" else f"; formulation {s.formulation.name} is there for that"
+        return Finding(None, NOTE, "the element has no section to contract across")
+    remedy = "" if s.formulation.name == "continuum" else f"; formulation {s.formulation.name} is meant for that"
     return _lost_to_nu(full).finding("the basis itself can contract where it is bent",
                                      "the basis locks by nu in the full continuum", remedy)
 
@@ -190,4 +190,4 @@ def thickness_locking(s: Subject) -> Finding:
                        f"{SLENDER[-1]:g})")
     cause = _cause(s, *deflected(s, SLENDER[-1], 8, F, LARGE), large=1.0)
     return Finding(lost, FAIL if cause == ACROSS else NOTE, f"bent far at L/h = {SLENDER[-1]:g}, 8 elements, "
-                   f"{percent(lost)} of the deflection are lost, to {cause}")
+                   f"{percent(lost)} of the deflection are lost to {cause}")

@@ -29,7 +29,7 @@ def _judge(f: list[float], meshes: list[float], exact: float, what: str) -> Find
     off = limit / exact - 1
     where = f"limit {percent(off)} {'above' if off > 0 else 'below'} Timoshenko's {what}"
     if abs(off) > WRONG:
-        return Finding(e.order, FAIL, f"goes elsewhere: {where}")
+        return Finding(e.order, FAIL, f"converges to a wrong limit: {where}")
     if e.order is None:
         return Finding(None, PASS if e.asymptotic else NOTE, f"{e.note}; {where}")
     if not e.asymptotic:
@@ -67,7 +67,7 @@ def order_eigen(s: Subject) -> Finding:
     try:
         f = [_lowest_bending(s, n) for n in counts]
     except StopIteration:
-        return Finding(None, FAIL, "no bending mode among the lowest six: modes without strain energy are in the way")
+        return Finding(None, FAIL, "no bending mode among the lowest six: modes without strain energy take their place")
     return _judge(f, [float(n) for n in counts], exact, "frequency")
 
 
@@ -92,11 +92,12 @@ def spurious_branch(s: Subject) -> Finding:
         return Finding(None, PASS, f"the lowest {MODES} modes are the beam's on {counts[-1]} elements of a beam of 5 h")
     value = last / bending
     if last == 0.0:
-        return Finding(0.0, FAIL, "modes that deform at no strain energy stand among the lowest, whatever the mesh")
+        return Finding(0.0, FAIL, "modes that deform without strain energy are among the lowest on every mesh")
     before = found[-2][0]
     if before is not None and last >= FALLS * before:
         return Finding(value, PASS, "modes of the mesh lie above those of the beam, and rise as it is refined")
     power = "" if before is None else f", like n^{math.log(last / before) / math.log(counts[-1] / counts[-2]):.2f}"
     why = f", {percent(gaps)} of their energy in gaps" if gaps > 0.0 else ""
-    return Finding(value, FAIL, f"modes of the mesh come down with it{power}{why}; the lowest is {value:.3g} times the "
+    return Finding(value, FAIL, f"modes of the mesh fall with refinement{power}{why}; the lowest is {value:.3g} times "
+                   "the "
                    f"first bending mode on {counts[-1]} elements")

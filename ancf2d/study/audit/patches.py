@@ -42,8 +42,8 @@ def rigid_motion(s: Subject) -> Finding:
     for angle in (0.0, *ANGLES):
         energy, Q = elastic(model, turned(model, still, angle, (0.7, -0.4)))
         worst = max(worst, float(np.abs(Q / w).max()) / scale, abs(energy) / scale)
-    return judged(worst, ROUND_OFF, "translations and finite rotations make no force and no energy",
-                  "rigid motion is resisted: forces per stiffness and unit displacement")
+    return judged(worst, ROUND_OFF, "translations and finite rotations cause no forces and no energy",
+                  "rigid motions cause forces (per stiffness and unit displacement)")
 
 
 def objectivity(s: Subject) -> Finding:
@@ -57,8 +57,8 @@ def objectivity(s: Subject) -> Finding:
         other, P = elastic(model, turned(model, d, angle, (0.7, -0.4)))
         back = _forces_turned(model, Q, angle)
         worst = max(worst, abs(other / energy - 1), float(np.abs(P - back).max() / np.abs(Q).max()))
-    return judged(worst, ROUND_OFF, "a superposed rotation changes no energy and turns the forces with it",
-                  "energy or forces of a deformed element depend on how it is turned")
+    return judged(worst, ROUND_OFF, "a superposed rotation keeps the energy and rotates the forces with it",
+                  "energy or forces of a deformed element depend on its rotation")
 
 
 def _forces_turned(model: Model, Q: Array, angle: float) -> Array:
@@ -74,7 +74,7 @@ def isotropy(s: Subject) -> Finding:
     """Examine whether a cantilever bends alike whichever way it points."""
     straight = tip_deflection(s, 10.0, 4)
     worst = max(abs(tip_deflection(s, 10.0, 4, angle=a) / straight - 1) for a in ANGLES)
-    return judged(worst, EXACT, "a beam responds alike whichever way it points",
+    return judged(worst, EXACT, "a beam responds alike in every direction",
                   "the response depends on the direction of the beam in the plane")
 
 
@@ -115,10 +115,10 @@ def _patch_finding(s: Subject, name: str, what: str, modulus: float, none: str) 
         return Finding(None, NOTE, none)
     residual, computed = found
     if not residual <= EXACT:
-        return Finding(residual, FAIL, f"{what} is not exact on unequal elements: nodal forces are left")
+        return Finding(residual, FAIL, f"{what} is not exact on unequal elements: nodal forces remain")
     if abs(computed / modulus - 1) > EXACT:
-        return Finding(residual, FAIL, f"{what} balances, but with a modulus {computed / modulus:.4g} times the right "
-                       "one")
+        return Finding(residual, FAIL, f"{what} balances, but with a modulus {computed / modulus:.4g} times the "
+                       "correct one")
     return Finding(residual, PASS, f"{what} is exact on unequal elements")
 
 
@@ -129,7 +129,8 @@ def patch_axial(s: Subject) -> Finding:
 
 def patch_transverse(s: Subject) -> Finding:
     """Examine uniform tension across, the element free to contract along."""
-    return _patch_finding(s, "yy", "uniform tension across", 1.0, "the section keeps its height: it has no such strain")
+    return _patch_finding(s, "yy", "uniform tension across", 1.0, "the section keeps its height, so it has no such "
+                          "strain")
 
 
 def patch_shear(s: Subject) -> Finding:
@@ -156,7 +157,7 @@ def patch_bending(s: Subject) -> Finding:
     if abs(fine) > max(FINE, EXACT) or abs(fine) > 0.5 * abs(coarse):
         return Finding(coarse, FAIL, f"too {too} in pure bending by {percent(coarse)}, and still by {percent(fine)} on "
                        "elements shorter than their height")
-    return Finding(coarse, NOTE, f"pure bending comes with refinement only: {percent(coarse)} too {too} on three "
+    return Finding(coarse, NOTE, f"pure bending is reached only by refinement: {percent(coarse)} too {too} on three "
                    f"elements, {percent(fine)} off on short ones")
 
 
@@ -180,7 +181,7 @@ def zero_energy_modes(s: Subject) -> Finding:
     nx, ny = s.rule.normal
     points = f"{nx} x {ny} points" if s.rule.uniform else "this quadrature"
     if worst <= 0:
-        return judged(float(worst), 0.0, f"every motion but the rigid ones has strain energy with {points}",
+        return judged(float(worst), 0.0, f"only rigid motions have no strain energy with {points}",
                       "rigid motions have strain energy")
     mesh = s.free(4.0, 4, nu=at)
     left = hidden_modes(mesh, stiffness(mesh))
