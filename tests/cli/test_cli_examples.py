@@ -13,6 +13,8 @@ from commandline import BEAM
 from ancf2d.cli import main
 from ancf2d.cli.app import COMMANDS, app
 
+pytestmark = pytest.mark.slow
+
 MINE = """\
 name: mine
 basis: ["1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"]

@@ -9,6 +9,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 # what no linear static run calls, nor loads where its kernels are compiled already
 NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.integrate", "scipy.optimize",
               "scipy.special", "numba.np.npyimpl", "numba.typed.listobject", "ancf2d.plot", "ancf2d.view", "ancf2d.api",

@@ -74,6 +74,7 @@ def bits(path: Path) -> list[bytes]:
     return states + columns
 
 
+@pytest.mark.slow
 def test_interrupted_run_ends_cleanly_and_goes_on_to_the_same_bits(pendulum: Path, call: Call) -> None:
     code, out, err = stopped(pendulum, signal.SIGINT, "--json")
     assert code == 130, err
@@ -99,6 +100,7 @@ def test_interrupted_run_ends_cleanly_and_goes_on_to_the_same_bits(pendulum: Pat
     assert not compare_results("rod.h5", "whole.h5", rtol=0)
 
 
+@pytest.mark.slow
 def test_another_case_is_refused_with_exit_code_2(pendulum: Path, call: Call) -> None:
     code, _, err = stopped(pendulum, signal.SIGKILL)
     assert code == -signal.SIGKILL, err

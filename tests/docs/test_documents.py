@@ -56,6 +56,7 @@ def workplace(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @EVERY
 def test_commands_run_and_print_what_is_shown(document: Path, workplace: Path) -> None:
     text = document.read_text(encoding="utf-8")

@@ -15,6 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import cell, table
 from extremes.all_rows import all_rows
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -98,6 +98,7 @@ def test_two_points_would_give_a_turning_bar_more_mass():
         own_element(spec)
 
 
+@pytest.mark.slow
 def test_motions_keep_their_energy_with_a_blended_mass(tmp_path):
     solver = {"type": "dynamic", "t_end": 0.5, "dt": 0.005, "method": "radau9", "estimate": False}
     bar = model(tmp_path, 4, definition(3, 0.75), solver=solver,

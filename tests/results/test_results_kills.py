@@ -20,6 +20,8 @@ from ancf2d.results import series as series_module
 from ancf2d.results import writer as writer_module
 from ancf2d.results.journal import JournaledFile, open_hdf5
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 KILLED = 9  # the exit code of a process that kill_at ended
 

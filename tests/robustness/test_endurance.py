@@ -12,6 +12,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from endurance import repeats, scenes, stops
 
+pytestmark = pytest.mark.slow
+
 
 def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None:
     repeats.growth(30)  # what is made once, some of it late

@@ -22,6 +22,8 @@ from endurance import scenes
 from fuzz.command import Called, call
 from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
+pytestmark = pytest.mark.slow
+
 
 @contextmanager
 def room(size: int) -> Iterator[None]:

@@ -17,6 +17,8 @@ from ancf2d.model.plan import MAX_BODIES, MAX_COORDINATES
 from ancf2d.study.accuracy.control import check
 from ancf2d.study.run import load
 
+pytestmark = pytest.mark.slow
+
 BEAM: dict[str, Any] = {
     "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
                         "section": {"height": 0.5, "width": 0.1}, "material": {"E": 1e9, "nu": 0.3},

@@ -20,6 +20,8 @@ from ancf2d.view import make_page
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
 from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _bounded() -> Iterator[None]:

@@ -23,6 +23,8 @@ from ancf2d.results import ResultWriter, open_results, part_path
 sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
 from synthetic import HEADER, coordinates, tangent_body
 
+pytestmark = pytest.mark.slow
+
 OTHERS: list[ThreadPoolExecutor] = []
 CALLBACK = """
 def callback(interrupt):

@@ -14,6 +14,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
 
+pytestmark = pytest.mark.slow
+
 LINUX = pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="needs the memory of processes")
 
 

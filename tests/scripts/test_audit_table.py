@@ -12,6 +12,8 @@ from ancf2d.study.audit.examine import CHECKS
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import audit_table
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "audit.md").read_text(encoding="utf-8")
 

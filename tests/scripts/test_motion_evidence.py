@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import motion_evidence
 from evidence import conservation, joints, runs, traps
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("element", ["vallejo", "cable"])
 def test_ten_thousand_steps_keep_energy_and_momentum(element: str) -> None:

@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 FIGURES = [f"Figure {n}" for n in (3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19)]
 # of how long motions last: enough for some stored states

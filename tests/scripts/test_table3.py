@@ -8,6 +8,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import table3
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("element", ["2d2n", "2d3n"])
 def test_printed_frequencies_are_computed_ones(element):

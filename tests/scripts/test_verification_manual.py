@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
 CASES = sorted(p.relative_to(ROOT / "cases").with_suffix("").as_posix() for p in (ROOT / "cases").rglob("*.yaml"))

@@ -12,6 +12,8 @@ from motions import GRAVITY, ride
 from ancf2d.model import numbering
 from ancf2d.solve.schemes import INTEGRATORS
 
+pytestmark = pytest.mark.slow
+
 SECTION = {"height": 0.02, "width": 0.02}
 SOFT = {"E": 1e8, "nu": 0.3, "rho": 1000.0}
 

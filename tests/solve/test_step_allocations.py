@@ -12,6 +12,8 @@ from numba.core.runtime import _nrt_python, rtsys
 from ancf2d.case import schema
 from ancf2d.elements.formulations import FORMULATIONS
 
+pytestmark = pytest.mark.slow
+
 DT, FEW, MANY = 1e-3, 30, 60
 SWAY = {"type": "expression", "value": "0.01*sin(20*t)"}
 RISE = {"type": "ramp", "t0": 0, "t1": 0.01}

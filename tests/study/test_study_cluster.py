@@ -19,6 +19,8 @@ from ancf2d.errors import ComputationError
 from ancf2d.study import cluster
 from ancf2d.study.pool import Workers, run_jobs
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("distributed")
 HERE = Path(__file__).parent
 
