@@ -94,7 +94,7 @@ def _tidy(function: str) -> str:
 def _one(found: dict[str, Any]) -> str:
     """Return all about one element type as text."""
     at = ", ".join(f"{n['at']:.4g}" for n in found["nodes"])
-    factors = {None: "none: this type does not shear", "timoshenko": "timoshenko: 10 (1 + nu)/(12 + 11 nu)",
+    factors = {None: "none: this type has no shear strain", "timoshenko": "timoshenko: 10 (1 + nu)/(12 + 11 nu)",
                "none": "none: 1"}
     rows = [["basis", ", ".join(found["basis"])],
             ["nodes", f"{_nodes(found)}, at {at} along the element"],
@@ -107,7 +107,7 @@ def _one(found: dict[str, Any]) -> str:
         rows.append(["note", found["note"]])
     lines = [found["name"], *table(rows, left=(0, 1), indent="  ")]
     if not any(f["default"] for f in found["formulations"]):
-        return "\n".join([*lines, "", "  no strain: a constraint keeps its length"])
+        return "\n".join([*lines, "", "  no strain: a constraint keeps the length"])
     lines += ["", "  formulations"]
     offered = [[f["name"], "default" if f["default"] else "", f["points"], f["doc"]]
                for f in found["formulations"] if f["refused"] is None]

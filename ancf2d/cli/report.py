@@ -149,7 +149,7 @@ def built_report(model: Any) -> str:
         lines.append(f"body {name}: {many(plan.count, 'element')} {plan.element.name} ({alike}), "
                      f"{plan.formulation.name}, {plan.rule}")
         if plan.split:
-            lines.append("    elements meet where something acts, at S = " + ", ".join(f"{s:.6g}" for s in plan.split))
+            lines.append("    element ends where something acts: S = " + ", ".join(f"{s:.6g}" for s in plan.split))
     eliminated = model.n_q - (num.n_unknowns - num.n_multipliers)
     lines.append(f"unknowns: {num.n_unknowns} of {many(model.n_q, 'nodal coordinate')}; {eliminated} eliminated by "
                  f"supports and joints; {many(num.n_multipliers, 'multiplier')}")
@@ -168,7 +168,7 @@ def built_report(model: Any) -> str:
 _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
              "SymmetricFronts": "symmetric, LDL^T front by front",
              "GeneralBand": "band, LU with pivoting (LAPACK): follower loads",
-             "GeneralSparse": "sparse, LU (SuperLU): follower loads, and the mesh is no chain"}
+             "GeneralSparse": "sparse, LU (SuperLU): follower loads, and the mesh is not a chain"}
 
 
 def matrix_text(model: Any) -> str:

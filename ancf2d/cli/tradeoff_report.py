@@ -114,9 +114,10 @@ def _limits(study: Study) -> list[str]:
     lines += ["", *notes] if notes else []
     if study.continuum.answer is not None and lines:
         q = ", ".join(str(k) for k in study.continuum_q)
-        lines += ["", *_wrapped(f"model error: of the limit, against the plane-stress continuum, "
-                                f"{number(study.continuum.answer.value, 8)} known to {study.continuum.bar:.0e}: the "
-                                f"limits of ancf[3,q] with q = {q}, forces and supports spread over the section.")]
+        lines += ["", *_wrapped("model error: relative distance of the limit from the plane-stress continuum, "
+                                f"{number(study.continuum.answer.value, 8)} known to {study.continuum.bar:.0e}, found "
+                                f"as the limit of ancf[3,q] with q = {q}, forces and supports spread over the "
+                                "section.")]
     elif lines:
         lines += ["", f"model error: not known; {study.continuum.note}"]
     return lines

@@ -83,7 +83,7 @@ def _coordinates(definition: ElementDefinition) -> Iterator[tuple[tuple[Any, ...
                 yield ("nodes", i, "coordinates", j), str(error), ""
     if any("theta" in n.coordinates and set(n.coordinates) != {"r", "theta"} for n in nodes) or len(
             {"theta" in n.coordinates for n in nodes}) > 1:
-        yield ("nodes",), "theta is a coordinate beside r alone, at every node or at none", "[r, theta] at each node"
+        yield ("nodes",), "theta needs r beside it, at every node or at none", "[r, theta] at each node"
     first, last = nodes[0], nodes[-1]
     if first.at != 0.0 or last.at != 1.0 or first.coordinates != last.coordinates:
         yield ("nodes",), ("the first and last node must lie at 0 and 1 and have the same coordinates, so that "

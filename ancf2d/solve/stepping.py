@@ -150,8 +150,8 @@ class Stepper:
         if not consistent(self.p, self.w, self.s, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
-                advice="give every body a density (rhoI too where the section is given by stiffnesses); let each joint "
-                       "hold what no other holds")
+                advice="give every body a density (rhoI too where the section is given by stiffnesses); remove joints "
+                "that hold the same motion twice")
         if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
             self._check_signals(t)
             raise ComputationError("the accelerations are not finite", at={"t": t},

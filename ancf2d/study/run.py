@@ -236,7 +236,7 @@ def _resumes(case: Case, out: str, progress: Progress) -> bool:
 
     part, name, found = part_path(out), solver_name(case), None
     if not isinstance(case.solver, Dynamic):
-        why = f"a run of solver {name} is resumed from nothing"
+        why = f"a run of solver {name} has no checkpoints"
     elif not part.exists():
         why = f"there is no unfinished '{part}'"
     else:

@@ -113,7 +113,7 @@ def test_another_case_is_refused_with_exit_code_2(pendulum: Path, call: Call) ->
 def test_nothing_to_resume_is_said_and_the_run_starts_afresh(call: Call, folder: Path) -> None:
     result = call("run", "beam.yaml", "--resume")
     assert result.exit_code == 0
-    assert "a run of solver linear_static is resumed from nothing: starting from the beginning" in result.stderr
+    assert "a run of solver linear_static has no checkpoints: starting from the beginning" in result.stderr
     assert (folder / "beam.h5").exists()
 
 

@@ -187,7 +187,7 @@ class Element:
             yield Issue((), "{}.type is missing: the element type, or 'definition' for an element of your own")
         if self.definition is not None and self.type != "user":
             yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
-                        "other", "type user, or no type, beside 'definition'")
+                        "other", "type user, or no type, with 'definition'")
         if self.type == "auto":
             given = [k for k in ("count", "nodes", "refine", "order", "formulation", "quadrature", "shear_factor",
                                  "preset") if getattr(self, k) is not None]
