@@ -1,6 +1,7 @@
 """ancf2d: planar flexible multibody dynamics with ANCF beam elements.
 
-For Python: ``load``, ``solve``, ``convergence``, ``open_results``, and the errors they raise; docs/python.md.
+For Python: ``load``, ``solve``, ``convergence``, ``system``, ``open_results``, and the errors they raise;
+docs/python.md.
 """
 
 from importlib import import_module
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from .api import convergence as convergence
     from .api import load as load
     from .api import solve as solve
+    from .api import system as system
     from .case import LoadedCase as LoadedCase
     from .errors import Ancf2dError as Ancf2dError
     from .errors import CaseError as CaseError
@@ -23,13 +25,15 @@ if TYPE_CHECKING:
     from .errors import ResultsError as ResultsError
     from .results import Results as Results
     from .results import open_results as open_results
+    from .solve.discrete import DiscreteModel as DiscreteModel
     from .study.convergence import Convergence as Convergence
 
 __version__ = "0.1.0"
 
 # what the package offers and where it is; nothing is imported before it is used
 _PLACES = {
-    "load": "api", "solve": "api", "convergence": "api", "Solution": "api", "LoadedCase": "case",
+    "load": "api", "solve": "api", "convergence": "api", "system": "api", "Solution": "api",
+    "LoadedCase": "case", "DiscreteModel": "solve.discrete",
     "open_results": "results", "Results": "results", "Convergence": "study.convergence",
     "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
 }

@@ -27,7 +27,7 @@ BELOW = {
     "study": {"case", "elements", "kernels", "model", "results", "solve"},
     "plot": {"results"}, "view": {"results"},
     # a solution is printed as the command line prints it
-    "api": {"case", "cli", "plot", "results", "study"},
+    "api": {"case", "cli", "plot", "results", "solve", "study"},
     "cli": {"case", "elements", "plot", "results", "solve", "study", "view"},
 }
 ROOMS = sorted(BELOW)

@@ -1,6 +1,6 @@
-"""ancf2d for Python: cases in, solutions out, as ``ancf2d.load``, ``ancf2d.solve`` and ``ancf2d.convergence``."""
+"""ancf2d for Python: ``ancf2d.load``, ``ancf2d.solve``, ``ancf2d.convergence`` and ``ancf2d.system``."""
 
 from .solution import Solution
-from .solving import convergence, load, solve
+from .solving import convergence, load, solve, system
 
-__all__ = ["Solution", "convergence", "load", "solve"]
+__all__ = ["Solution", "convergence", "load", "solve", "system"]

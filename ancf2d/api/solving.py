@@ -1,11 +1,11 @@
-"""Cases loaded, solved and refined by one call each."""
+"""Cases loaded, solved, refined and made discrete models of by one call each."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text
 from ..case.axes import Axis
@@ -17,10 +17,13 @@ from ..study.convergence import Convergence, Steps
 from ..study.convergence import convergence as refine
 from ..study.identity import inputs_of
 from ..study.pool import Workers
-from ..study.run import Outcome, run_case, vocabulary
+from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file
 from ..study.variants import Variant, parse_variants
 from .solution import Solution, Temporary
+
+if TYPE_CHECKING:
+    from ..solve.discrete import DiscreteModel
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
 Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
@@ -99,6 +102,23 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
         except ValueError as error:
             raise CaseError(str(error)) from None
     return refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
+
+
+def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
+    """Return the discrete model of a case, for solvers and integrators of one's own: residual, tangents, mass, probes.
+
+    Nothing is solved. ``case`` and ``overrides`` are those of ``solve``. In a dynamic case t is the time, in all others
+    the load factor. Raises CaseError with all problems of the case, and where the case leaves the mesh to be chosen
+    for an accuracy.
+    """
+    loaded = load(case, overrides)
+    if is_pursued(loaded):
+        raise CaseError("accuracy, or element type auto, leaves the mesh to be chosen while the case is solved; give "
+                        "every body an element type and count, and no accuracy")
+    model = prepare(loaded)
+    from ..solve.discrete import DiscreteModel
+
+    return DiscreteModel(model)
 
 
 def _options(overrides: Overrides) -> tuple[str, ...]:

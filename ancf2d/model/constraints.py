@@ -12,6 +12,7 @@ from ..elements.shape import Array
 from .mesh import BodyMesh, Index
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef
+from .signals import rates_of
 from .timing import Course
 
 LENGTH = "length"
@@ -30,8 +31,10 @@ class Row:
     holds: str
     signal: Course | None = None
 
-    def value(self, t: float) -> float:
-        """Return the right-hand side at load factor or time t."""
+    def value(self, t: float, order: int = 0) -> float:
+        """Return the right-hand side at load factor or time t, or its first or second derivative by time."""
+        if order > 0:
+            return rates_of(self.signal, t)[order - 1]
         return 0.0 if self.signal is None else self.signal(t)
 
 
@@ -54,6 +57,10 @@ class Constraint(Protocol):
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
         """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
+        ...
+
+    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
+        """Return g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v (n_full,)."""
         ...
 
 

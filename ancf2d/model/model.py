@@ -165,14 +165,17 @@ class Model:
         """Whether the tangent is symmetric (follower forces have no potential)."""
         return symmetric(self.loads)
 
-    def prescribed(self, t: float, out: Array) -> None:
-        """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``."""
+    def prescribed(self, t: float, out: Array, order: int = 0) -> None:
+        """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``.
+
+        ``order`` 1 and 2 are those of their rates and second rates over time.
+        """
         values: dict[int, float] = {}
         for coord, dependent in self.elimination.dependents.items():
             for r, factor in dependent.rhs.items():
                 if self.rows[r].signal is not None:
                     if r not in values:
-                        values[r] = self.rows[r].value(t)
+                        values[r] = self.rows[r].value(t, order)
                     out[coord] += factor * values[r]
 
     @cached_property
@@ -203,16 +206,26 @@ class Model:
         return -sum(float(load.values @ d[load.dofs]) * load.amplitude(t)
                     for load in self.loads.dead if load.gravity)
 
+    def coordinate_names(self) -> list[str]:
+        """Return 'ry_x of beam at S = 0.25' and the like for every nodal coordinate (n_q,)."""
+        out = [""] * self.n_q
+        for body, mesh in self.meshes.items():
+            nodes = zip(mesh.coordinate_names, mesh.plan.element.nodes, strict=True)
+            labels = [(label, node.at) for names, node in nodes for label in names]
+            for local, (label, at) in enumerate(labels):
+                along = (mesh.starts + at * mesh.lengths) / mesh.plan.length
+                for full, s in zip(mesh.dofs[:, local].tolist(), along.tolist(), strict=True):
+                    out[full] = f"{label} of {body} at S = {s:.4g}"
+        return out
+
     def describe_coordinate(self, full: int) -> str:
-        """Return 'ry_x of beam at S = 0.25' for a nodal coordinate."""
-        for name, mesh in self.meshes.items():
-            if mesh.first_dof <= full < mesh.first_dof + mesh.n_dofs:
-                ie, local = np.argwhere(mesh.dofs == full)[0]
-                labels = [c for node in mesh.coordinate_names for c in node]
-                node = int(np.searchsorted(np.cumsum(mesh.node_sizes), local, side="right"))
-                s = float(mesh.starts[ie] + mesh.plan.element.nodes[node].at * mesh.lengths[ie])
-                return f"{labels[local]} of {name} at S = {s / mesh.plan.length:.4g}"
-        raise IndexError(full)
+        """Return the name of a nodal coordinate."""
+        return self.coordinate_names()[full]
+
+    def describe_multiplier(self, number: int) -> str:
+        """Return the name of the multiplier of constraint ``number``."""
+        constraint = self.constraints[number]
+        return f"the multiplier of {constraint.owner} ({constraint.holds})"
 
     @property
     def patches(self) -> list[Patch]:

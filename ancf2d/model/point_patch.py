@@ -12,6 +12,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from .mesh import Index
 from .points import PointRef, dot
+from .signals import rates_of
 
 LAWS = {law.name: law for law in POINT_LAWS}
 
@@ -105,6 +106,14 @@ class PointPatch:
         U, f, H = self.forces(self.G @ d[self.dofs[0]], t)
         return U, (self.G.T @ f)[None], (self.G.T @ H @ self.G)[None]
 
+    def damping(self, d: Array) -> Array:
+        """Return the matrix (n, n) of the forces that rates exert along the coordinates, at d (n_full,)."""
+        u, m = self.G @ d[self.dofs[0]], len(self.p0)
+        C = np.zeros((m, m))
+        self.law.forces(self.p0, u, np.zeros(m), self.par, np.array([1.0, 0.0, 0.0]), self.mem, np.zeros(m),
+                        np.zeros((m, m)), C)
+        return np.asarray(self.G.T @ C @ self.G)
+
 
 class PointConstraint(PointPatch):
     """A law g(d, t) = 0 with a multiplier, the last of its fields; ``dofs`` (n,) are the coordinates without it.
@@ -155,6 +164,16 @@ class PointConstraint(PointPatch):
         g, f[-1] = float(f[-1]), 0.0
         H[-1], H[:, -1] = 0.0, 0.0
         return g, self.G.T @ f, self.G.T @ H @ self.G
+
+    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
+        """Return g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v (n_full,)."""
+        u, w = self.G @ d[self.dofs], self.G @ v[self.dofs]
+        u[-1], w[-1], fed = 1.0, 0.0, (0.0, 0.0)
+        _, f, H = self.forces(u, t)
+        if self.fed >= 0:
+            fed = rates_of(self.signal, t)
+            w[self.fed] = fed[0]
+        return float(f[self.fed] * fed[0]), float(f[self.fed] * fed[1] + w @ H @ w)
 
     def reference_gradient(self) -> Array:
         """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -30,6 +31,24 @@ class Signal:
     def rate(self, t: float) -> float:
         """Return the derivative by t, at a corner the one to its right; ComputationError where there is none."""
         return 0.0 if self.amplitude is None else self.factor * self.amplitude.rate(t)
+
+    def derivatives(self, t: float) -> tuple[float, float, float]:
+        """Return the value at time t and its first two derivatives, nan where there is none."""
+        out = np.empty((1, 3))
+        with np.errstate(all="ignore"):
+            jets.run(_program(self), 0, t, out, 0)
+        value, rate, second = out[0].tolist()
+        return value, rate, second
+
+
+@lru_cache(maxsize=256)
+def _program(signal: Signal) -> jets.Programs:
+    return programs([signal])
+
+
+def rates_of(course: Callable[[float], float] | None, t: float) -> tuple[float, float]:
+    """Return the first two derivatives by time of what a load or motion follows; only signals have any."""
+    return course.derivatives(t)[1:] if isinstance(course, Signal) else (0.0, 0.0)
 
 
 class _Assembler:

@@ -132,6 +132,11 @@ class OnAxis:
         full[np.ix_(at, at)] = H
         return g - float(self.table.gap[0]), G, full
 
+    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
+        """Return 0, as nothing is prescribed, and v^T g_qq v at d with rates v (n_full,)."""
+        _, _, H = self.evaluate(e, d, t)
+        return 0.0, float(v[self.dofs] @ H @ v[self.dofs])
+
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
         """Return that no rotation is prescribed."""
         return []

@@ -65,8 +65,13 @@ class Gyroscope:
     def __call__(self, z: Array) -> Array:
         """Return 2 omega T^T G T z."""
         num = self.model.numbering
-        v, out = np.zeros(len(num.place)), np.zeros(len(num.place))
+        v = np.zeros(len(num.place))
         num.expand(z, v)
+        return num.reduce(self.forces(v))
+
+    def forces(self, v: Array) -> Array:
+        """Return 2 omega G v (n_full,) for rates v of all coordinates."""
+        out = np.zeros(len(v))
         for dofs, M, nc in self.blocks:
             turned = np.zeros(dofs.shape)
             local = v[dofs]
@@ -77,7 +82,7 @@ class Gyroscope:
             x, y = wx @ v[cx], wy @ v[cy]
             np.add.at(out, cx, -term.inertia * y * wx)
             np.add.at(out, cy, term.inertia * x * wy)
-        return 2.0 * self.omega * num.reduce(out)
+        return 2.0 * self.omega * out
 
 
 def gyroscopic_pairs(pencil: Pencil, gyroscope: Gyroscope, number: int) -> Pairs:

@@ -134,6 +134,10 @@ class Symmetric(ABC):
         """Set every entry to zero."""
         self.values.fill(0.0)
 
+    def read(self, i: Index, j: Index) -> Array:
+        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        return self.values.reshape(-1)[self.at(np.maximum(i, j), np.minimum(i, j))]
+
     def drop_multipliers(self, values: Array) -> None:
         """Set the rows of the multipliers to zero in a matrix with such entries, stored as this one."""
         if self.multipliers is not None:

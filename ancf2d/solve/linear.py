@@ -43,6 +43,10 @@ class TangentMatrix(Protocol):
         """Return the diagonal of a matrix with such entries, stored as this one."""
         ...
 
+    def read(self, i: Index, j: Index) -> Array:
+        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        ...
+
     @property
     def knows_inertia(self) -> bool:
         """Whether the negative pivots of the last factors count the negative eigenvalues of a symmetric matrix."""
@@ -90,6 +94,10 @@ class GeneralBand:
     def diagonal(self, values: Array) -> Array:
         """Return the diagonal of A."""
         return values[:, 2 * self.bw]
+
+    def read(self, i: Index, j: Index) -> Array:
+        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        return self.values[j, 2 * self.bw + i - j]
 
     @property
     def knows_inertia(self) -> bool:
@@ -154,6 +162,10 @@ class GeneralSparse:
         """Return the diagonal of A."""
         row = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
         return values[row == self.indices]
+
+    def read(self, i: Index, j: Index) -> Array:
+        """Return the entries (i, j) of the matrix as it was assembled."""
+        return np.asarray(self._matrix()[i, j]).ravel()
 
     @property
     def knows_inertia(self) -> bool:

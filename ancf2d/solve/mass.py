@@ -66,6 +66,18 @@ def full_mass(model: Model) -> csr_matrix:
     return out
 
 
+def unknowns_to_coordinates(model: Model) -> csr_matrix:
+    """Return T (n_q, n): nodal coordinates from unknowns, without what is prescribed."""
+    from scipy.sparse import csr_matrix
+
+    num = model.numbering
+    own = num.free < num.n_q
+    rows = np.concatenate([num.free[own], np.repeat(num.dependent, np.diff(num.indptr))])
+    columns = np.concatenate([np.flatnonzero(own), num.index])
+    values = np.concatenate([np.ones(own.sum()), num.value])
+    return csr_matrix((values, (rows, columns)), shape=(num.n_q, num.n_unknowns))
+
+
 def inertia_rates(model: Model, state: State) -> Array | None:
     """Return a + alpha v (n_q,), so that M times it are the forces of inertia and of Rayleigh's alpha; None at rest."""
     if state.a is None:

@@ -25,32 +25,33 @@ def asks_for_forces(case: Case) -> bool:
 
 
 class Observer:
-    """Reads the probes of a case from states."""
+    """Reads the probes of a case from states; without ``forces`` no section forces."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, forces: bool = True) -> None:
         self.model = model
         self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()}
         self.rotations = {name: Rotation(p) for name, p in self.probes.items()}
-        self.forces = asks_for_forces(model.case)
+        self.forces = forces and asks_for_forces(model.case)
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
         """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
-        out, d = {}, state.d[:self.model.n_q]
-        e, turned = self.model.e0 + d, turns_of(self.model, state)
-        for name, point in self.probes.items():
-            rotation = self.rotations[name]
-            theta = (rotation.linear(self.model.e0, d) if state.linear
-                     else self.model.turns.theta(rotation, e, d, turned))
-            reference, u = place(point, self.model.e0, d, theta, state.linear)
-            values = {"x": reference[0] + u[0], "y": reference[1] + u[1], "ux": u[0], "uy": u[1], "theta": theta}
-            if state.v is not None:
-                omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
-                velocity = place_rate(point, state.v, theta, omega)
-                values.update(vx=velocity[0], vy=velocity[1], omega=omega)
-            if self.forces and has_section_forces(point.mesh):
-                values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
-            out[name] = {k: float(v) for k, v in values.items()}
-        return out
+        turned = turns_of(self.model, state)
+        return {name: self.read(name, state, turned) for name in self.probes}
+
+    def read(self, name: str, state: State, turned: Array) -> dict[str, float]:
+        """Return what ``observe`` does of one probe, with the bodies' turns (bodies,) of ``turns_of``."""
+        point, rotation, d = self.probes[name], self.rotations[name], state.d[:self.model.n_q]
+        e = self.model.e0 + d
+        theta = rotation.linear(self.model.e0, d) if state.linear else self.model.turns.theta(rotation, e, d, turned)
+        reference, u = place(point, self.model.e0, d, theta, state.linear)
+        values = {"x": reference[0] + u[0], "y": reference[1] + u[1], "ux": u[0], "uy": u[1], "theta": theta}
+        if state.v is not None:
+            omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
+            velocity = place_rate(point, state.v, theta, omega)
+            values.update(vx=velocity[0], vy=velocity[1], omega=omega)
+        if self.forces and has_section_forces(point.mesh):
+            values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
+        return {k: float(v) for k, v in values.items()}
 
 
 def turns_of(model: Model, state: State) -> Array:

@@ -16,7 +16,7 @@ from ..model.point_table import point_table, points_of, turning_table
 from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
-from .mass import full_mass
+from .mass import full_mass, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS
 
 if TYPE_CHECKING:
@@ -36,18 +36,6 @@ class Signals:
             self._rows[signal] = len(self.all)
             self.all.append(signal)
         return self._rows[signal]
-
-
-def unknowns_to_coordinates(model: Model) -> csr_matrix:
-    """Return T (n_q, n): nodal coordinates from unknowns, without what is prescribed."""
-    from scipy.sparse import csr_matrix
-
-    num = model.numbering
-    own = num.free < num.n_q
-    rows = np.concatenate([num.free[own], np.repeat(num.dependent, np.diff(num.indptr))])
-    columns = np.concatenate([np.flatnonzero(own), num.index])
-    values = np.concatenate([np.ones(own.sum()), num.value])
-    return csr_matrix((values, (rows, columns)), shape=(num.n_q, num.n_unknowns))
 
 
 def _mass(M: csr_matrix, num: Numbering) -> dict[str, Array]:

@@ -22,9 +22,9 @@ from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
-from .mass import full_mass
+from .mass import full_mass, unknowns_to_coordinates
 from .methods import make_method, newton_tolerance
-from .problem import driving, own, tracks, unknowns_to_coordinates
+from .problem import driving, own, tracks
 from .schemes import DEFAULT, INTEGRATORS
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard

@@ -270,6 +270,5 @@ class System:
         """Return the name of an unknown: coordinate, body and place."""
         full = int(self.model.numbering.free[unknown])
         if full >= self.model.n_q:
-            constraint = self.model.constraints[full - self.model.n_q]
-            return f"the multiplier of {constraint.owner} ({constraint.holds})"
+            return self.model.describe_multiplier(full - self.model.n_q)
         return self.model.describe_coordinate(full)

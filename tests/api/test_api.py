@@ -284,8 +284,10 @@ def test_scripts_that_use_the_interface_pass_a_strict_type_checker(tmp_path: Pat
                                        "ancf2d.solve('beam.yaml', acuracy=1e-3)\n")
 
     def check(*files: Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"),
-                               *map(str, files)], capture_output=True, text=True, cwd=tmp_path, check=False)
+        # SciPy comes without types
+        return subprocess.run([sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--cache-dir",
+                               str(tmp_path / "cache"), *map(str, files)], capture_output=True, text=True, cwd=tmp_path,
+                              check=False)
     right = check(*tmp_path.glob("script*.py"))
     assert right.returncode == 0, right.stdout
     wrong = check(tmp_path / "wrong.py").stdout

@@ -1,0 +1,352 @@
+"""The discrete model of a case for solvers and integrators of one's own: residual, tangents, mass and probes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cached_property
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..case import Dynamic, LinearStatic
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..kernels.elements import viscous_force
+from ..model.mesh import Index
+from ..model.model import Model
+from .gyroscopic import Gyroscope
+from .initial import HELD, initial_motion
+from .linear import pattern
+from .mass import full_mass, unknowns_to_coordinates
+from .pieces import largest
+from .post import Observer, turns_of
+from .state import State
+from .system import System
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+
+class DiscreteModel:
+    """The equations of a case over its unknowns z: R(z, t) = 0 in statics, M z'' + R(z, z', t) = 0 in motion.
+
+    The ``n`` unknowns are the displacements of the nodal coordinates that supports and joints leave free, in the order
+    of ``e0``, followed by one multiplier for each constraint that cannot be eliminated. ``names`` tells them apart.
+    R holds internal forces less loads, so K = dR/dz is the tangent stiffness; the row of a multiplier holds its
+    constraint g, so R = 0 means that the constraint is met. t is the load factor, but the time in dynamic cases. In
+    dynamic cases R includes damping and the inertia of prescribed motion; in ``linear_static`` R is linear.
+
+    ``d`` stands for the unknowns z (n,), zero in the reference, and ``v`` for their rates. Without multipliers both may
+    also have all nodal displacements (nq,), such as ``Solution.d[-1]``; ``d`` then has to meet the supports.
+
+    All methods raise ValueError for arrays of another shape, TypeError for complex ones, and ComputationError where an
+    amplitude has no value at t or a point has left the body that it slides on.
+
+    Torsion springs on sections without theta count whole turns, and prismatic joints follow their point, from one
+    evaluation to the next.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._system, num = model, System(model), model.numbering
+        # where each unknown, in the order of the nodal coordinates, stands in the matrices of the system
+        self._order: Index = np.argsort(num.free)
+        self._moving = isinstance(model.case.solver, Dynamic)
+        self._linear = isinstance(model.case.solver, LinearStatic)
+        self._reference = np.zeros(len(num.place))
+        damping, rotation = model.case.damping, model.case.steady_rotation
+        self._alpha = damping.rayleigh.alpha if damping else 0.0
+        self._gyroscope = Gyroscope(model, rotation.omega) if rotation else None
+        self._viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
+        self._dampers = [p for s, p in zip(model.case.springs, model.springs, strict=True) if s.damping > 0.0]
+
+    def __repr__(self) -> str:
+        title, m = self._model.case.title, self._model.numbering.n_multipliers
+        return f"<DiscreteModel{f' {title!r}' if title else ''}: {self.n} unknowns, {m} of them multipliers>"
+
+    # ------------------------------------------------------------------ unknowns
+
+    @property
+    def n(self) -> int:
+        """The number of unknowns, multipliers included."""
+        return self._model.numbering.n_unknowns
+
+    @property
+    def e0(self) -> Array:
+        """All nodal coordinates (nq,) of the reference, body after body: positions and gradients x, y, and angles."""
+        return self._model.e0.copy()
+
+    @property
+    def multipliers(self) -> Index:
+        """The indices (m,) of the multipliers among the unknowns, the last ones."""
+        return np.arange(self.n - self._model.numbering.n_multipliers, self.n)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the model warns of, such as elements that lock."""
+        return list(self._model.warnings)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """The names of the unknowns, each once: ``"ry_x of beam at S = 0.25"``; S is the fraction of the arclength."""
+        model, met, out = self._model, Counter[str](), []
+        every = [*model.coordinate_names(), *map(model.describe_multiplier, range(len(model.constraints)))]
+        for name in (every[full] for full in model.numbering.free[self._order].tolist()):
+            met[name] += 1
+            # where two sides of a node have coordinates of their own
+            out.append(name if met[name] == 1 else f"{name} ({met[name]})")
+        return out
+
+    def expand(self, z: ArrayLike, t: float = 1.0, order: int = 0) -> Array:
+        """Return the displacements of all nodal coordinates (nq,), those that supports and joints tell included.
+
+        ``e0 + expand(z, t)`` are the nodal coordinates. With ``order`` 1 or 2, ``z`` are rates or second rates of the
+        unknowns, and so is what is returned.
+        """
+        return self._full(self._unknowns(z, "z", t, order), t, order)[:self._model.n_q]
+
+    def _unknowns(self, given: ArrayLike, what: str, t: float, order: int = 0) -> Array:
+        """Return unknowns (n,), or their rates, as the system has them."""
+        found = np.asarray(given)
+        if np.iscomplexobj(found):
+            raise TypeError(f"{what} is complex; this model computes with real numbers only")
+        num, full = self._model.numbering, not self._model.constraints
+        found = found.astype(float)
+        if found.shape == (self.n,):
+            out = np.empty(self.n)
+            out[self._order] = found
+            return out
+        if full and found.shape == (num.n_q,):
+            out = found[num.free]
+            off = largest(self._full(out, t, order) - found, self._model.weights) if order == 0 else 0.0
+            if off > HELD * self._model.extent:
+                raise ValueError(f"{what} is off by {off:.3g} from what supports and joints hold at t = {t:g}")
+            return out
+        other = f", or all {num.n_q} nodal coordinates" if full else ""
+        raise ValueError(f"{what} has the shape {found.shape}; expected ({self.n},), the unknowns{other}")
+
+    def _full(self, z: Array, t: float, order: int = 0) -> Array:
+        """Return d (n_full,) or its rates from those of the unknowns as the system has them; multipliers have none."""
+        if order == 0:
+            return self._model.displacements(z, t)
+        out = np.zeros(len(self._reference))
+        self._model.numbering.expand(z, out)
+        if self._moving:
+            self._model.prescribed(t, out, order)
+        out[self._model.n_q:] = 0.0
+        return out
+
+    # ------------------------------------------------------------------ residual and its derivatives
+
+    def residual(self, d: ArrayLike, v: ArrayLike | None = None, t: float = 1.0) -> Array:
+        """Return R (n,) at the unknowns d with rates v (none: at rest), at load factor or time t."""
+        rates = np.zeros(self.n) if v is None else self._unknowns(v, "v", t, 1)
+        return self._residual(self._full(self._unknowns(d, "d", t), t), rates, t)
+
+    def _residual(self, d: Array, rates: Array, t: float) -> Array:
+        """Return R (n,) at d (n_full,) with rates (n,) of the unknowns as the system has them."""
+        num, driven = self._model.numbering, self._moving and self._model.moves
+        R = self._rest(d, t)
+        if rates.any() or driven:
+            R = R + num.reduce(self._rate_forces(d, self._full(rates, t, 1)))
+        if driven:
+            R = R + num.reduce(self._inertia(self._full(np.zeros(self.n), t, 2)))
+        return R[self._order]
+
+    def _rest(self, d: Array, t: float) -> Array:
+        """Return R (n,) at rest, as the system has it."""
+        system, zero = self._system, self._reference
+        if not self._linear:
+            return system.forces(d, t).R
+        start = system.assemble(zero, t, load_stiffness=False)
+        return start.R + self._model.numbering.reduce(system.action(zero, d, t, linear=True))
+
+    def _rate_forces(self, d: Array, v: Array) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d. They are linear in v."""
+        out, n_q = np.zeros(len(v)), self._model.n_q
+        d = self._reference if self._linear else d
+        for tau, group in self._viscous:
+            viscous_force(group, tau, d, v, out)
+        for damper in self._dampers:
+            out[damper.coordinates] += damper.damping(d) @ v[damper.coordinates]
+        if self._gyroscope is not None:
+            out += self._gyroscope.forces(v)
+        if self._alpha:
+            out[:n_q] += self._alpha * (self._M @ v[:n_q])
+        return out
+
+    def _inertia(self, a: Array) -> Array:
+        """Return the forces of inertia (n_full,) that second rates a (n_full,) cause."""
+        out, n_q = np.zeros(len(a)), self._model.n_q
+        out[:n_q] = self._M @ a[:n_q]
+        return out
+
+    def tangent(self, d: ArrayLike, t: float = 1.0) -> csc_array:
+        """Return K = dR/dd (n, n) at rest, multipliers included; it is symmetric unless loads follow the body."""
+        full = self._full(self._unknowns(d, "d", t), t)
+        if self._linear:
+            self._system.assemble(self._reference, t, load_stiffness=False)
+        else:
+            self._system.assemble(full, t)
+        i, j = self._entries
+        return self._sparse(self._system.matrix.read(self._order[i], self._order[j]))
+
+    def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
+        """Return C = dR/dv (n, n), which does not depend on v: springs' and materials' damping, Coriolis forces."""
+        full, num = self._full(self._unknowns(d, "d", t), t), self._model.numbering
+        i, j = self._entries
+        values, colour_of = np.zeros(len(i)), self._colours[j]
+        acts = self._viscous or self._dampers or self._alpha or self._gyroscope
+        for colour in range(int(self._colours.max(initial=-1)) + 1) if acts else ():
+            seed, v = np.zeros(self.n), np.zeros(len(full))
+            seed[self._order] = self._colours == colour
+            num.expand(seed, v)
+            v[num.n_q:] = 0.0
+            mine = colour_of == colour
+            values[mine] = num.reduce(self._rate_forces(full, v))[self._order][i[mine]]
+        out = self._sparse(values)
+        out.eliminate_zeros()
+        return out
+
+    @property
+    def mass(self) -> csc_array:
+        """The constant mass matrix M (n, n), that of motions; multipliers have none.
+
+        Raises ComputationError where a body has no density.
+        """
+        return self._reduced_mass.copy()
+
+    @cached_property
+    def _M(self) -> Any:
+        """The mass matrix (n_q, n_q) of all coordinates."""
+        lacking = [name for name, mesh in self._model.meshes.items() if not mesh.plan.section.rhoA > 0.0]
+        if lacking:
+            raise ComputationError(f"there is no mass matrix: {', '.join(lacking)} has no mass",
+                                   advice="material.rho, or section.rhoA where the section is given by stiffnesses")
+        return full_mass(self._model)
+
+    @cached_property
+    def _reduced_mass(self) -> csc_array:
+        from scipy.sparse import csc_array
+
+        T = unknowns_to_coordinates(self._model)[:, self._order]
+        return csc_array(T.T @ self._M @ T)
+
+    @cached_property
+    def _entries(self) -> tuple[Index, Index]:
+        """The row and column of each entry that K and C can have, column by column."""
+        rows, columns = (np.argsort(self._order)[k] for k in pattern(self._model))
+        code = np.unique(columns * self.n + rows)
+        return code % max(self.n, 1), code // max(self.n, 1)
+
+    @cached_property
+    def _colours(self) -> Index:
+        """Numbers of the columns (n,), where no two columns of the same number meet in a row (Curtis et al. 1974)."""
+        P = self._sparse(np.ones(len(self._entries[0])))
+        near, out = (P.T @ P).tocsc(), np.full(self.n, -1)
+        for k in range(self.n):
+            taken = set(out[near.indices[near.indptr[k]:near.indptr[k + 1]]].tolist())
+            out[k] = next(c for c in count() if c not in taken)
+        return out
+
+    def _sparse(self, values: Array) -> csc_array:
+        from scipy.sparse import csc_array
+
+        i, j = self._entries
+        start = np.searchsorted(j, np.arange(self.n + 1))
+        return csc_array((values, i.copy(), start), shape=(self.n, self.n))
+
+    # ------------------------------------------------------------------ motion
+
+    def initial(self) -> tuple[Array, Array]:
+        """Return the unknowns and their rates (n,) at t = 0 of a dynamic case, as ``initial`` gives them.
+
+        Rates are what supports and joints leave of those that are given; multipliers are 0. Raises ComputationError in
+        other cases, and where a static equilibrium to start from is not found; CaseError where a file is not of use.
+        """
+        if not self._moving:
+            raise ComputationError("only dynamic cases have an initial state", advice="solver: {type: dynamic, ...}")
+        d, v, turned = initial_motion(self._model)
+        self._system.count_from((d, turned))
+        driven = self._full(np.zeros(self.n), 0.0, 1)
+        given = self._model.numbering.reduce(self._inertia(v - driven))[self._order]
+        rows, rates = self._constraints(d, v, driven, 0.0)
+        return d[self._model.numbering.free][self._order], self._with_constraints(given, rows, -rates[0])[0]
+
+    def accelerations(self, d: ArrayLike, v: ArrayLike, t: float) -> tuple[Array, Array]:
+        """Return the second rates (n,) of the unknowns at d with rates v at time t, and the multipliers (m,).
+
+        The accelerations meet M a + R(d, v, t) = 0 with these multipliers, whatever ``d`` has for them, and the second
+        derivatives of all constraints. Multipliers have none: zero there. With y = [d, v], y' = [v, a].
+
+        Raises ComputationError where the mass matrix is singular or constraints hold the same motion twice.
+        """
+        z, rates = self._unknowns(d, "d", t), self._unknowns(v, "v", t, 1)
+        full = self._full(z, t)
+        full[self._model.n_q:] = 0.0
+        R = self._residual(full, rates, t)
+        driven = self._full(np.zeros(self.n), t, 2)
+        rows, second = self._constraints(full, self._full(rates, t, 1), driven, t)
+        return self._with_constraints(-R, rows, -second[1])
+
+    def _constraints(self, d: Array, v: Array, driven: Array, t: float) -> tuple[Array, Array]:
+        """Return the gradients G (m, n) of the constraints g(d, t) = 0, and what keeps them (2, m).
+
+        These are g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v, each with G ``driven`` (all (n_full,)) added.
+        """
+        constraints, e = self._model.constraints, self._model.e0 + d[:self._model.n_q]
+        G, rates = np.zeros((len(constraints), self.n)), np.zeros((2, len(constraints)))
+        for k, constraint in enumerate(constraints):
+            gradient = np.zeros(len(d))
+            gradient[constraint.dofs] = constraint.evaluate(e, d, t)[1]
+            G[k] = self._model.numbering.reduce(gradient)[self._order]
+            rates[:, k] = np.array(constraint.rates(e, d, v, t)) + gradient @ driven
+        return G, rates
+
+    def _with_constraints(self, forces: Array, G: Array, rates: Array) -> tuple[Array, Array]:
+        """Return a (n,) and the multipliers (m,) of M a + G^T lambda = forces, G a = rates."""
+        if not len(G):
+            return np.asarray(self._mass_factors.solve(forces)), rates
+        m, b = self.multipliers, forces.copy()
+        A = self._reduced_mass.tolil()
+        A[m, :], A[:, m], b[m] = G, G.T, rates
+        a = self._factored(A.tocsc()).solve(b)
+        found = a[m]
+        a[m] = 0.0
+        return a, found
+
+    @cached_property
+    def _mass_factors(self) -> Any:
+        return self._factored(self._reduced_mass)
+
+    @staticmethod
+    def _factored(A: csc_array) -> Any:
+        from scipy.sparse.linalg import splu
+
+        try:
+            return splu(A)
+        except RuntimeError:
+            raise ComputationError(
+                "the mass matrix is singular, or joints hold the same motion twice",
+                advice="give every body a density (rhoI too where the section is given by stiffnesses); let each joint "
+                       "hold what no other holds") from None
+
+    # ------------------------------------------------------------------ probes
+
+    def probe(self, name: str, d: ArrayLike, v: ArrayLike | None = None, t: float = 1.0) -> dict[str, float]:
+        """Return what a probe of the case shows at d: x, y, ux, uy and theta; with v also vx, vy and omega.
+
+        ``theta`` counts from the reference; a body that turns as a whole may be a number of full turns further. Raises
+        ValueError for a name that is not one of the case's probes.
+        """
+        if name not in self._observer.probes:
+            known = ", ".join(self._observer.probes) or "none"
+            raise ValueError(f"the case has no probe '{name}'; it has {known}")
+        none, rates = self._reference, None if v is None else self._full(self._unknowns(v, "v", t, 1), t, 1)
+        state = State(t, self._full(self._unknowns(d, "d", t), t), none, none, 0.0, linear=self._linear, v=rates)
+        return self._observer.read(name, state, turns_of(self._model, state))
+
+    @cached_property
+    def _observer(self) -> Observer:
+        return Observer(self._model, forces=False)
