@@ -20,7 +20,7 @@ from ..case import (
     Static,
 )
 from ..elements.shape import Array, UnsolvableBasisError
-from ..errors import CaseError, Problem
+from ..errors import CaseError
 from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
 from .joints import JOINTS, JointContext, JointError, weld_pieces
@@ -233,12 +233,3 @@ def build_model(loaded: LoadedCase) -> Model:
                        [*b.springs, *b.loads.patches], len(b.e0), moving, moving or symmetric(b.loads))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
-
-
-def check_model(loaded: LoadedCase) -> tuple[list[Problem], list[str]]:
-    """Return (problems, warnings) of a case beyond its format, without solving."""
-    try:
-        model = build_model(loaded)
-    except CaseError as error:
-        return error.problems, []
-    return [], model.warnings

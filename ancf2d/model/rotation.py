@@ -53,14 +53,6 @@ class Rotation:
         v = self.V @ e[self.dofs]
         return (v[0] * self.V[1] - v[1] * self.V[0]) / (v @ v)
 
-    def hessian(self, e: Array) -> Array:
-        """Return d2theta/de2 (n, n)."""
-        if self.point.turns_by_theta:
-            return np.zeros((len(self.dofs), len(self.dofs)))
-        x, y = self.V @ e[self.dofs]
-        A = np.array([[2 * x * y, y * y - x * x], [y * y - x * x, -2 * x * y]]) / (x * x + y * y) ** 2
-        return self.V.T @ A @ self.V
-
     def axes(self, e: Array, d: Array) -> Array:
         """Return the section's axes as columns (2, 2): along the body and across it."""
         angle = self.point.angle + self.value(e, d)

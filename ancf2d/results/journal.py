@@ -19,6 +19,7 @@ import time
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 
@@ -126,7 +127,7 @@ class JournaledFile(io.RawIOBase):
             return [p for p in self._pages if first <= p <= last]
         return [p for p in range(first, last + 1) if p in self._pages]
 
-    def readinto(self, buffer) -> int:  # type: ignore[no-untyped-def]
+    def readinto(self, buffer: Any) -> int:
         """Fill the buffer from the position on, with zeros behind the end."""
         view = memoryview(buffer).cast("B")
         start, count, done = self._at, len(view), 0
@@ -142,7 +143,7 @@ class JournaledFile(io.RawIOBase):
         self._at += count
         return count
 
-    def write(self, data) -> int:  # type: ignore[no-untyped-def]
+    def write(self, data: Any) -> int:
         """Write at the position: at once behind what is committed, else into waiting pages."""
         view = memoryview(data).cast("B")
         start, count = self._at, len(view)

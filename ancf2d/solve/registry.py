@@ -105,10 +105,6 @@ def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
 
 def unavailable(loaded: LoadedCase) -> list[Problem]:
     """Return what a case asks of solvers that is not available."""
-    case: Case = loaded.case
-    if type(case.solver) not in SOLVERS:
-        return [loaded.source.problem(("solver", "type"), "this solver is not available yet",
-                                      expected="linear_static, static, eigen or buckling")]
     return [*_without_potential(loaded), *_without_stiffness(loaded)]
 
 
