@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from .order import coordinate_weights
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .prescribed import motions
-from .repeated import drop_repeated
+from .repeated import drop_repeated, linear_row
 from .spin import centrifugal
 from .springs import SPRINGS, Spring
 from .supports import SUPPORTS, SupportError
@@ -183,18 +184,32 @@ class _Builder:
                         f"{constraint.owner}: another support already holds the {constraint.holds}",
                         "one support that holds or moves it")
 
-    def check_equations(self, elimination: Elimination) -> None:
+    def check_equations(self, elimination: Elimination, size: Callable[[int], float]) -> None:
+        """Look for equations that contradict others, and tell what is held twice.
+
+        In linear statics, constraints are linear too: those that repeat others are taken off.
+        """
+        equations = self.equations
+        rows, linear = equations.rows, len(equations.rows)
+        if isinstance(self.case.solver, LinearStatic) and equations.constraints:
+            rows = [*rows, *map(linear_row, equations.constraints)]
+            elimination = eliminate(rows, size)
         names = [n for n, _ in self.supports]
-        for number_ in inconsistent(elimination, self.equations.rows, *course_of(self.case)):
-            row = self.equations.rows[number_]
-            path = ("boundary_conditions", names.index(row.owner)) if row.owner in names else ("joints",)
-            self.report(path, f"{row.owner}: {row.holds} contradicts other supports or joints",
-                        "supports and joints that agree")
-        owners = sorted({f"{self.equations.rows[n].owner} ({self.equations.rows[n].holds})"
-                         for n, _ in elimination.redundant})
+        bad, combined = inconsistent(elimination, rows, *course_of(self.case)), dict(elimination.redundant)
+        for number_ in bad:
+            row = rows[number_]
+            path: tuple[Any, ...] = ("bodies", row.owner) if row.owner in self.meshes else ("joints",)
+            if row.owner in names:
+                path = ("boundary_conditions", names.index(row.owner))
+            others = sorted({rows[r].owner for r in combined[number_]} - {row.owner})
+            self.report(path, f"{row.owner}: {row.holds} contradicts other supports or joints "
+                        f"({', '.join(others)})", "supports and joints that agree")
+        owners = sorted({f"{rows[n].owner} ({rows[n].holds})" for n in combined if n < linear})
         if owners:
-            self.warnings.append("held twice: " + ", ".join(owners)
-                                 + "; reactions of least norm are reported")
+            self.warnings.append("held twice: " + ", ".join(owners) + "; reactions of least norm are reported")
+        for row in (rows[n] for n in combined if n >= linear):
+            self.warnings.append(f"held twice: the {row.holds} of {row.owner}; its reaction is not determined")
+        equations.constraints = [c for k, c in enumerate(equations.constraints, linear) if k not in combined]
 
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):
@@ -218,10 +233,14 @@ def build_model(loaded: LoadedCase) -> Model:
     if b.problems:
         raise CaseError(b.problems)
     weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
-    elimination = eliminate(b.equations.rows, lambda c: 1.0 / weights[c])
+
+    def size(coordinate: int) -> float:
+        return float(1.0 / weights[coordinate])
+
+    elimination = eliminate(b.equations.rows, size)
     b.drop_repeated(elimination)
     b.check_motions()
-    b.check_equations(elimination)
+    b.check_equations(elimination, size)
     b.check_mechanism()
     if b.problems:
         raise CaseError(b.problems)

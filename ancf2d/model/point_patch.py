@@ -175,14 +175,18 @@ class PointConstraint(PointPatch):
             w[self.fed] = fed[0]
         return float(f[self.fed] * fed[0]), float(f[self.fed] * fed[1] + w @ H @ w)
 
-    def reference_gradient(self) -> Array:
-        """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""
+    def slopes(self) -> Array:
+        """Return dg/dp (m,) for the fields p in the reference, where nothing is prescribed yet."""
         u = np.zeros(len(self.p0))
         u[-1] = 1.0
         f, H = np.zeros_like(u), np.zeros((len(u), len(u)))
         self.law.forces(self.p0, u, np.zeros_like(u), self.par, np.zeros(3), self.mem, f, H, np.zeros_like(H))
         f[-1] = 0.0
-        gradient: Array = self.G.T @ f
+        return f
+
+    def reference_gradient(self) -> Array:
+        """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""
+        gradient: Array = self.G.T @ self.slopes()
         return gradient
 
 

@@ -1,12 +1,13 @@
 """Constraints with multipliers that hold once more what supports and joints hold already.
 
-Two multipliers for one motion make the tangent singular. Only what is held in every position counts here: equations
-that happen to agree in the reference do not.
+Two multipliers for one motion make the tangent singular. Only what is held in every position counts in
+``drop_repeated``: equations that happen to agree in the reference do not. Linear theory about the reference knows no
+other position, and ``linear_row`` gives its equations.
 """
 
 from __future__ import annotations
 
-from .constraints import LENGTH, Equations
+from .constraints import LENGTH, Constraint, Equations, Row
 from .elimination import Elimination
 from .point_patch import PointConstraint
 
@@ -86,6 +87,14 @@ class _Repeated:
         a, b = map(self._root, self._ends(c))
         self.joined.update({max(a, b): min(a, b)} if a != b else {})
         return a == b
+
+
+def linear_row(c: Constraint) -> Row:
+    """Return what a constraint asks for in linear theory about the reference."""
+    gradient = c.reference_gradient()
+    if isinstance(c, PointConstraint) and c.signal is not None:
+        return Row(c.dofs, gradient / -c.slopes()[c.fed], c.owner, c.holds, c.signal)
+    return Row(c.dofs, gradient, c.owner, c.holds)
 
 
 def drop_repeated(elimination: Elimination, equations: Equations, supports: set[str]) -> list[PointConstraint]:

@@ -145,6 +145,39 @@ def test_a_bar_that_supports_hold_at_both_ends_does_not_carry_its_length_twice()
     assert any("held twice: the length of b" in w for w in model.warnings)
 
 
+@pytest.mark.parametrize("more", [
+    [{"type": "pin", "at": "b@1"}], [{"type": "fix", "at": "b@1", "coordinates": ["x", "y"]}],
+    [{"type": "roller", "at": "b@0.5", "normal": [0, 1]}],
+])
+def test_what_moves_all_of_a_bar_contradicts_what_else_holds_it(more):
+    moved = {"type": "prescribed", "at": "b@0", "ux": 0.0, "uy": 0.1, "angle": 0.3, "name": "drive"}
+    with pytest.raises(CaseError, match=r"contradicts other supports or joints \(.*drive"):
+        model_of(rigid(), "linear_static", springs=[], bc=[moved, {**more[0], "name": "held"}])
+
+
+def test_a_support_that_follows_what_moves_a_bar_holds_it_twice():
+    """To first order, the end of a bar of length 2 goes up by twice its angle."""
+    moved = {"type": "prescribed", "at": "b@0", "ux": 0.0, "uy": 0.0, "angle": 0.3}
+    follows = {"type": "prescribed", "at": "b@1", "uy": 0.6}
+    model = model_of(rigid(helpers.line(2.0)), "linear_static", springs=[], bc=[moved, follows])
+    assert [c.holds for c in model.constraints] == ["length"]
+    assert any("held twice" in w for w in model.warnings)
+
+
+def test_bars_that_hold_one_point_from_both_sides_are_held_twice_in_linear_statics():
+    """Bars from (0, 0) and (2, 0) to (1, 0) both keep it from moving along x; a spring gives way along y."""
+    bodies = {"a": rigid(helpers.line(1.0)), "b": rigid(helpers.line(1.0, start=(1.0, 0.0)))}
+    scene = {"bc": [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "b@1"}],
+             "joints": [{"type": "pin", "between": ["a@1", "b@0"]}],
+             "springs": [{"type": "translational", "between": ["a@1", [1.0, 1.0]], "stiffness": 4.0}],
+             "loads": [{"type": "force", "at": "a@1", "value": [3.0, -1.0]}]}
+    found = helpers.solved(bodies, "linear_static", **scene)
+    np.testing.assert_allclose(found.u("b@0"), [0.0, -0.25], atol=1e-14)
+    assert any("held twice: the length of b" in w for w in found.model.warnings)
+    # what does not stay in the reference needs both: they carry the load beyond
+    assert len(helpers.build(bodies, "static", **scene).constraints) == 2
+
+
 def test_a_bar_that_is_moved_at_both_ends_keeps_its_constraint():
     moved = {"type": "prescribed", "at": "b@1", "ux": 0.1, "uy": 0.0}
     assert len(model_of(rigid(), bc=[*PIN, moved]).constraints) == 1
