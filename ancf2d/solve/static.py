@@ -70,14 +70,14 @@ def solve_linear(model: Model) -> Iterator[State]:
     start = system.assemble(zero, 1.0, load_stiffness=False)
     pivots = system.factor({"solver": "linear_static"})
     d = model.displacements(np.zeros(num.n_unknowns), 1.0)
-    R0 = start.Q - start.F
 
     def apply(z: Array) -> Array:
         full = np.zeros(len(d))
         num.expand(z, full)
         return num.reduce(system.action(zero, full, 1.0, linear=True))
 
-    load = -num.reduce(R0 + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
+    system.check_strained(apply, pivots, {"solver": "linear_static"})
+    load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
     floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
     z, known = refined(apply, system.matrix.solve, system.norm, load, floor, system.still(zero, 1.0))
     if not np.isfinite(system.norm(z)):

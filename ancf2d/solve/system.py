@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,6 +27,10 @@ UNIT_ROUNDOFF = 2.0**-53
 STILL = 32 * UNIT_ROUNDOFF
 # times what round-off of forces does to displacements when it is of one sign everywhere
 ROUNDED = 10.0
+# relative pivots above this are no round-off
+SUSPECT = 1e-10
+# work through the strains beside that of the forces: motions that strain nothing do less
+HIDDEN = 1e-8
 
 
 @dataclass
@@ -220,10 +225,33 @@ class System:
         self.factorisations += 1
         pivots = self.matrix.factor()
         if pivots.bad >= 0:
-            raise SingularTangentError(
-                f"the tangent stiffness is singular: {self.describe(pivots.bad)} has no stiffness", at=at,
-                advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
+            raise self.singular(pivots.bad, at)
         return pivots
+
+    def check_strained(self, apply: Callable[[Array], Array], pivots: Pivots, at: dict[str, Any]) -> None:
+        """Raise SingularTangentError where a motion strains nothing, but has round-off for a stiffness in the factors.
+
+        Random forces move such a motion more than any other. ``apply`` is the stiffness through the strains, which
+        tells it from a soft one.
+        """
+        if pivots.smallest > SUSPECT:
+            return
+        forces = self.weights * np.random.default_rng(0).standard_normal(len(self.weights))
+        moved = self.matrix.solve(forces)
+        if abs(moved @ apply(moved)) < HIDDEN * abs(moved @ forces):
+            raise self.singular(int(np.argmax(self.weights * np.abs(moved))), at)
+
+    def singular(self, unknown: int, at: dict[str, Any]) -> SingularTangentError:
+        """Return what to raise where an unknown has no stiffness."""
+        full = int(self.model.numbering.free[unknown])
+        if full < self.model.n_q:
+            return SingularTangentError(
+                f"the tangent stiffness is singular: {self.model.describe_coordinate(full)} has no stiffness", at=at,
+                advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
+        held = self.model.constraints[full - self.model.n_q]
+        return SingularTangentError(
+            f"the tangent stiffness is singular: {held.owner} ({held.holds}) repeats or contradicts what other "
+            "supports, joints and rigid bodies hold", at=at, advice="supports and joints that hold each motion once")
 
     def turns(self) -> Turned:
         """Return what turns are counted from: the state last counted or, where torsion springs wind, evaluated."""
