@@ -58,7 +58,7 @@ class Estimate:
         """Return the motion with longer steps."""
         fine = self.stepper
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
-        return Stepper(fine.model, fine.p, fine.signals, spec, factor * fine.dt, fine.wanted)
+        return Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
         """Begin where the motion begins."""

@@ -69,7 +69,7 @@ class Stepper:
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
         # the motion itself, and another one that stored states are evaluated with, as they were
-        self.p, self.past = own(problem), own(problem)
+        self.problem, self.p, self.past = problem, own(problem), own(problem)
         n = len(problem.coordinate)
         self.w: Scratch = scratch(n, len(problem.place), problem.mass.shape, len(signals))
         self.method = INTEGRATORS[spec.method or DEFAULT]
