@@ -12,21 +12,34 @@ from ..elements.shape import Array
 GOAL = 1e-15
 # rounds begin from the residual itself; within one, conjugate directions gain this factor in so many steps at most
 ROUNDS, GAIN, STEPS = 5, 1e-4, 20
+# what is known no better may be round-off alone
+DOUBTFUL = 1e-8
 
 Map = Callable[[Array], Array]
 
 
 def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
-            still: float = 0.0) -> tuple[Array, float]:
+            still: Callable[[], float] = lambda: 0.0) -> tuple[Array, float]:
     """Return z with A z = b, and how far z is known, relative to its size: no better than ``floor``.
 
-    Nothing moves where z is no larger than ``still``, what round-off of the forces alone does.
-
     ``apply`` is A with all its digits (through the strains), ``precondition`` solves with the factors of the assembled
-    matrix, in which round-off of the stiff motions has drowned the soft ones of long or many elements. Where plain
-    refinement would not contract, conjugate directions with these factors do: one step for each motion that is wrong
-    in them. Where these do not find A's answer either, no digit is known: infinity. z is not finite where the factors
-    are not.
+    matrix, in which round-off of the stiff motions can hide the soft ones of long or many elements. Where z is in doubt
+    and no larger than ``still()``, what round-off of the forces alone does, nothing moves. z is not finite where the
+    factors are not.
+    """
+    z, known = _refined(apply, precondition, norm, b, floor)
+    if known > DOUBTFUL and np.isfinite(norm(y := precondition(b))) and norm(y) <= still():
+        # what there is to know is in multipliers
+        return y, 0.0
+    return z, known
+
+
+def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
+             ) -> tuple[Array, float]:
+    """Return z and how far it is known.
+
+    Where plain refinement would not contract, conjugate directions with the factors do: one step for each motion that
+    is wrong in them. Where these do not find the solution either, no digit is known: infinity.
     """
     z, known = np.zeros_like(b), np.inf
     for _ in range(ROUNDS):
@@ -35,9 +48,8 @@ def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Ar
         change, size = norm(y), norm(z)
         if not np.isfinite(change):
             return (y, np.inf) if size == 0.0 else (z, known)
-        if change <= still and size <= still:
-            # what there is to know is in multipliers
-            return z + y, 0.0
+        if change == size == 0.0:
+            return y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
             return z, max(change / size, floor)
         if size > 0.0 and change >= 0.5 * known * size:
