@@ -148,8 +148,8 @@ def _drive(m: Mechanism) -> None:
 
 
 def sliding(m: Mechanism) -> None:
-    """A rod whose end slides along another one."""
-    m.bar("rail", [0, 0], [1.2, 0.1], RIGID)
+    """A rod whose end slides along another one, longer than it can reach."""
+    m.bar("rail", [0, 0], [1.8, 0.15], RIGID)
     m.bar("arm", [0.5, 0.8], [0.6, 0.05])
     m.pin("rail@0")
     m.pin("arm@0")
