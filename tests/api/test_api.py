@@ -267,7 +267,7 @@ def test_refinement_by_types_that_do_not_exist_names_the_nearest() -> None:
 
 
 def test_refinement_by_two_kinds_of_steps_is_refused() -> None:
-    with pytest.raises(ancf2d.CaseError, match="one of them"):
+    with pytest.raises(ancf2d.CaseError, match="only one"):
         ancf2d.convergence(TEXT, MOTION, dt=[1e-3], tolerance=[1e-3])
 
 

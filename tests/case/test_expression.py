@@ -43,15 +43,15 @@ def test_rate_is_the_derivative(text, t, rate):
 
 @pytest.mark.parametrize(("text", "column", "words"), [
     ("", 0, "ends too early"), ("   ", 0, "ends too early"), ("1 +", 3, "ends too early"),
-    ("tan(t)", 0, "'tan' is not known"), ("x", 0, "known are t, pi, sin"),
+    ("tan(t)", 0, "'tan' is unknown"), ("x", 0, "known names are t, pi, sin"),
     ("2*(t + 1", 8, r"'\)' is missing"), ("2*t)", 3, r"'\)' is unexpected"),
     ("t t", 2, "'t' is unexpected"), ("2t", 1, "'t' is unexpected"), ("t**2", 1, "written \\^"),
     ("sin t", 4, r"'\(' is missing after sin"), ("sin()", 4, "'\\)' is unexpected"),
     ("sin(t, 2)", 5, "',' is not allowed"), ("1 if t", 6, "'else' is missing"),
     ("if t", 0, "a value is missing"), ("t = 2", 2, "'=' is not allowed"), ("a.b", 1, "not allowed"),
     ("t and 1", 2, "'and' is unexpected"), ("'t'", 0, "not allowed"), ("1e999", 0, "too large"),
-    ("__import__", 0, "not known"), ("t[0]", 1, "not allowed"), ("1 if 1 else", 11, "too early"),
-    ("½", 0, "not allowed"), ("t;t", 1, "not allowed"), ("lambda", 0, "not known"),
+    ("__import__", 0, "unknown"), ("t[0]", 1, "not allowed"), ("1 if 1 else", 11, "too early"),
+    ("½", 0, "not allowed"), ("t;t", 1, "not allowed"), ("lambda", 0, "unknown"),
     ("2 *\n* 3", 4, "unexpected")])
 def test_errors_say_where(text, column, words):
     with pytest.raises(ExpressionError, match=words) as caught:

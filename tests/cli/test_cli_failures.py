@@ -148,7 +148,7 @@ def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) 
     assert process.returncode == 130
     assert json.loads(out)["status"] == "interrupted"
     assert "interrupted" in err
-    assert "what was reached is in beam.h5.part" in err
+    assert "the results so far are in beam.h5.part" in err
     assert "Traceback" not in err
     assert not (folder / "beam.h5").exists()
     with open_results(part) as found:

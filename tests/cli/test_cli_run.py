@@ -110,7 +110,7 @@ def test_failed_run_says_where_and_leaves_an_earlier_result(call: Call, call_jso
     assert result.exit_code == 1
     assert result.stdout == ""
     assert "error: no equilibrium was found" in result.stderr
-    assert "what was reached is in beam.h5.part" in result.stderr
+    assert "the results so far are in beam.h5.part" in result.stderr
     assert "Traceback" not in result.stderr
     found = call_json("run", "beam.yaml", "--json")
     assert found["status"] == "failed"

@@ -66,7 +66,7 @@ def test_file_holds_the_table_and_plot_draws_it_with_its_front(call: Call, folde
     (("--against", "continuum", "--reference", "1"), "--against continuum needs the limits of the types"),
     (("--accuracy", "0"), "not a list of positive numbers"),
     (("--element", "cable:structural"), "cable has no formulation structural"),
-    (("--quadrature", "[2,"), "'[2,' is no list of quadratures"),
+    (("--quadrature", "[2,"), "'[2,' is not a list of quadratures"),
     (("-o", "beam.yaml"), "is an input of this command"),
 ])
 def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, arguments: tuple[str, ...], message: str,

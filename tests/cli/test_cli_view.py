@@ -71,7 +71,7 @@ def test_fields_and_animations_of_a_solved_case(solved: Call, folder: Path) -> N
 @pytest.mark.parametrize(("arguments", "said"), [
     (["fields", "--field", "energy"], "has no field 'energy' (it has stress;"),
     (["section_forces", "--quantity", "N"], "does not hold N"),
-    (["history", "--animate", "a.gif"], "history stands still"),
+    (["history", "--animate", "a.gif"], "history cannot be animated"),
     (["--animate", "a.png"], "animations are .gif or .mp4 files"),
     (["--animate", "beam.h5"], "is an input of this command"),
     (["snapshots", "--at", "0,7"], "holds states from 0 to 1, none at 7"),

@@ -111,8 +111,8 @@ def test_rigid_bodies_have_no_strain_and_no_group():
 
 @pytest.mark.parametrize(("body", "word"), [
     (rigid(helpers.ARC), "straight"),
-    (rigid(quadrature=[2, 2]), "quadrature means nothing"),
-    (rigid(formulation="cable"), "formulation means nothing"),
+    (rigid(quadrature=[2, 2]), "quadrature has no effect"),
+    (rigid(formulation="cable"), "formulation has no effect"),
 ])
 def test_what_a_rigid_body_cannot_have_is_refused(body, word):
     with pytest.raises(CaseError, match=word):

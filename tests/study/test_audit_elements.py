@@ -70,7 +70,7 @@ def test_a_missing_xy_is_found_out(tmp_path):
     found = audits.find(file, "patch_bending", "reversal_symmetry", "order_static", "patch_axial")
     assert {k: f.verdict for k, f in found.items()} == {
         "patch_bending": "fail", "reversal_symmetry": "fail", "order_static": "fail", "patch_axial": "pass"}
-    assert "elsewhere" in found["order_static"].meaning
+    assert "wrong limit" in found["order_static"].meaning
 
 
 def test_reduced_quadrature_that_leaves_hourglass_modes_is_found_out(tmp_path):

@@ -119,7 +119,7 @@ def test_what_is_refused_or_fails_is_a_row() -> None:
     # seen only when the model is built
     loose = swept("boundary_conditions.root.type=clamp,pin")
     assert [row.status for row in loose.rows] == ["converged", "refused"]
-    assert "mechanism" in loose.rows[1].reason
+    assert "free to turn" in loose.rows[1].reason
 
 
 def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
