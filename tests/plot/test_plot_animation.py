@@ -56,7 +56,7 @@ def test_states_are_even_in_time_and_in_number_where_a_path_turns_back() -> None
 
 def test_what_cannot_be_animated_is_said(tmp_path: Path) -> None:
     with open_results(bent_beam(tmp_path / "a.h5")) as results:
-        with pytest.raises(ResultsError, match="history stands still; what can be animated is shape, fields, modes"):
+        with pytest.raises(ResultsError, match="history cannot be animated; shape, fields, modes can"):
             animate(results, tmp_path / "a.gif", "history")
         with pytest.raises(ResultsError, match=r"animations are \.gif or \.mp4 files"):
             animate(results, tmp_path / "a.avi")

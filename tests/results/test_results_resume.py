@@ -191,7 +191,7 @@ def test_values_of_a_checkpoint_come_back_bit_for_bit(tmp_path: Path) -> None:
         for name, value in values.items():
             assert found.values[name].shape == value.shape
             assert found.values[name].tobytes() == value.tobytes()
-    with pytest.raises(ResultsError, match="not numbers"):
+    with pytest.raises(ResultsError, match="not numeric"):
         w.append(2.0, np.zeros(12), checkpoint=Checkpoint(2.0, {"name": np.array("text")}))
     w.discard()
 

@@ -199,7 +199,7 @@ def test_a_file_with_other_bodies_is_refused(bent):
 @pytest.mark.parametrize(("support", "message"), [
     ({"type": "pin", "at": "b@1"}, r"hold [xy] of b at S = 1 elsewhere than the last state of '.*bent\.h5', by 0\."),
     ({"type": "prescribed", "at": "b@1", "angle": {"type": "expression", "value": "t"}},
-     r"support_1: the rotation is another one in the last state of '.*bent\.h5'"),
+     r"support_1: the rotation differs in the last state of '.*bent\.h5'"),
 ])
 def test_a_file_whose_state_supports_do_not_hold_is_refused(bent, support, message):
     model = dynamic(bent[0], "bent.h5", boundary_conditions=[{"name": "support_1", **support}])

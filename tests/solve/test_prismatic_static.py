@@ -89,7 +89,7 @@ def test_wide_models_know_a_joint_too():
 
 
 def test_a_point_that_leaves_over_the_end_is_named():
-    with pytest.raises(ComputationError, match=r"collar: bar@0 has left rail over its end"):
+    with pytest.raises(ComputationError, match=r"collar: bar@0 has slid off the end of rail"):
         list(solve(collar(length=1.32)))
 
 
