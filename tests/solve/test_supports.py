@@ -78,7 +78,7 @@ def test_fix_holds_the_named_coordinates():
     assert abs(d[3]) > 1e-6
     with pytest.raises(CaseError, match="no coordinate 'rx_x'"):
         scene("vallejo", "inclined", "static", [{"type": "fix", "at": "b@0", "coordinates": ["rx_x"]}])
-    with pytest.raises(CaseError, match="is none"):
+    with pytest.raises(CaseError, match="there is no node at"):
         scene("vallejo", "inclined", "static", [{"type": "fix", "at": "b@0.3", "coordinates": ["x"]}])
 
 
