@@ -195,7 +195,7 @@ def test_a_motion_that_begins_elsewhere_is_refused():
         {"type": "clamp", "at": "b@0"},
         {"name": "far", "type": "prescribed", "at": "b@1", "x": {"type": "constant", "scale": 5.0}},
     ]
-    with pytest.raises(CaseError, match=r"begins .* away"):
+    with pytest.raises(CaseError, match=r"starts .* away"):
         scene("vallejo", "inclined", "static", bc, [])
 
 
