@@ -87,7 +87,7 @@ def test_rows_are_the_drawn_values(bent: Results) -> None:
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"field": "strain"}, "no field 'strain' .it has energy, stress; name those to store under output: fields: in the case"),
+    ({"field": "strain"}, "no field 'strain' .it has energy, stress; name those to store under output"),
     ({"field": "M"}, "along the axis only; draw it as section_forces"),
     ({"component": "zz"}, "no component 'zz' .it has xx, yy, xy, mises"), ({"state": 5}, "no state 5: it holds")])
 def test_wrong_fields_are_explained(bent: Results, options: dict[str, object], words: str) -> None:

@@ -215,5 +215,6 @@ def test_short_neighbours_that_share_less_than_their_faces_part_at_a_strain_of_t
                for r, n in ((0.1, 20), (0.1, 80), (0.01, 20))}
     assert list(strains.values()) == pytest.approx([1.12] * 3, rel=0.01)
     held, parted = (pressed(0.1, 20, {"type": "static", "steps": 4}, s) for s in (0.0105, 0.0125))
-    said = [[w for s in sol.states for w in s.warnings if "short elements separate in b" in w] for sol in (held, parted)]
+    said = [[w for s in sol.states for w in s.warnings if "short elements separate in b" in w]
+            for sol in (held, parted)]
     assert [len(w) for w in said] == [0, 1]
