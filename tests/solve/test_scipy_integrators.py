@@ -198,7 +198,7 @@ def test_multistep_methods_refuse_multipliers_by_name(method):
                     **{k: v for k, v in ARM.items() if k != "bodies"})
     (problem,) = method_problems(model)
     assert problem.path == ("solver", "method")
-    assert "cannot be kept on the constraints of a@0, joints.0" in problem.message
+    assert "cannot satisfy the constraints of a@0, joints.0" in problem.message
     assert "radau5" in problem.expected
 
 
