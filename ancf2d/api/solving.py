@@ -15,7 +15,7 @@ from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.accuracy.pursuit import Target
 from ..study.convergence import Convergence, Steps
 from ..study.convergence import convergence as refine
-from ..study.identity import inputs_of
+from ..study.digests import inputs_of
 from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file

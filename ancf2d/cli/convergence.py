@@ -108,7 +108,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     session.subject = {"case": case}
     from ..results import check_output
     from ..study.convergence import Steps, convergence
-    from ..study.identity import inputs_of
+    from ..study.digests import inputs_of
     from ..study.run import load
 
     if dts and tolerances:

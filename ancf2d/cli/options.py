@@ -75,7 +75,7 @@ def jobs_option(what: str, default: str) -> Callable[[F], F]:
 
 def workers(jobs: int | None, scheduler: str | None, default: int | None = None) -> Workers:
     """Return who does the work that --jobs and --scheduler ask for; by default one process per core."""
-    from ..cores import cores
+    from ..processors import cores
     from ..study.pool import Workers
 
     if scheduler is None:

@@ -60,7 +60,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     from ..results import check_output
     from ..study.accuracy.control import is_pursued
     from ..study.balance import unbalanced_forces
-    from ..study.identity import inputs_of
+    from ..study.digests import inputs_of
     from ..study.record import Progress, run_end
     from ..study.run import load, run_case, solver_name
     from .report import built_report, run_report

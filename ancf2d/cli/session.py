@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ..interrupts import uninterrupted
-from ..plain import json_text
+from ..json_values import json_text
 from .text import say
 
 

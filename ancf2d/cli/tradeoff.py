@@ -94,7 +94,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     """
     session.subject = {"case": case}
     from ..results import check_output
-    from ..study.identity import inputs_of
+    from ..study.digests import inputs_of
     from ..study.run import load
     from ..study.tradeoff.study import tradeoff
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from .blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
 from .jit import inlined, kernel, kernel_with_memory
-from .stack import numbers
+from .stack_arrays import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
 NARROW = 4

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .blas import multiply, multiply_transposed
+from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 from .jit import inlined, inner
 from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
-from .laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 
 
 class Law(NamedTuple):

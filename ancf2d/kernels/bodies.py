@@ -19,7 +19,7 @@ from .elements import force, force_noise, force_tangent, viscous_force
 from .jit import addressed, inlined, inner
 from .lanes import Plan, array_at
 from .matrix import Nested, SymBand
-from .mean import mean_force, mean_force_tangent
+from .mean_stress import mean_force, mean_force_tangent
 from .pointers import address_of, caller
 from .symmetric import chosen, stored
 from .tree import no_fronts

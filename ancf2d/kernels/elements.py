@@ -23,7 +23,7 @@ from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
 from .jit import inner, kernel, shared
 from .lanes import array_at, row, vectors_of
 from .matrix import scatter_packed
-from .stack import vector
+from .stack_arrays import vector
 
 
 @shared

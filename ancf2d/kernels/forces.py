@@ -27,9 +27,9 @@ from .batch import (
     product,
     to_lanes,
 )
+from .compiled_laws import MEAN, PULL, PUSH, STRAIN
 from .jit import addressed, inner
 from .lanes import Slots, array_at, vectors_of
-from .laws import MEAN, PULL, PUSH, STRAIN
 from .pointers import address_of, caller
 from .tangents import tangents
 

@@ -13,7 +13,7 @@ from .band import solve_lower, solve_upper, take_out
 from .blocks import inverse, room, size
 from .jit import inner, kernel
 from .lanes import array_at
-from .stack import numbers, vector
+from .stack_arrays import numbers, vector
 
 
 @inner

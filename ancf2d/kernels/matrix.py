@@ -9,7 +9,7 @@ from numba.extending import overload
 from .fronts import entry, fill_rows
 from .jit import inner, kernel
 from .lanes import array_at
-from .stack import array, numbers
+from .stack_arrays import array, numbers
 
 
 class SymBand(NamedTuple):

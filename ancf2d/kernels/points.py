@@ -10,7 +10,7 @@ from ..elements import point_laws
 from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns, turn
 from .jit import inlined, kernel
 from .matrix import scatter
-from .stack import array, vector
+from .stack_arrays import array, vector
 
 for _helper in point_laws.HELPERS:
     register_jitable(_helper)

@@ -16,11 +16,11 @@ import numpy as np
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
 from .dynamics import at_floor, forces, norm, remember, residual, solve_with, to_full, violation
-from .held import count, place, tangent, turn, turns
 from .jit import inlined, inner
 from .lanes import array_at
 from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
-from .stages import TILE, combine, combine_all, separate, unite
+from .reused_tangent import count, place, tangent, turn, turns
+from .stage_sums import TILE, combine, combine_all, separate, unite
 from .symmetric import mass_product
 
 

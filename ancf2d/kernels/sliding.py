@@ -13,7 +13,7 @@ from numba.extending import register_jitable
 from ..elements import sliding
 from .jit import kernel
 from .matrix import scatter
-from .stack import array, matrices, numbers, vector
+from .stack_arrays import array, matrices, numbers, vector
 
 for _helper in sliding.HELPERS:
     register_jitable(_helper)

@@ -7,12 +7,12 @@ import numpy as np
 from ..elements.shape import Array
 from ..kernels.batch import Group, Law
 from ..kernels.blas import dgemm_address
+from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
-from ..kernels.laws import law_address
 from ..kernels.tangents import fill_products
+from .body_groups import Pool
 from .mesh import Index
-from .pools import Pool
 from .translations import first_and_others, following, made
 
 # products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond

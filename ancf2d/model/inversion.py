@@ -6,9 +6,9 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from .body_groups import Pool
 from .mesh import STATIONS
 from .model import Model
-from .pools import Pool
 
 # elements are looked at in blocks that the caches hold
 BLOCK = 2048

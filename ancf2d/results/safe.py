@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.heaps import endless_heap
 from ancf2d.results.journal import is_journaled, open_hdf5, steady
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
+from ancf2d.results.string_heaps import endless_heap
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB

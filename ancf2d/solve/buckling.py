@@ -14,7 +14,7 @@ from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
 from .ldl import Symmetric
-from .pencil import Pencil, each, ritz
+from .matrix_pencil import Pencil, each, ritz
 from .state import State
 from .static import unscaled
 from .system import System

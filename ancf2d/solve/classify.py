@@ -13,7 +13,7 @@ from ..model.mechanism import rigid_motion
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 from ..model.points import dot
-from .sections import MOTIONS, ClassMotions, Energies, class_motions, element_velocities, energies
+from .section_motions import MOTIONS, ClassMotions, Energies, class_motions, element_velocities, energies
 
 KINDS = {"axial": "axial", "transverse": "bending", "rotation": "shear", "stretch": "thickness"}
 # the largest share below which a mode has no single kind

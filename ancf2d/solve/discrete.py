@@ -20,10 +20,10 @@ from .gyroscopic import Gyroscope
 from .initial import HELD, initial_motion
 from .linear import pattern
 from .mass import full_mass, unknowns_to_coordinates
-from .pieces import largest
 from .post import Observer, turns_of
 from .state import State
 from .system import System
+from .vector_chunks import largest
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array

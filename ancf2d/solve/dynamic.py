@@ -18,12 +18,12 @@ from .energy import Energies, is_constant
 from .estimate import Estimate
 from .initial import initial_motion
 from .ode import OdeStepper
-from .pieces import largest_share
 from .problem import make_problem
 from .schemes import SCHEMES
 from .state import State
 from .stepping import LOG, Row, Stepper
 from .system import STILL
+from .vector_chunks import largest_share
 
 # states that are stored where nothing is said
 STATES = 200

@@ -15,8 +15,8 @@ from ..elements.shape import Array
 from ..model.loads import LoadSet
 from ..model.model import Model
 from .classify import Classifier, Verdict
-from .lowest import Modes, lowest
-from .pencil import Pencil
+from .lowest_modes import Modes, lowest
+from .matrix_pencil import Pencil
 from .state import State
 
 # relative uncertainty of an eigenvalue that is worth a word

@@ -97,7 +97,7 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
 
 def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,
             ) -> Callable[[State], dict[Field, Array]]:
-    from .section import SectionForces
+    from .section_forces import SectionForces
     from .stress import stress_of
 
     over = [f for f in fields if f.over]

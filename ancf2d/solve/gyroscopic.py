@@ -18,7 +18,7 @@ from ..model.model import Model
 from .classify import Classifier
 from .eigen import _equilibrium as equilibrium
 from .eigen import full_shapes, renumber, table
-from .pencil import Pencil
+from .matrix_pencil import Pencil
 from .state import State
 
 # below this number of unknowns every pair is computed at once

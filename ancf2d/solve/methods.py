@@ -15,7 +15,7 @@ from ..kernels.dynamics import Problem
 from ..kernels.motion import Step
 from ..kernels.newmark import Newmark
 from ..kernels.radau import Radau
-from ..kernels.stages import TILE
+from ..kernels.stage_sums import TILE
 from .schemes import Integrator, spectral_radius
 
 MAX_ITERATIONS = 12

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .pieces import largest, pieces
 from .system import Balance, System
+from .vector_chunks import largest, pieces
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30

@@ -12,7 +12,7 @@ from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
 from .energy import Energies
 from .inside import equilibrium_rows
-from .section import has_section_forces, section_forces
+from .section_forces import has_section_forces, section_forces
 from .state import State
 
 FORCES = ("N", "Q", "M")

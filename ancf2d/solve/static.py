@@ -15,10 +15,10 @@ from ..model.point_patch import check_facing
 from ..model.sliding import check_ends
 from ..model.timing import PathTiming
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_balance, newton
-from .pieces import largest, pieces
 from .refine import refined
 from .state import State
 from .system import STILL, System, Turned
+from .vector_chunks import largest, pieces
 
 STEPS = 10
 # displacements known to less than this many digits are worth a word

@@ -11,11 +11,11 @@ from ..elements.formulations.base import Sampler, cross
 from ..elements.formulations.green import elasticity
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
+from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
-from ..model.pools import damping_time
-from .section import SectionForces
-from .sections import element_velocities, interpolation
+from .section_forces import SectionForces
+from .section_motions import element_velocities, interpolation
 from .state import State
 
 RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b h^3/12

@@ -17,10 +17,10 @@ from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.point_patch import ConstraintBatch, PointConstraint, batches
-from .crew import Crew
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
-from .pieces import largest, largest_share, pieces
+from .threads import Crew
+from .vector_chunks import largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53
 # displacements beside the extent of a model that are round-off of the positions themselves

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ..errors import ComputationError
-from .identity import program
+from .digests import program
 
 CONNECT = 10.0  # seconds until a scheduler must have answered
 WORKERS = 30.0  # seconds until it must have a worker

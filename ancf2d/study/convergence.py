@@ -11,12 +11,12 @@ from typing import Any, cast
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
 from ..errors import CaseError, Problem
-from .answer import Answer, sequence, solve_for_goal
+from .failure_row import UNSOLVED, verdict
 from .goal import error_scale
+from .goal_value import Answer, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .run import describe_goal, prepare, vocabulary
-from .unsolved import UNSOLVED, verdict
 from .variants import Variant, count_of, default_meshes, distribute, flexible, overrides_for, proportional
 from .warmup import warm_up
 

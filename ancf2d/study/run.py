@@ -18,7 +18,7 @@ from ..model.build import build_model
 from ..model.model import Model
 from ..solve.fields import FIELDS
 from ..solve.schemes import INTEGRATORS
-from .identity import files_of
+from .digests import files_of
 from .record import Progress, Recorder
 
 if TYPE_CHECKING:

@@ -18,10 +18,10 @@ from ..case.overrides import OPTION as SET
 from ..errors import CaseError, Problem, ResultsError
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
-from .identity import content_name, files_of
+from .digests import content_name, files_of
+from .failure_row import UNSOLVED, verdict
 from .pool import DIED, Workers, run_jobs
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
-from .unsolved import UNSOLVED, verdict
 from .warmup import kernels_of, warm_up
 
 # modes and buckling loads that a row tells where the case has no goal

@@ -10,7 +10,7 @@ import numpy as np
 from ..elements.section import Section
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh
-from ..solve.sections import class_motions, section_motions
+from ..solve.section_motions import class_motions, section_motions
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..model.model import Model
 from ..model.points import dot
 from ..solve.classify import GAPS, Classifier
 from ..solve.eigen import renumber, solve_eigen
-from ..solve.sections import class_motions, interpolation
+from ..solve.section_motions import class_motions, interpolation
 from ..solve.state import State
 
 # a counterpart's frequency lies within this share of the mode's own ...

@@ -20,7 +20,7 @@ from ..case import Buckling, Case, Dynamic, Eigen, LinearStatic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
-from .aside import aside
+from .forked_work import aside
 
 try:
     import fcntl

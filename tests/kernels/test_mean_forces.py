@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.kernels.elements import element_matrices, force, viscous_force
 from ancf2d.kernels.matrix import Csr
-from ancf2d.kernels.mean import mean_force, mean_force_tangent
+from ancf2d.kernels.mean_stress import mean_force, mean_force_tangent
+from ancf2d.model.body_groups import damping_time
 from ancf2d.model.mesh import mass_matrix
-from ancf2d.model.pools import damping_time
 
 CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].law.mean is not None]
 SIZE = 0.05 * helpers.SECTION["height"]

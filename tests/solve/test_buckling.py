@@ -10,7 +10,7 @@ import pytest
 from ancf2d.elements.section import timoshenko
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solve import buckling as buckling_module
-from ancf2d.solve.pencil import Pencil
+from ancf2d.solve.matrix_pencil import Pencil
 from ancf2d.study.run import prepare
 
 E, L = 2e11, 1000.0

@@ -11,7 +11,7 @@ from ancf2d.solve.energy import Kinds
 from ancf2d.solve.mass import full_mass
 from ancf2d.solve.post import Observer, energies, reactions
 from ancf2d.solve.registry import solve
-from ancf2d.solve.section import section_forces
+from ancf2d.solve.section_forces import section_forces
 from ancf2d.solve.state import State
 from ancf2d.solve.system import System
 

@@ -10,7 +10,7 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.errors import CaseError
 from ancf2d.model.model import Model
 from ancf2d.solve.fields import FIELDS, FieldReader
-from ancf2d.solve.section import SectionForces
+from ancf2d.solve.section_forces import SectionForces
 from ancf2d.solve.state import State
 from ancf2d.solve.stress import LAWS
 from ancf2d.study.run import prepare
@@ -137,7 +137,7 @@ def test_damping_adds_its_stress() -> None:
 
 
 def test_stations_of_a_whole_body_agree_with_single_points() -> None:
-    from ancf2d.solve.section import section_forces
+    from ancf2d.solve.section_forces import section_forces
 
     arc = h.body(h.ARC, h.element("reissner3", 5), SECTION, STEEL)
     out = h.solved({"b": arc}, "static", bc=[{"type": "clamp", "at": "b@0"}],

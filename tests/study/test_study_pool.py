@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from jobs import die, square, threads
 
-from ancf2d.cores import cores
+from ancf2d.processors import cores
 from ancf2d.study.pool import Workers, run_jobs
 
 HERE = Path(__file__).parent

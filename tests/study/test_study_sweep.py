@@ -14,7 +14,7 @@ from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import open_results, part_path
 from ancf2d.results.target import Target
-from ancf2d.study import identity, sweep
+from ancf2d.study import digests, sweep
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
 from ancf2d.study.sweep import Sweep, plan, run_sweep
@@ -187,7 +187,7 @@ def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch
     swept("bodies.beam.element.count=1")
     swept("bodies.beam.element.count=1", overrides=("bodies.beam.section.EI=2e3",))
     assert len(count) == 2
-    monkeypatch.setattr(identity, "program", lambda: "another")
+    monkeypatch.setattr(digests, "program", lambda: "another")
     swept("bodies.beam.element.count=1")
     assert len(count) == 3
     text = "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, {at: 1, "

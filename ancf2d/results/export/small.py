@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ancf2d.plain import json_text
+from ancf2d.json_values import json_text
 from ancf2d.results.export import Done
 from ancf2d.results.export.probes import time_name
 from ancf2d.results.info import describe

@@ -10,7 +10,7 @@ from ...case import Dynamic, LoadedCase
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
-from ..answer import Answer
+from ..goal_value import Answer
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare

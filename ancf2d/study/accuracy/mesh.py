@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..answer import sequence
+from ..goal_value import sequence
 from ..order import Estimate
 from ..variants import Variant
 from .judgement import apart, best, choose, judge

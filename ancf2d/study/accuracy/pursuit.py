@@ -11,11 +11,11 @@ from ...case import LoadedCase, PrismaticJoint
 from ...errors import Ancf2dError, CaseError, ComputationError
 from ...model.model import Model
 from ...solve.registry import takes_guess
-from ..answer import Answer, File, Solved, solve_for_goal
+from ..failure_row import verdict
+from ..goal_value import Answer, File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Begin, Outcome, prepare
-from ..unsolved import verdict
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import Any
 from ...case import Body, LoadedCase, Stiffness
 from ...case.emit import flow
 from ...elements.registry import FAMILY
-from ..answer import Answer, sequence
 from ..convergence import limit_of
+from ..goal_value import Answer, sequence
 from ..order import estimate
 from ..variants import Variant, divided, flexible
 from .measure import Setting

@@ -16,11 +16,11 @@ from ...case.emit import flow, written
 from ...errors import ComputationError
 from ...solve.registry import solve
 from ...solve.schemes import DEFAULT
-from ..answer import Answer, Solved, for_study, solve_for_goal
+from ..failure_row import UNSOLVED, verdict
+from ..goal_value import Answer, Solved, for_study, solve_for_goal
 from ..pool import DIED
 from ..record import Clock, Progress
 from ..run import prepare, vocabulary
-from ..unsolved import UNSOLVED, verdict
 from ..variants import Variant, element_data, flexible, nested_base, stretches_of
 from ..warmup import kernels_of, warm_up
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from .pencil import Pencil, each, ritz
+from .matrix_pencil import Pencil, each, ritz
 
 # below this number of unknowns every mode is computed at once
 DENSE = 400

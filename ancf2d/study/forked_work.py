@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from ..cores import threads
+from ..processors import threads
 
 # a copy that takes longer than this [s] hangs: nothing that it does is missed, only late
 PATIENCE = 60.0

@@ -9,11 +9,11 @@ import numpy as np
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
 from ..kernels.elements import element_matrices, viscous_force
+from ..model.body_groups import damping_time, place_of
 from ..model.masses import mass_terms
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
-from ..model.pools import damping_time, place_of
 from .inside import Inside, acting_inside, is_inside
 from .mass import inertia_rates
 from .state import State

@@ -4,16 +4,16 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solve import crew
+from ancf2d.solve import threads
 from ancf2d.solve.system import System
 
 ROUND = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0, "to": 2 * np.pi}
 LINE = {"type": "line", "start": [0, 0], "end": [2, 0]}
 
 
-def system_of(monkeypatch, threads: int, shape=LINE, count: int = 40, name: str = "vallejo", **more) -> System:
-    monkeypatch.setattr(crew, "PART", 8)
-    monkeypatch.setenv("OMP_NUM_THREADS", str(threads))
+def system_of(monkeypatch, wanted: int, shape=LINE, count: int = 40, name: str = "vallejo", **more) -> System:
+    monkeypatch.setattr(threads, "PART", 8)
+    monkeypatch.setenv("OMP_NUM_THREADS", str(wanted))
     bodies = {"b": helpers.body(shape, helpers.element(name, count))}
     return System(helpers.build(bodies, bc=[{"type": "clamp", "at": "b@0"}], **more))
 
@@ -21,9 +21,9 @@ def system_of(monkeypatch, threads: int, shape=LINE, count: int = 40, name: str 
 @pytest.mark.parametrize("name", [v[0] for v in helpers.DEFAULTS])
 def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
     found = []
-    for threads in (1, 2, 3):
-        system = system_of(monkeypatch, threads, name=name)
-        assert (system.crew.pool is None) == (threads == 1)
+    for wanted in (1, 2, 3):
+        system = system_of(monkeypatch, wanted, name=name)
+        assert (system.crew.pool is None) == (wanted == 1)
         assert [len(stage) for stage in system.crew.stages] == [5, 1]
         d = helpers.random_state(system.model, 1e-3)
         balance = system.assemble(d, 1.0)
@@ -35,9 +35,9 @@ def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
 
 def test_what_is_shared_out_is_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
-    monkeypatch.setattr(crew, "PART", 1000)
+    monkeypatch.setattr(threads, "PART", 1000)
     whole = System(parted.model)
-    assert [len(stage) for stage in whole.crew.stages] == [1]
+    assert [len(stage) for stage in whole.threads.stages] == [1]
     d = helpers.random_state(parted.model, 1e-3)
     a, b = parted.assemble(d, 1.0), whole.assemble(d, 1.0)
     assert a.energy == pytest.approx(b.energy, rel=1e-14)
@@ -58,8 +58,8 @@ def test_parts_touch_nothing_in_common(monkeypatch, shape):
 
 def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
     """A weld makes the coordinates of the last node combinations of those of the first."""
-    monkeypatch.setattr(crew, "PART", 8)
+    monkeypatch.setattr(threads, "PART", 8)
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}
     model = helpers.build(ring, joints=[{"type": "weld", "between": ["b@0", "b@1"]}],
                           bc=[{"type": "pin", "at": "b@0.5"}])
-    assert [len(stage) for stage in System(model).crew.stages] == [1]
+    assert [len(stage) for stage in System(model).threads.stages] == [1]

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..cores import threads
 from ..elements.shape import Array
 from ..model.model import Model, Numbering
+from ..processors import threads
 
 # a body's elements are shared out in parts of at least so many: fewer take less time than starting threads
 PART = 4096

@@ -8,10 +8,10 @@ import pytest
 
 from ancf2d.kernels.elements import force_tangent
 from ancf2d.kernels.matrix import SymBand
-from ancf2d.model import pools
+from ancf2d.model import body_groups
+from ancf2d.model.body_groups import Pool, place_of
 from ancf2d.model.groups import make_group
 from ancf2d.model.inversion import inverted
-from ancf2d.model.pools import Pool, place_of
 
 SECTIONS = {"height": 0.1, "width": 0.1}, {"height": 0.2, "width": 0.05}
 
@@ -60,7 +60,7 @@ def test_bodies_alike_share_a_pool_and_lengths_a_class():
 
 
 def test_long_bodies_stay_alone(monkeypatch):
-    monkeypatch.setattr(pools, "MANY", 3)
+    monkeypatch.setattr(body_groups, "MANY", 3)
     assert [[m.plan.name for m in pool.meshes] for pool in frame("vallejo").pools] == [["a"], ["b"], ["other"], ["c"]]
 
 
