@@ -37,7 +37,7 @@ def test_what_is_shared_out_is_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
     monkeypatch.setattr(threads, "PART", 1000)
     whole = System(parted.model)
-    assert [len(stage) for stage in whole.threads.stages] == [1]
+    assert [len(stage) for stage in whole.crew.stages] == [1]
     d = helpers.random_state(parted.model, 1e-3)
     a, b = parted.assemble(d, 1.0), whole.assemble(d, 1.0)
     assert a.energy == pytest.approx(b.energy, rel=1e-14)
@@ -62,4 +62,4 @@ def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}
     model = helpers.build(ring, joints=[{"type": "weld", "between": ["b@0", "b@1"]}],
                           bc=[{"type": "pin", "at": "b@0.5"}])
-    assert [len(stage) for stage in System(model).threads.stages] == [1]
+    assert [len(stage) for stage in System(model).crew.stages] == [1]
