@@ -49,6 +49,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     base, turned, warnings, iterations = _begin(model)
     pencil = Pencil(model, base, 0.0, True, turned)
     pivots = pencil.system.factor({"solver": "buckling"})
+    pencil.system.check_strained(pencil.stiffness, pivots, {"solver": "buckling"})
     unstable = pencil.negative(pivots)
     u = _response(pencil)
     size = response_size(pencil, u)
@@ -251,6 +252,9 @@ def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warn
     d = base + u
     elastic = pencil.full_stiffness(u)
     Q = pencil.balance.Q + elastic
+    # forces of loads that turn, which the factor scales too
+    for t, sign in ((1.0, 1.0), (0.0, -1.0)):
+        pencil.system.add_loads(Q, base, t, sign)
     F = model.external(1.0)
     shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
     history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}

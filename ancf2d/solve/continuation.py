@@ -258,6 +258,7 @@ class Curve:
         check_inverted(self.model, found.d, None, found.t)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+        self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers

@@ -51,14 +51,14 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     increments: list[float] = []
     residuals: list[float] = []
     for iteration in range(1, max_iterations + 1):
-        if iteration == 1 and system.model.moves and t != t_old:
-            balance = moved_balance(system, d, t_old, t)
-        else:
-            balance = system.assemble(d, t, out=system.room)
+        moved = iteration == 1 and system.model.moves and t != t_old
+        balance = moved_balance(system, d, t_old, t) if moved else system.assemble(d, t, out=system.room)
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite", at=at, history=residuals)
         pivots = system.factor(at)
+        if iteration == 1:
+            system.check_tangent(d, t_old if moved else t, pivots)
         z = system.matrix.solve(balance.R, out=z)
         np.negative(z, out=z)
         if iteration == 1:

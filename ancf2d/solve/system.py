@@ -144,7 +144,7 @@ class System:
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), 0, len(dofs),
                             *self.tables)
         if not load_stiffness:
-            self._add_loads(Q, d, t)
+            self.add_loads(Q, d, t)
         return self._balance(Q, R, t, energy)
 
     def _balance(self, Q: Array, room: Array | None, t: float, energy: float) -> Balance:
@@ -195,10 +195,11 @@ class System:
             out[k] = self.model.numbering.reduce(forces) / 1.1
         return out
 
-    def _add_loads(self, Q: Array, d: Array, t: float) -> None:
+    def add_loads(self, Q: Array, d: Array, t: float, sign: float = 1.0) -> None:
+        """Add the forces of loads that turn or move at d and t to Q (n_full,), times ``sign``."""
         e = self.model.e0 + d[:self.model.n_q]
         for patch in self.model.loads.patches:
-            np.add.at(Q, patch.dofs, patch.evaluate(e, d, t)[1])
+            np.add.at(Q, patch.dofs, sign * patch.evaluate(e, d, t)[1])
 
     def forces(self, d: Array, t: float, out: Balance | None = None) -> Balance:
         """Return the forces at d without a tangent, in arrays of ``out`` if given."""
@@ -209,11 +210,14 @@ class System:
             np.add.at(Q, dofs, q)
         return self._balance(Q, R, t, energy)
 
-    def action(self, d: Array, v: Array, t: float, linear: bool = False) -> Array:
-        """Return K(d) v of elements, springs and constraints in full coordinates; ``linear`` as for ``patches``."""
+    def action(self, d: Array, v: Array, t: float, linear: bool = False, loads: bool = False) -> Array:
+        """Return K(d) v of elements, springs, constraints and, if asked, loads that turn, in full coordinates.
+
+        ``linear`` is that of ``patches``.
+        """
         out = np.zeros(len(d))
         self._act(d, v, out)
-        for _, _, K, dofs in self.patches(d, t, True, linear):
+        for _, _, K, dofs in self.patches(d, t, not loads, linear):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
 
@@ -227,6 +231,17 @@ class System:
         if pivots.bad >= 0:
             raise self.singular(pivots.bad, at)
         return pivots
+
+    def check_tangent(self, d: Array, t: float, pivots: Pivots) -> None:
+        """Check as ``check_strained`` does the tangent at d (n_full,) and t, as it was assembled and factored last."""
+        num = self.model.numbering
+
+        def apply(z: Array) -> Array:
+            full = np.zeros(len(d))
+            num.expand(z, full)
+            return num.reduce(self.action(d, full, t, loads=True))
+
+        self.check_strained(apply, pivots, {"factor": float(f"{t:.6g}")})
 
     def check_strained(self, apply: Callable[[Array], Array], pivots: Pivots, at: dict[str, Any]) -> None:
         """Raise SingularTangentError where a motion strains nothing, but has round-off for a stiffness in the factors.

@@ -218,3 +218,16 @@ def test_short_neighbours_that_share_less_than_their_faces_part_at_a_strain_of_t
     said = [[w for s in sol.states for w in s.warnings if "short elements separate in b" in w]
             for sol in (held, parted)]
     assert [len(w) for w in said] == [0, 1]
+
+
+@pytest.mark.parametrize("name", ["rigid", "vallejo", "cable", "reissner3"])
+def test_a_moment_at_a_support_is_met_by_its_moment_alone(name):
+    """The load factor scales moments too, and what they do to a support is a reaction like any other."""
+    element = {"type": "rigid"} if name == "rigid" else h.element(name, 4)
+    given = {"mass": 1.0, "inertia": 1.0} if name == "rigid" else {}
+    bar = {"geometry": h.line(L), "element": {**element, **given}, "section": SECTION, "material": MATERIAL}
+    held = {"type": "prescribed", "at": "c@0", "ux": 0.0, "uy": 0.0, "angle": 0.0}
+    solution = h.solved({"c": bar}, "buckling", bc=[{"name": "wall", **held}],
+                        loads=[{"type": "moment", "at": "c@0", "value": EULER},
+                               {"type": "force", "at": "c@1", "value": [-EULER, 0.0]}])
+    assert solution.reactions()["wall"] == pytest.approx({"fx": EULER, "fy": 0.0, "m": -EULER}, abs=1e-6 * EULER)
