@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
+import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.definition import ElementType
@@ -27,6 +28,11 @@ SMALL_VARIANTS = [v for v in VARIANTS if v[0] in SMALL_TYPES]
 # where a formulation is indifferent, each type once with its own default
 DEFAULTS = [(name, TYPES[name].formulation) for name in SMALL_TYPES]
 KINDS = {"interpolated": "vallejo", "tangent": "cable", "theta": "reissner3"}
+# what the quick tests take of products over all of them: every formulation, degree across and kind of section, once
+FEW_VARIANTS = [("vallejo", "continuum"), ("2d3n-nu", "continuum"), ("kerkkanen", "enhanced"), ("li", "strain_split"),
+                ("omar", "structural"), ("cable", "cable"), ("cable", "green"), ("reissner2", "geometrically_exact"),
+                ("ancf[2,2]", "continuum")]
+FEW_TYPES = ["vallejo", "2d3n-nu", "omar", "cable", "reissner3", "ancf[2,2]"]
 
 LINE = {"type": "line", "start": [0.3, -0.2], "end": [1.4, 0.5]}
 ARC = {"type": "arc", "center": [0.1, -0.3], "radius": 1.2, "from": 0.3, "to": 1.5}
@@ -36,9 +42,18 @@ MATERIAL = {"E": 5.0, "nu": 0.3, "rho": 1.3}
 STEEL = {"E": 2.07e11, "nu": 0.3, "rho": 7850}
 
 
-def ids(variants: list[tuple[str, str]]) -> list[str]:
-    """Return readable names of (type, formulation) pairs."""
-    return ["-".join(v) for v in variants]
+def chosen(values: Any, few: Any) -> list[Any]:
+    """Return all of ``values`` for ``parametrize``; those that do not begin as one of ``few`` are slow tests."""
+    rows = [value if isinstance(value, tuple) else (value,) for value in values]
+    starts = [value if isinstance(value, tuple) else (value,) for value in few]
+    return [pytest.param(*row, id="-".join(map(str, row)),
+                         marks=() if any(row[:len(start)] == start for start in starts) else pytest.mark.slow)
+            for row in rows]
+
+
+every_variant = pytest.mark.parametrize(("name", "formulation"), chosen(VARIANTS, FEW_VARIANTS))
+every_small_type = pytest.mark.parametrize("name", chosen(SMALL_TYPES, FEW_TYPES))
+every_small_variant = pytest.mark.parametrize(("name", "formulation"), chosen(SMALL_VARIANTS, FEW_VARIANTS))
 
 
 def element(name: str, count: int, formulation: str | None = None, **more: Any) -> dict[str, Any]:

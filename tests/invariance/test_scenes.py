@@ -73,6 +73,7 @@ def test_a_scene_is_the_same_every_time() -> None:
     assert scene(3, 5) == scene(3, 5) != scene(3, 6)
 
 
+@pytest.mark.slow
 def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
     """What is refused without solving: mechanisms, supports that contradict each other, an unfit integrator."""
     refused = []

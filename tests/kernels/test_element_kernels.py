@@ -12,6 +12,7 @@ from ancf2d.kernels.elements import element_matrices, force, force_noise, force_
 from ancf2d.kernels.matrix import Csr
 
 CASES = [(*v, g) for v in helpers.VARIANTS for g in helpers.GEOMETRIES]
+EVERY = pytest.mark.parametrize(("name", "formulation", "geometry"), helpers.chosen(CASES, helpers.FEW_VARIANTS))
 SIZE = 0.05 * helpers.SECTION["height"]
 
 
@@ -38,7 +39,7 @@ def dense_tangent(model, d):
     return out
 
 
-@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+@EVERY
 def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
     d = helpers.random_state(model, SIZE)[: model.n_q]
@@ -53,7 +54,7 @@ def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
         assert (4 * slopes[1] - slopes[0]) / 3 == pytest.approx(Q @ v, abs=1e-6 * np.abs(Q * v).sum())
 
 
-@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+@EVERY
 def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
     d = helpers.random_state(model, SIZE)[: model.n_q]
@@ -65,7 +66,7 @@ def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation,
     assert np.max(np.abs(slope - K @ v) / (np.abs(K) @ np.abs(v))) < 1e-7
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 @settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-20, 20), x=st.floats(-3, 3), y=st.floats(-3, 3))
 def test_rigid_motion_costs_nothing(name, formulation, angle, x, y):
@@ -81,7 +82,7 @@ def test_rigid_motion_costs_nothing(name, formulation, angle, x, y):
 RIGID: dict = {}
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 @settings(max_examples=8, deadline=None)
 @given(angle=st.floats(-7, 7))
 def test_energy_and_force_turn_with_the_body(name, formulation, angle):
@@ -106,7 +107,7 @@ def test_reference_arcs_are_free_of_stress(name):
     assert not Q.any()
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
     """EA eps^2 L/2 of a stiff beam: from (J^T J - I)/2 with eps = 1e-12 only four digits would be right."""
     strain, E, h, b, L = 1e-12, 2.07e11, 0.1, 0.2, 2.0
@@ -148,12 +149,12 @@ def element_zero_modes(name: str, formulation: str, quadrature, **more) -> int:
 
 
 @pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_the_default_rule_leaves_only_rigid_motions_without_energy(name, formulation, geometry):
     assert zero_modes(name, formulation, geometry) == 0
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_the_default_rule_sees_every_motion_of_an_element_whatever_poissons_ratio(name, formulation):
     """Coefficients of the basis can depend on nu, so that its default rule must see the motions of each."""
     for nu in (-0.5, 0.0, 1e-3, 0.3, 0.45):
@@ -166,7 +167,8 @@ def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidd
     assert element_zero_modes(name, "continuum", [2, 2]) == hidden
 
 
-@pytest.mark.parametrize(("name", "formulation", "geometry"), [(*v, "arc") for v in helpers.DEFAULTS])
+@pytest.mark.parametrize(("name", "formulation", "geometry"), helpers.chosen([(*v, "arc") for v in helpers.DEFAULTS],
+                                                                        helpers.FEW_VARIANTS))
 def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, formulation, geometry):
     model = model_of(name, formulation, geometry, 3)
     n, d = model.n_q, helpers.random_state(model, SIZE)[: model.n_q]
@@ -194,7 +196,7 @@ def test_station_values_give_the_energy():
     assert 0.5 * np.sum(eps * sigma) == pytest.approx(energy_and_force(model, d)[0], rel=1e-13)
 
 
-@pytest.mark.parametrize(("name", "formulation", "geometry"), CASES)
+@EVERY
 def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geometry):
     """What nodes' positions make of each other sums up to zero: a million elements would sum up what round-off left."""
     model = model_of(name, formulation, geometry, 3)
@@ -211,7 +213,7 @@ def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geo
         assert all(math.fsum(Ke[a, some]) == 0.0 for a in rows for some in columns)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_what_round_off_can_leave_turns_with_the_body(name, formulation):
     """A beam along y in the state of one along x: the same sizes, of y where they were of x."""
     noises = []

@@ -77,6 +77,7 @@ def test_fronts_solve_and_count_negative_eigenvalues(members, length, size, loop
     assert np.linalg.norm(A @ x - b) <= 1e-13 / min(1.0, smallest) * np.linalg.norm(A) * np.linalg.norm(x)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(**FRAMES)
 def test_fronts_of_complex_symmetric_matrices_solve(members, length, size, loops, seed):

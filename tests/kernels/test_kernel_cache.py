@@ -58,6 +58,7 @@ def test_a_kernel_is_compiled_once(module: ModuleType) -> None:
     assert hits_and_misses(anew(module)) == (1, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize("damage", [lambda b: b"", lambda b: b[:len(b) // 2], lambda b: bytes(len(b)),
                                     lambda b: b[:len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1:]],
@@ -103,6 +104,7 @@ def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Pa
     assert in_a_process(tmp_path, NUMBA_CACHE_DIR=chosen) == []
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
     # numba would keep kernels beside the sources, whose other files may change
@@ -232,6 +234,7 @@ def two_more(x):
 """.format(steps="\n    ".join(f"x[{i}] = x[{i}] / (x[{i + 1}] + {i}.5)" for i in range(200)))
 
 
+@pytest.mark.slow
 def test_kernels_have_their_own_copies_of_what_they_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Copies are optimised with the rest of each kernel: by a common name one could run that sums in another order."""
     (tmp_path / "long_kernels.py").write_text(LONG)

@@ -14,6 +14,7 @@ from ancf2d.model.body_groups import damping_time
 from ancf2d.model.mesh import mass_matrix
 
 CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].law.mean is not None]
+EVERY = pytest.mark.parametrize(("name", "formulation"), helpers.chosen(CASES, helpers.FEW_VARIANTS))
 SIZE = 0.05 * helpers.SECTION["height"]
 TAU = 0.3
 SEEDS = st.integers(0, 2**32 - 1)
@@ -64,7 +65,7 @@ def turning(model, d, omega: float = 1.0):
     return w
 
 
-@pytest.mark.parametrize(("name", "formulation"), CASES, ids=helpers.ids(CASES))
+@EVERY
 @settings(max_examples=12, deadline=None)
 @given(seed=SEEDS, angle=st.floats(-3, 3), size=st.floats(-7, 0))
 def test_work_of_a_step_is_the_change_of_energy_and_what_is_dissipated(name, formulation, seed, angle, size):
@@ -82,7 +83,7 @@ def test_work_of_a_step_is_the_change_of_energy_and_what_is_dissipated(name, for
             assert Q @ (d1 - d0) == pytest.approx(U1 - U0 + lost, rel=0, abs=tolerance)
 
 
-@pytest.mark.parametrize(("name", "formulation"), CASES, ids=helpers.ids(CASES))
+@EVERY
 @settings(max_examples=12, deadline=None)
 @given(seed=SEEDS, angle=st.floats(-3, 3))
 def test_forces_of_a_step_have_no_resultant_and_no_moment_about_the_middle(name, formulation, seed, angle):
@@ -99,7 +100,7 @@ def test_forces_of_a_step_have_no_resultant_and_no_moment_about_the_middle(name,
         assert abs(Q @ w) <= 1e-12 * np.abs(Q * w).sum()
 
 
-@pytest.mark.parametrize(("name", "formulation"), CASES, ids=helpers.ids(CASES))
+@EVERY
 def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
     model = model_of(name, formulation)
     group, n, d = model.groups[0], model.n_q, state(model, 3, 0.5)
@@ -114,7 +115,7 @@ def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
     np.testing.assert_allclose(values.reshape(n, n), 0.5 * K, atol=1e-13 * np.abs(K).max())
 
 
-@pytest.mark.parametrize(("name", "formulation"), CASES, ids=helpers.ids(CASES))
+@EVERY
 def test_tangent_of_a_small_step_is_the_derivative_of_its_force(name, formulation):
     """With damping; what the symmetric tangent leaves out vanishes with the step."""
     model = model_of(name, formulation)
@@ -131,7 +132,7 @@ def test_tangent_of_a_small_step_is_the_derivative_of_its_force(name, formulatio
     assert np.max(np.abs(0.5 * (Q[1] - Q[2]) - A @ v) / (np.abs(A) @ np.abs(v))) < 1e-6
 
 
-@pytest.mark.parametrize(("name", "formulation"), CASES, ids=helpers.ids(CASES))
+@EVERY
 def test_force_beside_the_tangent_is_that_of_the_force_alone(name, formulation):
     model = model_of(name, formulation)
     group, n, d0, d1 = model.groups[0], model.n_q, state(model, 3), state(model, 4, 0.5)
@@ -191,7 +192,7 @@ def test_a_free_steel_rod_keeps_energy_and_angular_momentum(name, formulation):
     assert totals() == pytest.approx(start, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_viscous_power_is_the_work_of_the_viscous_forces(name, formulation):
     model = model_of(name, formulation)
     d, v, Q = state(model, 1, 0.4), helpers.random_state(model, 1.0, 2)[: model.n_q], np.zeros(model.n_q)
@@ -200,7 +201,7 @@ def test_viscous_power_is_the_work_of_the_viscous_forces(name, formulation):
     assert Q @ v == pytest.approx(power, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_viscous_forces_are_tau_times_the_stiffness_in_small_motion(name, formulation):
     model = model_of(name, formulation)
     v, Q = helpers.random_state(model, 1.0, 2)[: model.n_q], np.zeros(model.n_q)
@@ -209,7 +210,7 @@ def test_viscous_forces_are_tau_times_the_stiffness_in_small_motion(name, formul
     np.testing.assert_allclose(Q, TAU * K @ v, atol=1e-13 * TAU * (np.abs(K) @ np.abs(v)).max())
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 def test_rigid_motion_of_a_bent_body_meets_no_viscous_force(name, formulation):
     model = model_of(name, formulation)
     d, Q = state(model, 1, 0.4), np.zeros(model.n_q)
@@ -222,7 +223,7 @@ def test_rigid_motion_of_a_bent_body_meets_no_viscous_force(name, formulation):
     assert np.abs(Q / model.weights).max() <= 1e-11 * np.abs(other / model.weights).max()
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.VARIANTS, ids=helpers.ids(helpers.VARIANTS))
+@helpers.every_variant
 @pytest.mark.parametrize("turns", [1000.0, -1000.3])
 def test_a_thousand_turns_cost_nothing(name, formulation, turns):
     EV = helpers.MATERIAL["E"] * 0.3 * 0.2 * 1.5

@@ -37,7 +37,7 @@ def tangent(group, model, d):
     return force_tangent(group, d, 1.0, Q, SymBand(K), np.arange(n), none, none, np.zeros(0)), Q, K
 
 
-@pytest.mark.parametrize("name", h.SMALL_TYPES)
+@h.every_small_type
 def test_forces_and_tangents_of_bodies_together_are_those_of_each(name):
     model = frame(name)
     d = h.random_state(model, 0.01)

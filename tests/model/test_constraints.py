@@ -101,7 +101,7 @@ def test_a_prescribed_angle_is_met_by_the_turned_body(case):
 
 
 @pytest.mark.parametrize("at", [0.0, 0.31, 0.5, 1.0])
-@pytest.mark.parametrize("first", helpers.SMALL_TYPES)
+@pytest.mark.parametrize("first", helpers.chosen(helpers.SMALL_TYPES, helpers.FEW_TYPES))
 def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_of_arcs_too(first, at):
     for second in helpers.KINDS.values():
         arc = {"type": "arc", "center": [0.0, 0.0], "radius": 1.0, "from": 0.3, "to": 2.8}
@@ -118,7 +118,7 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
 
 
 @pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_corners_and_welds_go_along_with_rigid_motion(name, angle):
     """At a corner position and section rotation are shared; a beam that goes straight on shares its whole node."""
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}

@@ -46,7 +46,7 @@ def test_area_and_second_moment_stand_for_their_rectangle(name):
         np.testing.assert_allclose([s.height, s.width], [H, B], rtol=1e-14)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_stiffnesses_say_the_same_beam_as_the_rectangle_they_come_from(name, formulation):
     """Without Poisson's ratio, which stiffnesses do not know; the width of a square stands for any."""
     k = 0.8

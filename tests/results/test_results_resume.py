@@ -78,6 +78,7 @@ def test_rows_beyond_the_checkpoint_are_cut_off(tmp_path: Path) -> None:
     w.discard()
 
 
+@pytest.mark.slow
 def test_every_moment_of_resuming_leaves_something_to_resume_from(tmp_path: Path,
                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that dies while it takes up an old file, with bytes of the one before still behind its end."""
@@ -261,6 +262,7 @@ def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
     assert "resumable" not in text
 
 
+@pytest.mark.slow
 def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
     """Readers see one commit or the next, never a part of each, and go on seeing it."""
     path, seen = tmp_path / "a.h5", set()

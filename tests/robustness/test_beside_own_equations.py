@@ -20,16 +20,20 @@ FRAMES = [0, 1, 3, 4, 5, 30, 7, 8, 9, 22, 11]
 RIGID = [0, 1, 2, 3]
 
 
-@pytest.mark.parametrize("number", FRAMES, ids=[KINDS[number % len(KINDS)].name for number in FRAMES])
+@pytest.mark.parametrize("number", [pytest.param(number, id=KINDS[number % len(KINDS)].name,
+                                                 marks=() if number in FRAMES[:2] else pytest.mark.slow)
+                                    for number in FRAMES])
 def test_frames(number: int) -> None:
     assert [v for v in frames([number]) if not v.holds] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", RIGID)
 def test_rigid_mechanisms(number: int) -> None:
     assert [v for v in mechanisms([number]) if not v.holds] == []
 
 
+@pytest.mark.slow
 def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """One body of several gets a section a hundredth higher where ancf2d sees it."""
     right = own_equations.frames._computed
@@ -44,6 +48,7 @@ def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> 
     assert [v.holds for v in frames([1])] == [False, False, False]
 
 
+@pytest.mark.slow
 def test_a_mechanism_in_too_much_gravity_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gravity is a thousandth more where ancf2d sees it."""
     right, number = own_equations.mechanisms._computed, 0

@@ -12,7 +12,7 @@ EI = 5.0 * 0.2 * 0.3**3 / 12
 small = st.floats(-1, 1)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.DEFAULTS, ids=helpers.ids(helpers.DEFAULTS))
+@pytest.mark.parametrize(("name", "formulation"), helpers.chosen(helpers.DEFAULTS, helpers.FEW_VARIANTS))
 @settings(max_examples=4, deadline=None)
 @given(fx=small, fy=small, m=small, q=small, follower=small)
 def test_total_load_equals_reactions_at_large_displacement(name, formulation, fx, fy, m, q, follower):
@@ -55,7 +55,7 @@ def test_moment_about_the_support_is_that_of_the_loads_where_they_have_moved(nam
     np.testing.assert_allclose([wall["fx"], wall["fy"]], -F, atol=1e-7 * EI)
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_three_supports_share_the_load_in_equilibrium(name):
     bodies = {"beam": helpers.body(helpers.line(2.0, 0.3), helpers.element(name, 6))}
     bc = [

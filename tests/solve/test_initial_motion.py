@@ -31,7 +31,7 @@ def strain_power(model, d, v) -> float:
     return sum(viscous_force(group, 1.0, d, v, Q) for group in model.groups)
 
 
-@pytest.mark.parametrize(("name", "formulation"), h.SMALL_VARIANTS, ids=h.ids(h.SMALL_VARIANTS))
+@h.every_small_variant
 def test_a_rigid_velocity_field_strains_nothing(name, formulation):
     model = h.build({"b": h.body(h.ARC, h.element(name, 2, formulation))}, DYNAMIC, initial=SPIN)
     d, v, _ = initial_motion(model)

@@ -186,7 +186,7 @@ def test_forces_with_and_without_tangent_are_the_same(scene):
     assert balance.energy == pytest.approx(forces.energy, rel=1e-13)
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_the_bound_of_round_off_covers_the_forces_of_a_turned_body_and_not_much_more(name):
     beam = {
         "b": helpers.body(

@@ -44,7 +44,7 @@ def field(model: Any, motion: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("motion", ["axial", "transverse", "rotation", "stretch"])
-@pytest.mark.parametrize("name", h.SMALL_TYPES)
+@h.every_small_type
 def test_a_pure_section_motion_has_all_the_energy(name, motion):
     model = prepare(scene(name, 3))
     v = field(model, motion)

@@ -69,7 +69,7 @@ def test_band_product_is_the_matrix_product():
     np.testing.assert_allclose(y, full @ x, rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.parametrize(("name", "formulation"), h.SMALL_VARIANTS, ids=h.ids(h.SMALL_VARIANTS))
+@h.every_small_variant
 def test_stiffness_by_strains_is_the_tangent_at_any_state(name, formulation):
     model = h.build({"b": h.body(h.ARC, h.element(name, 2, formulation))}, "eigen", bc=[{"type": "pin", "at": "b@0"}])
     d, x = h.random_state(model, 0.02), np.random.default_rng(2).standard_normal(model.numbering.n_unknowns)

@@ -29,7 +29,7 @@ def rigid_body(name: str, masses=()) -> tuple[float, np.ndarray, float]:
 
 
 @pytest.mark.parametrize("masses", [(), ((0.3, 2.0, 0.5), (1.0, 0.7, 0.0))], ids=["beam", "with masses"])
-@pytest.mark.parametrize("name", h.SMALL_TYPES)
+@h.every_small_type
 def test_energy_and_momentum_of_a_rigid_motion(name, masses):
     items = [{"at": f"b@{s}", "mass": m, "inertia": J} if J else {"at": f"b@{s}", "mass": m} for s, m, J in masses]
     model = h.build({"b": h.body(h.LINE, h.element(name, 3))}, DYNAMIC, masses=items, initial=MOTION)

@@ -25,7 +25,7 @@ def beam(name: str, formulation: str | None = None, count: int = 8):
 CLAMP = [{"name": "w", "type": "clamp", "at": "beam@0"}]
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_newton_converges_quadratically(name, formulation):
     loads = [
         *helpers.tip(0.0, -0.3 * STEEL_EI),
@@ -67,7 +67,7 @@ def test_a_state_keeps_its_forces_while_the_next_one_is_found():
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6, TOLERANCE])
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_every_state_is_in_equilibrium_and_as_close_as_the_tolerance_asks(name, tolerance):
     P = STEEL_EI
     out = helpers.solved(
@@ -94,7 +94,7 @@ def test_convergence_is_judged_by_the_increment_to_come(increments, converged):
     assert has_converged(increments, 1.0, 1e-9) == converged
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_a_load_too_large_for_one_step_is_cut_and_reaches_the_same_state(name):
     loads = helpers.tip(0.0, -6 * STEEL_EI)
     one = helpers.solved(beam(name), {"type": "static", "steps": 1}, bc=CLAMP, loads=loads)
@@ -160,7 +160,7 @@ def test_snap_through_is_refused_with_the_load_that_was_reached_and_advice(name)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-12, 1e-20])
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_tiny_loads_give_tiny_displacements_in_proportion(name, factor):
     P = 1000.0 * factor
     nonlinear = helpers.solved(beam(name), bc=CLAMP, loads=helpers.tip(0.0, -P))
@@ -180,7 +180,7 @@ def test_no_load_is_no_displacement_exactly(name, solver):
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_answers_do_not_depend_on_units(name, formulation, solver):
     """Metres, millimetres, kilometres; newtons and meganewtons."""
 

@@ -97,7 +97,7 @@ def test_a_mid_node_is_inside_an_element() -> None:
     assert any("inside an element, at S = 0.5" in w for w in models["regular"].warnings)
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_a_state_is_the_same_on_a_nested_mesh_with_other_elements(name: str) -> None:
     """Of a mesh whose elements all are cut: displacements are polynomials that the finer one has, too."""
     bodies = [{"b": helpers.body(helpers.line(L, 0.4), helpers.element(name, n, nodes="acting"))} for n in (3, 12)]

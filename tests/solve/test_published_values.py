@@ -196,7 +196,7 @@ def test_orders_of_convergence(name, formulation, counts, expected):
     assert orders(values, EXACT_LARGE[1])[-1] == pytest.approx(expected, abs=0.2)
 
 
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_refinement_comes_to_rest(name, formulation):
     """On ever finer meshes the default rule must lead somewhere: a weak hidden mode would let the answer creep on."""
     v = [thick(name, formulation, n, 62.5e3, "linear_static")[1] for n in (8, 32, 128)]

@@ -210,7 +210,7 @@ def test_amplitudes_drive_prescribed_motion():
     )
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_the_default_clamp_leaves_the_strains_of_a_clamped_beam_free(name):
     """With a curvature held at the wall, errors are of the order of an element's share of the length."""
     section, material, L = {"height": 0.2, "width": 0.1}, {"E": 1e9, "nu": 0.3, "rho": 1.0}, 2.0

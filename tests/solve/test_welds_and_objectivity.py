@@ -27,7 +27,7 @@ def cantilevered(name: str, formulation: str, geometry: dict, solver: str, count
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_a_polyline_without_a_turn_is_a_line(name, formulation, solver):
     angle = 0.4
     end = turned((1.2, 0.0), angle)
@@ -40,7 +40,7 @@ def test_a_polyline_without_a_turn_is_a_line(name, formulation, solver):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 def test_two_welded_halves_are_one_body(name, formulation, solver):
     arc = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0.2, "to": 1.4}
     one = cantilevered(name, formulation, arc, solver)
@@ -155,7 +155,7 @@ def test_a_frame_with_two_welds_on_one_section_is_solved(name, angle):
     assert helpers.solved(bodies, {"type": "eigen", "modes": 2}, **scene).state.report["frequencies"][0]["omega"] > 1.0
 
 
-@pytest.mark.parametrize("name", helpers.SMALL_TYPES)
+@helpers.every_small_type
 def test_a_weld_at_a_corner_is_the_corner_of_a_polyline(name):
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}
     out = helpers.solved(
@@ -174,7 +174,7 @@ def test_a_weld_at_a_corner_is_the_corner_of_a_polyline(name):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("name", "formulation"), helpers.SMALL_VARIANTS, ids=helpers.ids(helpers.SMALL_VARIANTS))
+@helpers.every_small_variant
 @settings(max_examples=3, deadline=None)
 @given(angle=st.floats(-7, 7), x=st.floats(-5, 5), y=st.floats(-5, 5))
 def test_the_answer_turns_with_the_scene(name, formulation, solver, angle, x, y):

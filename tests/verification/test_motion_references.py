@@ -20,6 +20,7 @@ def expected(case: str, probe: str) -> list[float]:
     return [found["x"], found["y"]]
 
 
+@pytest.mark.slow
 def test_first_pendulum_as_an_independent_cable() -> None:
     tip = motion_references.pendulum_1([0.5, 1.0, 1.5], 1, 2e-3)
     np.testing.assert_allclose(tip, [[0.991498, -1.502307], [-1.685664, -0.631293], [-1.774687, -0.300800]], atol=3e-5)
@@ -41,6 +42,7 @@ def test_spin_up_as_simo_and_vu_quoc() -> None:
 
 
 # coarser than what the expected values are from; steps, elements and what that may cost [m]
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "motion", "probes", "count", "h", "atol"), [
     ("pendulum1_reissner3", "pendulum_1", ["tip"], 2, 2e-3, 5e-6),
     ("pendulum2_reissner3", "pendulum_2", ["tip"], 6, 2.5e-3, 1e-5),

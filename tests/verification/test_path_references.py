@@ -19,6 +19,7 @@ def expected(case: str, number: int) -> list[float]:
     return [e.value for e in load(PATHS / f"{case}.yaml").case.expected if e.limit_point == number]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "q", "P"), [(1, [-0.35, -1.42, 0.66], 1.85), (2, [-0.53, -0.48, -1.36], -0.94)])
 def test_limit_points_of_lee_frame(number: int, q: list[float], P: float) -> None:
     P, u = path_references.lee_frame_limit(q, P)
@@ -26,6 +27,7 @@ def test_limit_points_of_lee_frame(number: int, q: list[float], P: float) -> Non
         np.testing.assert_allclose([P, *u[:2]], expected(case, number), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_limit_point_of_the_deep_arch() -> None:
     P, u = path_references.deep_arch_limit([0.267, -0.309, -0.283], 0.897)
     for case in ("deep_arch_reissner3", "deep_arch_vallejo"):
@@ -33,8 +35,9 @@ def test_limit_point_of_the_deep_arch() -> None:
 
 
 @pytest.mark.parametrize(("number", "q", "P"), [
-    (1, [-0.17, 0.034], 0.408), (2, [-0.54, -0.245], -0.833), (3, [-0.897, -0.169], 0.772),
-    (4, [-0.956, -0.299], -0.108), (5, [-0.651, -0.245], 0.975), (6, [-0.25, -0.442], -0.452)])
+    (1, [-0.17, 0.034], 0.408), *(pytest.param(*row, marks=pytest.mark.slow) for row in (
+        (2, [-0.54, -0.245], -0.833), (3, [-0.897, -0.169], 0.772), (4, [-0.956, -0.299], -0.108),
+        (5, [-0.651, -0.245], 0.975), (6, [-0.25, -0.442], -0.452)))])
 def test_limit_points_of_the_shallow_arch(number: int, q: list[float], P: float) -> None:
     np.testing.assert_allclose(path_references.shallow_arch_limit(q, P), expected("shallow_arch", number), rtol=1e-8)
 

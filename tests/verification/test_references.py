@@ -75,9 +75,11 @@ def test_follower_force_that_hardly_turns_is_a_dead_one() -> None:
     np.testing.assert_allclose(follower[1:], [-1e-4 / 3, -1e-4 / 2], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_lee_frame() -> None:
     np.testing.assert_allclose(references.lee_frame(15000), expected("lee_frame", "load"), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_deep_arch() -> None:
     np.testing.assert_allclose(references.deep_arch(700), expected("deep_arch", "apex"), rtol=1e-9)
