@@ -6,6 +6,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,7 @@ BELOW = {
     "cli": {"case", "elements", "plot", "results", "solve", "study", "view"},
 }
 ROOMS = sorted(BELOW)
+SOURCES = cache(lambda: sources(PACKAGE))
 # the loop of a motion, and the step that keeps energy: one compiled function each, as calls there cost time
 LONG = {"advance": 80, "conserving_step": 60}
 
@@ -52,8 +54,8 @@ def imported(path: Path, tree: ast.AST) -> Iterator[str]:
 @pytest.mark.parametrize("room", ROOMS)
 def test_rooms_import_from_those_below(room: str) -> None:
     wrong = [f"{path.relative_to(PACKAGE)} imports {other}"
-             for path in (PACKAGE / room).rglob("*.py") for other in imported(path, ast.parse(path.read_text("utf-8")))
-             if other not in BELOW[room] | BASE | {room}]
+             for path, tree in SOURCES().items() if path.is_relative_to(PACKAGE / room)
+             for other in imported(path, tree) if other not in BELOW[room] | BASE | {room}]
     assert not wrong
 
 
@@ -79,7 +81,7 @@ def test_the_architecture_page_names_every_folder_and_nothing_that_is_not_there(
 
 def test_modules_do_not_import_each_other() -> None:
     """Imports within functions and for types alone count too: they hide a cycle and do not break it."""
-    assert inner_cycles(PACKAGE, sources(PACKAGE)) == []
+    assert inner_cycles(PACKAGE, SOURCES()) == []
 
 
 def test_cycles_are_found_wherever_a_module_is_imported(tmp_path: Path) -> None:
@@ -106,11 +108,10 @@ def test_lines_of_code_are_those_of_statements(tmp_path: Path) -> None:
 
 def test_files_and_functions_are_short() -> None:
     long = []
-    for path in PACKAGE.rglob("*.py"):
-        text = path.read_text("utf-8")
-        if len(text.splitlines()) > 400:
+    for path, tree in SOURCES().items():
+        if len(path.read_text("utf-8").splitlines()) > 400:
             long.append(str(path.relative_to(PACKAGE)))
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(tree):
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 if lines > LONG.get(node.name, 50):
