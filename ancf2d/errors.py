@@ -30,10 +30,13 @@ class Problem:
         return self.message + expected + (f"; did you mean '{self.near}'?" if self.near else "")
 
     def __str__(self) -> str:
-        """Return ``file:line:column: error: message`` with the source line and a caret below it."""
+        """Return ``file:line:column: error: message`` with the source line, or option, and a caret below it."""
+        shown = bool(self.source_line.strip()) and self.column >= 1
         place = f"{self.file}:{self.line}:{self.column}: " if self.line else f"{self.file}: "
-        head = f"{place if self.file else ''}error: {self.sentence}"
-        if not self.source_line.strip() or self.column < 1:
+        # an option of the command line is named by the line that is shown of it
+        named = self.file and (self.line or not shown)
+        head = f"{place if named else ''}error: {self.sentence}"
+        if not shown:
             return head
         text, caret = _around(self.source_line, self.column)
         number = f"{self.line:5d}" if self.line else " " * 5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from typing import Any
 
 import yaml
@@ -11,6 +12,7 @@ from ..errors import CaseError, Problem
 from .binder import MAX_PROBLEMS
 from .nodes import Broken, Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
+STDIN = "<stdin>"  # names the standard input in place of a file
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 40
 MAX_VALUES = 500_000  # keys and values; as many take ten seconds and 300 MB
@@ -39,11 +41,14 @@ _HINTS = (
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the text of a file: UTF-8, at most 16 MB; CaseError says what is wrong with it."""
+    """Return the text of a file, or of stdin: UTF-8, at most 16 MB; CaseError says what is wrong with it."""
     name = os.fspath(path)
     try:
-        with open(name, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        if name == STDIN:
+            data = sys.stdin.buffer.read(MAX_BYTES + 1)
+        else:
+            with open(name, "rb") as stream:
+                data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise CaseError(Problem(f"cannot read the file: {reason}", file=name)) from None

@@ -1,4 +1,4 @@
-"""``--set PATH=VALUE``: values put into the nodes of a case before it is read."""
+"""``--set PATH=VALUE``, ``PATH+=ITEM``, ``PATH=null``: the nodes of a case changed before it is read."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ OPTION = "--set "
 
 
 def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]) -> None:
-    """Put each ``PATH=VALUE`` into the nodes below ``root``.
+    """Put each ``PATH=VALUE`` into the nodes below ``root``, one after the other.
 
-    PATH is dotted; a part that stands for a list item is its index or its ``name``. What is
-    wrong goes to ``problems``, with a caret into the override.
+    PATH is dotted; a part that stands for a list item is its index or its ``name``. ``PATH+=ITEM`` appends to a list,
+    which is made where there is none; ``PATH=null`` removes a key or an item. What is wrong goes to ``problems``,
+    with a caret into the override.
     """
     for text in overrides:
         try:
@@ -33,8 +34,9 @@ def _apply(root: MapNode, text: str) -> None:
     if not equals or not path.strip():
         raise CaseError(start.problem("not PATH=VALUE", expected="for example "
                                       "bodies.beam.element.count=32"))
-    parts = _parts(path, origin)
     column = len(OPTION) + len(path) + 2
+    appends = path.rstrip().endswith("+")
+    parts = _parts(path.rstrip().removesuffix("+") if appends else path, origin)
     refused: list[Problem] = []
     node = compose(value, origin, 1, column, refused)
     if refused:
@@ -44,7 +46,12 @@ def _apply(root: MapNode, text: str) -> None:
     parent: Node = root
     for i, (part, _) in enumerate(parts[:-1]):
         parent = _step(parent, part, parts[: i + 1], parts[i + 1])
-    _put(parent, parts, node)
+    if appends:
+        _append(parent, parts, node)
+    elif isinstance(node, Scalar) and node.value is None and value.strip():
+        _remove(parent, parts)
+    else:
+        _put(parent, parts, node)
 
 
 def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
@@ -88,6 +95,33 @@ def _put(parent: Node, parts: list[tuple[str, Mark]], node: Node) -> None:
     else:
         raise CaseError(mark.problem(f"{quoted(_joined(parts[:-1]))} is {parent.shown()}; nothing "
                                      "can be set below it"))
+
+
+def _append(parent: Node, parts: list[tuple[str, Mark]], item: Node) -> None:
+    """Append an item to the list at a path."""
+    part, mark = parts[-1]
+    if isinstance(parent, MapNode) and part not in parent.entries:
+        near = nearest(part, parent.entries, cutoff=0.75)
+        if near:
+            raise CaseError(mark.problem(f"the case has no {quoted(_joined(parts))}", near=near))
+        parent.entries[part] = Entry(mark, ListNode(mark))
+    found = parent.entries[part].node if isinstance(parent, MapNode) else (
+        parent.items[_index(parent, part, parts)] if isinstance(parent, ListNode) else parent)
+    if not isinstance(found, ListNode):
+        raise CaseError(mark.problem(f"{quoted(_joined(parts))} is {found.shown()}; += appends to lists"))
+    found.items.append(item)
+
+
+def _remove(parent: Node, parts: list[tuple[str, Mark]]) -> None:
+    """Remove the key or item at a path."""
+    part, mark = parts[-1]
+    if isinstance(parent, ListNode):
+        del parent.items[_index(parent, part, parts)]
+    elif isinstance(parent, MapNode) and part in parent.entries:
+        del parent.entries[part]
+    else:
+        near = nearest(part, parent.entries, cutoff=0.75) if isinstance(parent, MapNode) else ""
+        raise CaseError(mark.problem(f"the case has no {quoted(_joined(parts))} that could be removed", near=near))
 
 
 def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:

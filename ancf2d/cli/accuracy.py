@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from .failures import FAILED, expected_met
 from .session import Session
-from .text import duration, number, say, table
+from .text import command_line, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..case import LoadedCase
@@ -34,7 +34,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
         session.out(chosen)
     session.out(describe(reached.accuracy, loaded.case.goal) + "\n")
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
-    session.out(f"\nresults in {out}; next: ancf2d plot {out}")
+    session.out(f"\nresults in {out}; next: {command_line('plot', out)}")
     if not reached.achieved:
         say(f"error: the wanted accuracy {reached.accuracy['wanted']:g} was not reached: "
             f"{reached.accuracy['note'] or 'the estimated error is larger'}", err=True)
@@ -45,7 +45,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
 def _tell_best(session: Session, target: Target) -> None:
     """Say that there is a result, though not yet the one that was wanted."""
     if target.written:
-        session.note(f"the best so far is in {target.out}; next: ancf2d info {target.out}")
+        session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")
 
 
 def path_table(accuracy: dict[str, Any], time: str) -> str:

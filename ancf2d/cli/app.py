@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from collections.abc import Sequence
@@ -77,11 +78,16 @@ class App(click.Group):
             with warnings.catch_warnings(), patient_interrupts():
                 if not (sys.warnoptions or "--debug" in session.arguments):
                     warnings.simplefilter("ignore")
+                    # that it builds its cache of fonts, or where
+                    logging.getLogger("matplotlib").setLevel(logging.ERROR)
                 code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,
                                     **extra)
         except (Exception, KeyboardInterrupt) as error:
             with suppress(KeyboardInterrupt), uninterrupted():  # a second one says no more than the first
                 code = _explain(error, session)
+        except SystemExit:
+            # nothing ends so but click, where whoever reads the help has left: no failure
+            code = 0
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from .failures import FAILED
-from .options import debug_option, examples, json_option
+from .options import debug_option, examples, json_option, quiet_option
 from .session import Session
 
 
@@ -17,20 +17,28 @@ from .session import Session
               help="Allowed difference, relative to the largest value of the same kind.")
 @click.option("--atol", type=click.FloatRange(min=0), default=0.0, show_default=True,
               help="Allowed difference, absolute.")
+@click.option("--all", "everything", is_flag=True, help="Compare the numbers of steps and iterations too, and demand "
+              "the same stored states.")
 @json_option
+@quiet_option
 @debug_option
 @click.pass_obj
-def command(session: Session, a: str, b: str, rtol: float, atol: float) -> int:
+def command(session: Session, a: str, b: str, rtol: float, atol: float, everything: bool) -> int:
     """Compare two result files as numbers.
 
     Compared are mesh, states, probes, tables, modes and the summary; not wall times, versions, dates or
-    names. Exits with 1 where they differ beyond the tolerance.
+    names, nor (without --all) the numbers of steps and iterations. If the files hold different numbers of states,
+    those at common times are compared. Exits with 1 where the files differ beyond the tolerance.
     """
     session.subject = {"a": a, "b": b}
-    from ..results import compare_results, comparison_text, differences_json
+    from ..results import compare_results, comparison_text, differences_json, left_out, open_results
 
-    differences = compare_results(a, b, rtol, atol)
+    with open_results(a) as one, open_results(b) as two:
+        differences = compare_results(one, two, rtol, atol, everything)
+        remark = "" if everything else left_out(one, two)
     session.print_json({**session.subject, "status": "differ" if differences else "agree", "rtol": rtol, "atol": atol,
                         "differences": differences_json(differences)})
     session.out(comparison_text(differences, a, b))
+    if remark:
+        session.out(remark)
     return FAILED if differences else 0

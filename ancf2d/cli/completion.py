@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 from click.shell_completion import get_completion_class
 
-from .options import debug_option, examples
+from .options import debug_option, examples, quiet_option
 from .session import Session
+from .text import write
 
 SHELLS = ("bash", "zsh", "fish")
 # the variable by which the shell asks, as click derives it from the program's name
@@ -16,6 +17,7 @@ VARIABLE = "_ANCF2D_COMPLETE"
 @click.command(epilog=examples("ancf2d completion bash >> ~/.bashrc", "ancf2d completion zsh >> ~/.zshrc",
                                "ancf2d completion fish > ~/.config/fish/completions/ancf2d.fish"))
 @click.argument("shell", type=click.Choice(SHELLS), metavar="SHELL")
+@quiet_option
 @debug_option
 @click.pass_context
 def command(context: click.Context, shell: str) -> int:
@@ -27,5 +29,5 @@ def command(context: click.Context, shell: str) -> int:
     assert found is not None, "click knows the shells that are offered"
     session = context.find_object(Session)
     assert session is not None, "every invocation has one"
-    session.out(found(context.find_root().command, {}, "ancf2d", VARIABLE).source())
+    write(found(context.find_root().command, {}, "ancf2d", VARIABLE).source() + "\n")
     return 0

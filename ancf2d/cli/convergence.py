@@ -23,7 +23,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import duration, number, say, table
+from .text import command_line, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.convergence import Convergence, Series
@@ -131,7 +131,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     session.print_json(result)
     session.out(report(study))
     if output is not None:
-        session.out(f"\nresults in {output}; next: ancf2d plot {output}")
+        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
     if not study.converged:
         say("error: no mesh could be solved", err=True)
         return FAILED

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ..errors import CaseError, Problem
-from .options import complete_types, debug_option, examples, json_option
+from .options import complete_types, debug_option, examples, json_option, quiet_option
 from .session import Session
 from .text import many, table
 
@@ -16,6 +16,7 @@ from .text import many, table
 @click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"'))
 @click.argument("name", required=False, metavar="[NAME]", shell_complete=complete_types)
 @json_option
+@quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str | None) -> int:

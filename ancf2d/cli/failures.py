@@ -23,6 +23,8 @@ def explain(error: BaseException, session: Session) -> int:
 
         say("".join(traceback.format_exception(error)), err=True)
     if isinstance(error, click.ClickException):
+        # the option may stand behind what could not be read
+        session.json = session.json or "--json" in session.arguments
         reason, code = _usage(error), WRONG
     elif isinstance(error, CaseError):
         say(problems_text(error.problems, session.subject.get("case", "")), err=True)

@@ -8,9 +8,10 @@ from pathlib import Path
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, examples
+from .options import debug_option, examples, quiet_option
 from .schema import schema_text, write_schema
 from .session import Session
+from .text import command_line
 
 # as in case.TEMPLATES; repeated so that --help need not read the case format
 KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
@@ -21,6 +22,7 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum")
 @click.option("--kind", type=click.Choice(KINDS),
               help=f"Template to start from. Default: NAME if it is one of them, else {KINDS[0]}.")
 @click.option("--force", is_flag=True, help="Replace NAME.yaml if it exists.")
+@quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
@@ -45,5 +47,5 @@ def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     if not schema.exists():
         write_schema(schema, schema_text(), False)
         session.out(f"wrote {schema} (editors check the case against it)")
-    session.out(f"next: edit it, ancf2d validate {path}, ancf2d run {path}")
+    session.out(f"next: edit it, {command_line('validate', path)}, {command_line('run', path)}")
     return 0

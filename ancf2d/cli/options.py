@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -59,10 +60,29 @@ def complete_kinds(ctx: click.Context, parameter: click.Parameter, incomplete: s
     return [CompletionItem(name) for name in names] or [CompletionItem(incomplete, type="file")]
 
 
-case_argument = click.argument("case", type=click.Path(), metavar="CASE")
+def _case_name(ctx: click.Context, parameter: click.Parameter, value: Any) -> Any:
+    """Return the name of a case, or of several, with that of stdin for ``-``."""
+    if isinstance(value, tuple):
+        return tuple(_case_name(ctx, parameter, one) for one in value)
+    from ..case.compose import STDIN
+
+    return STDIN if value == "-" else value
+
+
+def case_stem(case: str) -> str:
+    """Return what files are called by default that are made of a case."""
+    from ..case.compose import STDIN
+
+    return "stdin" if case == STDIN else Path(case).stem
+
+
+case_argument = click.argument("case", type=click.Path(), metavar="CASE", callback=_case_name)
+cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Path(), metavar="CASE...",
+                                callback=_case_name)
 set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE",
                           help="Override a value of the case, e.g. bodies.beam.element.count=32 or "
-                               "loads.0.value=[0,-500]; may be given several times.")
+                               "loads.0.value=[0,-500]; PATH+=ITEM appends to a list, PATH=null removes a key or an "
+                               "item. May be given several times.")
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
 scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, "
                                 "e.g. tcp://127.0.0.1:8786, instead of in processes on this machine.")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +12,7 @@ from .accuracy import pursue
 from .failures import FAILED, expected_met
 from .options import (
     case_argument,
+    case_stem,
     debug_option,
     examples,
     force_option,
@@ -24,7 +23,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import say
+from .text import command_line, say
 
 if TYPE_CHECKING:
     from ..solve.state import State
@@ -66,7 +65,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     from .report import built_report, run_report
 
     loaded = load(case, overrides if accuracy is None else (*overrides, f"accuracy={accuracy!r}"))
-    out = output if output is not None else f"{Path(case).stem}.h5"
+    out = output if output is not None else f"{case_stem(case)}.h5"
     check_output(out, force, *inputs_of(loaded))
     if is_pursued(loaded):
         if resume:
@@ -94,7 +93,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
         return FAILED
     unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
     session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
-    session.out(f"\nresults in {out}; next: ancf2d plot {out}")
+    session.out(f"\nresults in {out}; next: {command_line('plot', out)}")
     return expected_met(outcome.summary, check)
 
 
@@ -108,5 +107,5 @@ def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
     with suppress(ResultsError):
         if interrupted and read_checkpoint(part) is not None:
             arguments = [a for a in session.arguments if a != "--resume"]
-            more = f"; to continue: {shlex.join(['ancf2d', *arguments, '--resume'])}"
-    session.note(f"the results so far are in {part}; next: ancf2d info {part}{more}")
+            more = f"; to continue: {command_line(*arguments, '--resume')}"
+    session.note(f"the results so far are in {part}; next: {command_line('info', part)}{more}")

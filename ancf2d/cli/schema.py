@@ -1,30 +1,37 @@
-"""``ancf2d schema``: the format of case files, for editors and for readers."""
+"""``ancf2d schema``: the format of case files and of what commands print, for editors, programs and readers."""
 
 from __future__ import annotations
 
 import json
 import os
+from typing import Any
 
 import click
 
-from .options import debug_option, examples, force_option
+from .options import debug_option, examples, force_option, quiet_option
+from .output_schema import OUTPUTS, output_schema
 from .session import Session
+from .text import write
 
 
-@click.command(epilog=examples("ancf2d schema -o ancf2d.schema.json", "ancf2d schema --markdown"))
+@click.command(epilog=examples("ancf2d schema -o ancf2d.schema.json", "ancf2d schema --markdown",
+                               "ancf2d schema --of run"))
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
 @click.option("--markdown", is_flag=True, help="The reference of all keys as Markdown, instead of the JSON Schema.")
 @click.option("--definition", is_flag=True, help="The schema of files that define your own elements.")
+@click.option("--of", "of", type=click.Choice(list(OUTPUTS)), help="The schema of what a command prints with --json.")
 @force_option
+@quiet_option
 @debug_option
 @click.pass_obj
-def command(session: Session, output: str | None, markdown: bool, definition: bool, force: bool) -> int:
-    """Print the JSON Schema of case files."""
-    if markdown and definition:
-        raise click.UsageError("--markdown and --definition exclude each other.")
-    text = schema_text(markdown, definition)
+def command(session: Session, output: str | None, markdown: bool, definition: bool, of: str | None,
+            force: bool) -> int:
+    """Print the JSON Schema of case files, or of what a command prints with --json."""
+    if markdown + definition + (of is not None) > 1:
+        raise click.UsageError("--markdown, --definition and --of exclude each other.")
+    text = schema_text(markdown, definition) if of is None else _as_text(output_schema(of))
     if output is None:
-        click.echo(text, nl=False)
+        write(text)
         return 0
     write_schema(output, text, force)
     session.out(f"wrote {output}")
@@ -41,6 +48,12 @@ def schema_text(markdown: bool = False, definition: bool = False) -> str:
     if markdown:
         return f"{markdown_reference(names)}\n<!-- {MARK} -->\n"
     schema = definition_schema(names) if definition else json_schema(names)
+    return _as_text(schema)
+
+
+def _as_text(schema: dict[str, Any]) -> str:
+    from ..results.own import MARK
+
     return json.dumps({"$comment": MARK, **schema}, indent=2) + "\n"
 
 

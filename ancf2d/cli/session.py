@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import click
-
 from ..interrupts import uninterrupted
 from ..json_values import json_text
-from .text import say
+from .text import command_line, say, write
 
 
 @dataclass
@@ -32,7 +29,7 @@ class Session:
     @property
     def command_line(self) -> str:
         """The command as it was typed, quoted for a shell."""
-        return shlex.join(["ancf2d", *self.arguments])
+        return command_line(*self.arguments)
 
     def out(self, text: str) -> None:
         """Print a result to stdout; nothing where JSON alone is wanted, or only errors."""
@@ -65,7 +62,7 @@ class Session:
             text = json_text(value)
             with uninterrupted():  # half of an object is none
                 self._printed = True
-                click.echo(text)
+                write(text + "\n")
 
     @property
     def shows_progress(self) -> bool:

@@ -11,6 +11,7 @@ import click
 from .failures import FAILED
 from .options import (
     case_argument,
+    case_stem,
     debug_option,
     examples,
     jobs_option,
@@ -63,7 +64,7 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
     from ..study.sweep_table import write_csv
 
     axes, who = read_axes(over), workers(jobs, scheduler)
-    folder = Path(out if out is not None else f"{Path(case).stem}-sweep")
+    folder = Path(out if out is not None else f"{case_stem(case)}-sweep")
     check_output(csv_file, force, case)
     sweep = plan(case, axes, overrides, folder, who, session.command_line, force)
     session.parting = lambda: _part(session, sweep)

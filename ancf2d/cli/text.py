@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import shlex
+import sys
 from collections.abc import Sequence
 
 import click
@@ -19,7 +22,23 @@ def printable(text: str) -> str:
 
 def say(text: str, err: bool = False) -> None:
     """Print a text, whatever names and titles are in it, to stdout or stderr."""
-    click.echo(printable(text), err=err)
+    write(printable(text) + "\n", err)
+
+
+def write(text: str, err: bool = False) -> None:
+    """Write a text to stdout or stderr; where its reader has left (``| head``), let the rest of the work go on."""
+    try:
+        click.echo(text, nl=False, err=err)
+    except BrokenPipeError:
+        stream = sys.stderr if err else sys.stdout
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())  # what is still buffered would fail once more at the end
+        os.close(nowhere)
+
+
+def command_line(*arguments: object) -> str:
+    """Return a command of ancf2d as it is typed in a shell."""
+    return shlex.join(["ancf2d", *map(str, arguments)])
 
 
 def number(value: float | None, digits: int = 6) -> str:

@@ -27,7 +27,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import say
+from .text import command_line, say
 from .tradeoff_report import report
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     given = [part for text in overrides for part in ("--set", text)]
     session.out(report(study, shlex.join(["ancf2d", "run", case, *given])))
     if output is not None:
-        session.out(f"\nresults in {output}; next: ancf2d plot {output}")
+        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
     if not study.converged:
         say(f"error: {result['reason']}", err=True)
         return FAILED

@@ -8,13 +8,13 @@ import click
 
 from ..errors import CaseError, Problem
 from .failures import WRONG, problem_object
-from .options import debug_option, examples, json_option, quiet_option, set_option
+from .options import cases_argument, debug_option, examples, json_option, quiet_option, set_option
 from .session import Session
 from .text import many, say
 
 
 @click.command(epilog=examples("ancf2d validate beam.yaml", "ancf2d validate beam.yaml swing.yaml --json"))
-@click.argument("cases", nargs=-1, required=True, type=click.Path(), metavar="CASE...")
+@cases_argument
 @set_option
 @json_option
 @quiet_option

@@ -7,6 +7,7 @@ from ancf2d.results.compare import (
     compare_results,
     comparison_text,
     differences_json,
+    left_out,
 )
 from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, open_results
@@ -30,6 +31,7 @@ __all__ = [
     "describe",
     "describe_text",
     "differences_json",
+    "left_out",
     "open_results",
     "part_path",
     "read_checkpoint",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -22,6 +22,8 @@ _FAMILIES = {
 }
 # "checks" repeat values that are compared anyway, with differences that are round-off where all is well
 _NOT_COMPARED = {"wall_s", "output", "case", "reason", "at", "time_s", "checks"}
+# what says how a result was computed rather than what it is
+_COUNTERS = {"iterations", "steps", "rejected", "dt"}
 _TEXTS = {"status", "solver", "kind", "element", "formulation"}
 _MEASURES = {"estimate", "energy_drift"}  # relative measures: their scale is 1
 
@@ -30,10 +32,9 @@ _MEASURES = {"estimate", "energy_drift"}  # relative measures: their scale is 1
 class Difference:
     """The worst difference in one dataset.
 
-    ``index`` is where it is, ``t`` its load factor or time (None where there is none), ``scale``
-    what the deviation is judged against, ``count`` how many of ``total`` entries differ. For a
-    missing dataset, a different shape or a different text, ``what`` says so and the numbers are
-    NaN.
+    ``index`` is where it is, ``t`` its load factor or time (None if there is none), ``scale`` what it is judged by,
+    ``count`` how many of ``total`` entries differ. For a missing dataset, a different shape or a different text,
+    ``what`` says so and the numbers are NaN.
     """
 
     dataset: str
@@ -63,6 +64,7 @@ class Difference:
 class _Tolerance:
     rtol: float
     atol: float
+    everything: bool = False  # counters and steps too
 
     def deviation(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """|a - b|, with NaN equal to NaN, infinities to themselves, and all else infinitely far."""
@@ -72,8 +74,7 @@ class _Tolerance:
         gap[np.isnan(gap)] = np.inf
         return gap
 
-    def judge(self, dataset: str, a: np.ndarray, b: np.ndarray, scale: Any,
-              t: Callable[[int], float] | None = None) -> Difference | None:
+    def judge(self, dataset: str, a: np.ndarray, b: np.ndarray, scale: Any) -> Difference | None:
         """Return the worst entry that deviates by more than atol + rtol * scale."""
         gap = self.deviation(a, b)
         scale = np.broadcast_to(scale, gap.shape)
@@ -84,49 +85,42 @@ class _Tolerance:
             excess = np.where(over, gap / np.where(scale > 0, scale, np.finfo(float).tiny), -1.0)
         at = np.unravel_index(int(np.argmax(excess)), gap.shape)
         index = tuple(int(i) for i in at)
-        return Difference(dataset, "value", float(a[at]), float(b[at]), index,
-                          t(index[0]) if t and index else None, float(gap[at]),
-                          float(gap[at] / scale[at]) if scale[at] else float("inf"),
-                          float(scale[at]), int(over.sum()), gap.size)
+        return Difference(dataset, "value", float(a[at]), float(b[at]), index, None, float(gap[at]),
+                          float(gap[at] / scale[at]) if scale[at] else float("inf"), float(scale[at]),
+                          int(over.sum()), gap.size)
 
 
 def _largest(*arrays: np.ndarray) -> float:
-    found = 0.0
-    for array in arrays:
-        finite = np.abs(array[np.isfinite(array)])
-        found = max(found, float(finite.max(initial=0.0)))
-    return found
+    return max((float(np.abs(a[np.isfinite(a)]).max(initial=0.0)) for a in arrays), default=0.0)
 
 
 def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[str] | Results,
-                    rtol: float = 1e-9, atol: float = 0.0) -> list[Difference]:
+                    rtol: float = 1e-9, atol: float = 0.0, everything: bool = False) -> list[Difference]:
     """Return the differences of two result files, at most one (the worst) per dataset.
 
     Compared are mesh, states, fields, energies, probes, tables, further arrays and the summary's numbers; not
-    compared is what says how and when: wall times, versions, dates, names, residuals per step.
-    An entry differs where |a - b| > atol + rtol * scale. The scale is the largest absolute value,
-    in either file, among all entries of its kind: positions, slopes and angles of a state over all
-    states; displacements, positions, angles, velocities, forces, moments of all probes (of all
-    reactions, of all energies); a table's column or a further array. So round-off in an entry that
-    ought to be zero is no difference, while any change that is visible beside its like is one.
-    Frequencies, load factors, counts and other single numbers are judged against themselves; texts
-    (status, solver, kind) must be equal. NaN equals NaN.
+    compared is what says how and when: wall times, versions, dates, names, residuals per step. Unless ``everything``
+    is asked for, numbers of steps and iterations are not compared either, and of files that hold different numbers of
+    states those at common times are compared (``left_out`` says so), of paths the first and the last.
+    An entry differs where |a - b| > atol + rtol * scale. The scale is the largest absolute value, in either file,
+    among all entries of its kind: positions, slopes and angles of a state over all states; displacements, positions,
+    angles, velocities, forces, moments of all probes (of all reactions, of all energies); a table's column or a
+    further array. So round-off in an entry that ought to be zero is no difference, while any change that is visible
+    beside its like is one. Frequencies, load factors, counts and other single numbers are judged against themselves;
+    texts (status, solver, kind) must be equal. NaN equals NaN.
     """
     if not (rtol >= 0 and atol >= 0):
         raise ResultsError(f"tolerances must not be negative: rtol {rtol}, atol {atol}")
-    tolerance = _Tolerance(rtol, atol)
+    tolerance = _Tolerance(rtol, atol, everything)
     with ExitStack() as stack:
-        one, two = (f if isinstance(f, Results) else stack.enter_context(open_results(f))
-                    for f in (a, b))
+        one, two = (f if isinstance(f, Results) else stack.enter_context(open_results(f)) for f in (a, b))
         return [d for part in (_mesh, _states, _fields, _energies, _probes, _tables, _arrays, _summary)
                 for d in part(one, two, tolerance) if d is not None]
 
 
 def comparison_text(differences: Sequence[Difference], a: object, b: object) -> str:
     """Return what ``ancf2d compare`` prints."""
-    if not differences:
-        return f"{a} and {b} agree"
-    return "\n".join([f"{a} and {b} differ:", *(f"  {d}" for d in differences)])
+    return "\n".join([f"{a} and {b} {'differ:' if differences else 'agree'}", *(f"  {d}" for d in differences)])
 
 
 def differences_json(differences: Sequence[Difference]) -> list[dict[str, Any]]:
@@ -135,6 +129,8 @@ def differences_json(differences: Sequence[Difference]) -> list[dict[str, Any]]:
 
 
 Found = Iterator[Difference | None]
+Rows = tuple[np.ndarray, np.ndarray]
+Pairs = Iterator[tuple[np.ndarray, np.ndarray]]
 
 
 def _shapes(dataset: str, a: tuple[int, ...], b: tuple[int, ...]) -> Difference | None:
@@ -142,9 +138,32 @@ def _shapes(dataset: str, a: tuple[int, ...], b: tuple[int, ...]) -> Difference 
 
 
 def _names(place: str, a: Any, b: Any) -> Found:
-    for name in [*a, *(n for n in b if n not in a)]:
-        if (name in a) != (name in b):
-            yield Difference(f"{place}/{name}", f"only in the {'first' if name in a else 'second'}")
+    for name in (n for n in [*a, *b] if (n in a) != (n in b)):
+        yield Difference(f"{place}/{name}", f"only in the {'first' if name in a else 'second'}")
+
+
+def _rows(a: np.ndarray, b: np.ndarray, tol: _Tolerance) -> Rows | None:
+    """Return which of the times of two files are compared with each other: all, or those that both have; None if none.
+
+    Load factors along a path may come back, so that only its ends are known to correspond.
+    """
+    if len(a) == len(b) or tol.everything:
+        return (np.arange(len(a)), np.arange(len(b))) if len(a) == len(b) else None
+    if not (len(a) and len(b)):
+        return None
+    if not all((np.diff(t) > 0).all() for t in (a, b)):
+        return np.array([0, len(a) - 1]), np.array([0, len(b) - 1])
+    # alike to nine digits; multiples of simple fractions fall on no border between two ranges
+    x, y = (np.floor(t / (1e-9 * max(_largest(a, b), 1e-290)) + 0.3) for t in (a, b))
+    _, one, two = np.intersect1d(x, y, return_indices=True)
+    return (one, two) if len(one) else None
+
+
+def left_out(a: Results, b: Results) -> str:
+    """Return what ``compare_results`` leaves out of two files with different numbers of states; empty if nothing."""
+    if a.nt == b.nt or (rows := _rows(a.t, b.t, _Tolerance(0.0, 0.0))) is None:
+        return ""
+    return f"{len(rows[0])} of {a.nt} and {b.nt} states are compared, those at common load factors or times"
 
 
 def _kinds(r: Results) -> np.ndarray:
@@ -163,17 +182,16 @@ def _kinds(r: Results) -> np.ndarray:
 
 def _mesh(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield from _names("/mesh/bodies", a.bodies, b.bodies)
-    shape = _shapes("/mesh/e0", a.e0.shape, b.e0.shape)
-    yield shape
+    yield (shape := _shapes("/mesh/e0", a.e0.shape, b.e0.shape))
     if shape is None:
         kinds = _kinds(a)
         yield tol.judge("/mesh/e0", a.e0, b.e0, _by_kind(kinds, _largest_in_columns(a.e0[None], b.e0[None]))[kinds])
     for name in a.bodies.keys() & b.bodies.keys():
         one, two = a.bodies[name], b.bodies[name]
         for key in ("element_type", "formulation", "section_kind"):
-            if getattr(one, key) != getattr(two, key):
-                yield Difference(f"/mesh/bodies/{name}", f"{key} '{getattr(one, key)}' and "
-                                                         f"'{getattr(two, key)}' differ")
+            x, y = getattr(one, key), getattr(two, key)
+            if x != y:
+                yield Difference(f"/mesh/bodies/{name}", f"{key} '{x}' and '{y}' differ")
         for key in ("dofs", "nodes", "lengths", "arclength", "height", "width"):
             place = f"/mesh/bodies/{name}/{key}"
             x, y = (np.atleast_1d(getattr(body, key)) for body in (one, two))
@@ -191,17 +209,16 @@ def _largest_in_columns(*blocks: np.ndarray) -> np.ndarray:
 
 def _by_kind(kinds: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """Return the largest value of the coordinates (nq,) of each kind."""
-    scale = np.zeros(int(kinds.max(initial=0)) + 1)
-    np.maximum.at(scale, kinds, largest)
+    np.maximum.at(scale := np.zeros(int(kinds.max(initial=0)) + 1), kinds, largest)
     return scale
 
 
 def _states(a: Results, b: Results, tol: _Tolerance) -> Found:
-    shape = _shapes("/states/d", (a.nt, a.nq), (b.nt, b.nq))
-    if shape or not a.nt:
-        yield shape
+    rows = _rows(a.t, b.t, tol)
+    if rows is None or a.nq != b.nq or not a.nt:
+        yield _shapes("/states/d", (a.nt, a.nq), (b.nt, b.nq))
         return
-    yield tol.judge("/states/t", a.t, b.t, _largest(a.t, b.t))
+    yield tol.judge("/states/t", a.t[rows[0]], b.t[rows[1]], _largest(a.t, b.t))
     kinds = _kinds(a)
     for name in ("d", "v", "a"):
         held = [r.holds(name) for r in (a, b)]
@@ -210,15 +227,28 @@ def _states(a: Results, b: Results, tol: _Tolerance) -> Found:
         if not all(held):
             continue
         largest = np.zeros(a.nq)
-        for x, y in zip(a.blocks(name), b.blocks(name), strict=True):
+        for x, y in _state_blocks(a, b, rows, name):
             largest = np.maximum(largest, _largest_in_columns(x, y))
-        blocks = zip(a.blocks(name), b.blocks(name), strict=True)
-        yield _worst_state(f"/states/{name}", blocks, a, _by_kind(kinds, largest)[kinds], tol)
+        yield _worst_state(f"/states/{name}", _state_blocks(a, b, rows, name), a, rows[0],
+                           _by_kind(kinds, largest)[kinds], tol)
 
 
-def _worst_state(place: str, blocks: Iterable[tuple[np.ndarray, np.ndarray]], a: Results,
+def _blocks(a: Results, b: Results, rows: Rows, whole: Callable[[Results], Iterator[np.ndarray]],
+            one: Callable[[Results, int], np.ndarray]) -> Pairs:
+    """Yield the states of both files that are compared: ``whole`` blocks of all, or ``one`` state after the other."""
+    if a.nt == b.nt:
+        yield from zip(whole(a), whole(b), strict=True)
+    else:
+        yield from ((one(a, int(i))[None], one(b, int(j))[None]) for i, j in zip(*rows, strict=True))
+
+
+def _state_blocks(a: Results, b: Results, rows: Rows, name: str) -> Pairs:
+    return _blocks(a, b, rows, lambda r: r.blocks(name), lambda r, i: np.asarray(getattr(r, name)(i)))
+
+
+def _worst_state(place: str, blocks: Pairs, a: Results, rows: np.ndarray,
                  scale: np.ndarray, tol: _Tolerance) -> Difference | None:
-    """Return the worst entry of all states, given some of both files at a time."""
+    """Return the worst entry of the compared states, given some of both files at a time; ``rows`` number them in a."""
     worst, count, first, total = None, 0, 0, 0
     for x, y in blocks:
         found = tol.judge(place, x, y, scale)
@@ -226,7 +256,8 @@ def _worst_state(place: str, blocks: Iterable[tuple[np.ndarray, np.ndarray]], a:
             count += found.count
             if worst is None or found.relative > worst.relative:
                 state, *entry = found.index
-                worst = replace(found, index=(first + state, *entry), t=float(a.t[first + state]))
+                number = int(rows[first + state])
+                worst = replace(found, index=(number, *entry), t=float(a.t[number]))
         first += len(x)
         total += x.size
     return replace(worst, count=count, total=total) if worst else None
@@ -234,27 +265,31 @@ def _worst_state(place: str, blocks: Iterable[tuple[np.ndarray, np.ndarray]], a:
 
 def _fields(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield from _names("/fields", a.fields, b.fields)
+    rows = _rows(a.t, b.t, tol)
+    if rows is None:
+        return
     for body in [n for n in a.fields if n in b.fields]:
         place = f"/fields/{body}"
         yield from _names(place, a.fields[body], b.fields[body])
-        for name in [n for n in a.fields[body] if n in b.fields[body]] if a.nt == b.nt else ():
+        for name in [n for n in a.fields[body] if n in b.fields[body]]:
             shape = _shapes(f"{place}/{name}", *(r.field(body, name).shape for r in (a, b))) if a.nt else None
             if shape is not None:
                 yield shape
                 continue
-            largest = max((_largest(x, y) for x, y in _field_blocks(a, b, body, name)), default=0.0)
-            yield _worst_state(f"{place}/{name}", _field_blocks(a, b, body, name), a, np.asarray(largest), tol)
+            largest = max((_largest(x, y) for x, y in _field_blocks(a, b, rows, body, name)), default=0.0)
+            yield _worst_state(f"{place}/{name}", _field_blocks(a, b, rows, body, name), a, rows[0],
+                               np.asarray(largest), tol)
 
 
-def _field_blocks(a: Results, b: Results, body: str, name: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    return zip(a.field_blocks(body, name), b.field_blocks(body, name), strict=True)
+def _field_blocks(a: Results, b: Results, rows: Rows, body: str, name: str) -> Pairs:
+    return _blocks(a, b, rows, lambda r: r.field_blocks(body, name), lambda r, i: r.field(body, name, i))
 
 
 def _probes(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield from _names("/probes", a.probes, b.probes)
-    shape = _shapes("/probes", a.probe_t.shape, b.probe_t.shape)
-    if shape:
-        yield shape
+    rows = _rows(a.probe_t, b.probe_t, tol)
+    if rows is None:
+        yield _shapes("/probes", a.probe_t.shape, b.probe_t.shape)
         return
     scales: dict[str, float] = {}
     for r in (a, b):
@@ -265,17 +300,25 @@ def _probes(a: Results, b: Results, tol: _Tolerance) -> Found:
     for name in [n for n in a.probes if n in b.probes]:
         yield from _names(f"/probes/{name}", a.probes[name], b.probes[name])
         for quantity in [q for q in a.probes[name] if q in b.probes[name]]:
-            yield tol.judge(f"/probes/{name}/{quantity}", a.probes[name][quantity],
-                            b.probes[name][quantity], scales[_FAMILIES.get(quantity, quantity)],
-                            lambda i: float(a.probe_t[i]))
+            yield _series(f"/probes/{name}/{quantity}", a.probes[name][quantity], b.probes[name][quantity], rows,
+                          scales[_FAMILIES.get(quantity, quantity)], a.probe_t, tol)
 
 
 def _energies(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield from _names("/energies", a.energies, b.energies)
-    if a.nt == b.nt:
+    rows = _rows(a.t, b.t, tol)
+    if rows is not None:
         scale = _largest(*a.energies.values(), *b.energies.values())
         for name in [n for n in a.energies if n in b.energies]:
-            yield tol.judge(f"/energies/{name}", a.energies[name], b.energies[name], scale, lambda i: float(a.t[i]))
+            yield _series(f"/energies/{name}", a.energies[name], b.energies[name], rows, scale, a.t, tol)
+
+
+def _series(place: str, a: np.ndarray, b: np.ndarray, rows: Rows, scale: float, t: np.ndarray,
+            tol: _Tolerance) -> Difference | None:
+    """Return the worst difference of two series, with its place in the first one and the time there."""
+    found = tol.judge(place, a[rows[0]], b[rows[1]], scale)
+    number = int(rows[0][found.index[0]]) if found else 0
+    return found and replace(found, index=(number,), t=float(t[number]))
 
 
 def _tables(a: Results, b: Results, tol: _Tolerance) -> Found:
@@ -322,10 +365,6 @@ def _leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any,
             yield (*path, key), entry
 
 
-def _number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
 def _family(path: tuple[Any, ...]) -> str:
     """Return the kind of a number in the summary, empty where it is judged against itself."""
     return "momentum" if path[:2] == ("momentum", "linear") else _FAMILIES.get(path[-1], "")
@@ -335,7 +374,7 @@ def _summary_scales(summaries: Sequence[dict[tuple[Any, ...], Any]]) -> dict[Any
     scales: dict[Any, float] = {}
     for found in summaries:
         for path, value in found.items():
-            if _number(value) and _family(path):
+            if type(value) in (int, float) and _family(path):
                 family = (path[0], _family(path))
                 scales[family] = max(scales.get(family, 0.0), _largest(np.array([float(value)])))
     return scales
@@ -344,13 +383,14 @@ def _summary_scales(summaries: Sequence[dict[tuple[Any, ...], Any]]) -> dict[Any
 def _summary(a: Results, b: Results, tol: _Tolerance) -> Found:
     one, two = (dict(_leaves(r.summary)) for r in (a, b))
     scales = _summary_scales([one, two])
-    for path in [*one, *(p for p in two if p not in one)]:
+    skipped = set() if tol.everything else _COUNTERS
+    for path in [p for p in (*one, *(p for p in two if p not in one)) if not skipped.intersection(p)]:
         place = "summary." + ".".join(map(str, path))
         if (path in one) != (path in two):
             yield Difference(place, f"only in the {'first' if path in one else 'second'}")
             continue
         x, y = one[path], two[path]
-        if not (_number(x) and _number(y)):
+        if not {type(x), type(y)} <= {int, float}:
             if x != y and (path[-1] in _TEXTS or type(x) is not type(y) or isinstance(x, bool)):
                 yield Difference(place, f"{x!r} and {y!r} differ", x, y)
             continue

@@ -13,7 +13,9 @@ from click.testing import Result
 from commandline import BEAM
 
 from ancf2d.case import TEMPLATES, template
+from ancf2d.cli.app import COMMANDS
 from ancf2d.cli.new import KINDS
+from ancf2d.cli.output_schema import OUTPUTS
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.results import open_results
@@ -224,6 +226,43 @@ def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
     text = call("elements", "rigid").stdout
     assert "4 per element" in text
     assert "formulations" not in text
+
+
+@pytest.mark.parametrize(("arguments", "key"), [
+    (["validate", "beam.yaml"], "cases"), (["run", "beam.yaml"], "probes"),
+    (["run", "beam.yaml", "--set", "accuracy=1e-2", "--set", "expected=null"], "accuracy"),
+    (["run", "beam.yaml", "--set", "solver={type: buckling, modes: 1}", "--set", "loads.0.value=[-1, 0]",
+      "--set", "goal=null", "--set", "expected=null"], "load_factors"),
+    (["convergence", "beam.yaml", "--elements", "1,2"], "extrapolated"),
+    (["sweep", "beam.yaml", "--over", "bodies.beam.element.count=1,-1"], "rows"), (["info", "beam.h5"], "made"),
+    (["compare", "beam.h5", "beam.h5"], "differences"), (["export", "beam.h5", "t.csv"], "bytes"),
+    (["elements"], "elements"), (["elements", "cable"], "basis"),
+    (["tradeoff", "beam.yaml", "--element", "cable", "--elements", "1,2", "--repeat", "1", "--budget", "5"],
+     "recommended"),
+    (["run", "none.yaml"], "problems"), (["run", "beam.yaml", "--bad"], "reason"),
+], ids=lambda v: " ".join(v) if isinstance(v, list) else "")
+def test_json_follows_its_schema(call: Call, call_json: CallJson, arguments: list[str], key: str) -> None:
+    """What is printed is valid, and every key on the first level is described."""
+    import jsonschema
+
+    call("run", "beam.yaml", "-q")
+    schema = json.loads(call("schema", "--of", arguments[0]).stdout)
+    jsonschema.Draft7Validator.check_schema(schema)
+    found = call_json(*arguments, "--json")
+    assert key in found
+    failed = found.get("status") == "failed" and arguments[0] == "run"
+    form = schema["anyOf"][1 if failed else 0]
+    jsonschema.validate(found, form)
+    if not failed:
+        assert set(found) <= set(form["properties"])
+        jsonschema.validate({"status": "failed", "reason": "r", "at": {}}, schema)
+
+
+def test_every_command_that_prints_json_has_its_schema(call: Call) -> None:
+    offered = [name for name in COMMANDS if "--json" in call(name, "--help").stdout.split("Examples:")[0]]
+    offered.remove("schema")  # which only speaks of it
+    assert sorted(offered) == sorted(OUTPUTS)
+    assert call("schema", "--of", "run", "--markdown").exit_code == 2
 
 
 def test_schema_knows_the_element_types_and_replaces_no_other_file(call: Call, folder: Path) -> None:

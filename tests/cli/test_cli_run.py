@@ -9,13 +9,28 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import Result
+from click.testing import CliRunner, Result
 from commandline import BEAM, HOPELESS
 
-from ancf2d.results import open_results
+from ancf2d.cli import main
+from ancf2d.results import compare_results, open_results
 
 Call = Callable[..., Result]
 CallJson = Callable[..., dict[str, Any]]
+
+
+def test_a_case_can_come_from_the_standard_input(call: Call, folder: Path) -> None:
+    found = CliRunner().invoke(main, ["run", "-", "--json"], input=BEAM)
+    assert json.loads(found.stdout)["case"] == "<stdin>"
+    assert json.loads(found.stdout)["output"] == "stdin.h5"
+    call("run", "beam.yaml", "-q")
+    assert not compare_results("beam.h5", "stdin.h5", rtol=0)
+    wrong = CliRunner().invoke(main, ["validate", "beam.yaml", "-"], input=BEAM.replace("cable", "cabel"))
+    assert wrong.exit_code == 2
+    assert "<stdin>:7:" in wrong.stderr
+    swept = CliRunner().invoke(main, ["sweep", "-", "--over", "loads.0.value.1=1,2", "--json"], input=BEAM)
+    assert [row["status"] for row in json.loads(swept.stdout)["rows"]] == ["converged"] * 2
+    assert CliRunner().invoke(main, ["run", "-"], input="").exit_code == 2
 
 
 def test_writes_one_file_named_after_the_case_into_the_working_directory(call: Call, folder: Path) -> None:

@@ -11,7 +11,14 @@ import pytest
 from synthetic import HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import ResultWriter, compare_results, comparison_text, differences_json
+from ancf2d.results import (
+    ResultWriter,
+    compare_results,
+    comparison_text,
+    differences_json,
+    left_out,
+    open_results,
+)
 from ancf2d.results import rows as rows_module
 
 
@@ -115,7 +122,7 @@ def test_nan_equals_nan_and_nothing_else(tmp_path: Path) -> None:
 def test_shapes_and_missing_datasets_are_differences(tmp_path: Path) -> None:
     a = bent_beam(tmp_path / "a.h5")
     b = bent_beam(tmp_path / "b.h5", ne=5, steps=6)
-    found = {d.dataset: d for d in compare_results(a, b)}
+    found = {d.dataset: d for d in compare_results(a, b, everything=True)}
     assert found["/mesh/e0"].what == "shapes (20,) and (24,) differ"
     assert found["/states/d"].what == "shapes (6, 20) and (7, 24) differ"
     assert "/probes" in found
@@ -135,17 +142,42 @@ def set_summary(path: Path, edit: dict[str, object]) -> None:
 
 @pytest.mark.parametrize(("edit", "seen"), [
     ({"wall_s": 9.0, "output": "x.h5", "case": "other"}, None),
-    ({"iterations": 16}, "summary.iterations"),
     ({"status": "failed"}, "summary.status"),
     ({"energy": {"strain": 12.5001, "kinetic": 0.0, "potential": 0.0}}, "summary.energy.strain"),
     ({"energy": {"strain": 12.5, "kinetic": 1e-14, "potential": 0.0}}, None),
     ({"reactions": {"left": {"fx": 0.0, "fy": 2e-14, "m": -100.0}}}, "summary.reactions.left.fy"),
-    ({"steps": None}, "summary.steps"), ({"extra": 1.0}, "summary.extra")])
+    ({"iterations": 16, "steps": None}, None), ({"extra": 1.0}, "summary.extra")])
 def test_the_numbers_of_the_summary_are_compared(tmp_path: Path, edit: dict[str, object],
                                                  seen: str | None) -> None:
     a, b = pair(tmp_path)
     set_summary(b, edit)
     assert [d.dataset for d in compare_results(a, b)] == ([seen] if seen else [])
+
+
+@pytest.mark.parametrize("name", ["iterations", "steps", "rejected"])
+def test_counters_are_compared_where_everything_is(tmp_path: Path, name: str) -> None:
+    a, b = pair(tmp_path)
+    set_summary(a, {name: 3})
+    set_summary(b, {name: 4})
+    assert compare_results(a, b) == []
+    assert [d.dataset for d in compare_results(a, b, everything=True)] == [f"summary.{name}"]
+
+
+def test_states_at_common_times_are_compared(tmp_path: Path) -> None:
+    """Load steps of 1/6 and of 1/9 share the thirds; what differs there is seen at its own time."""
+    a, b = (bent_beam(tmp_path / name, steps=steps) for name, steps in (("a.h5", 6), ("b.h5", 9)))
+    with open_results(a) as one, open_results(b) as two:
+        shown = [two.d(k) for k in (0, 3, 6, 9)]
+        assert [np.allclose(one.d(2 * k), d, rtol=0, atol=1e-12) for k, d in enumerate(shown)] == [True] * 4
+        assert left_out(one, two).startswith("4 of 7 and 10 states")
+        assert left_out(one, one) == ""
+    assert compare_results(a, b, rtol=1e-6) == []
+    change(b, "states/d", (4, 17), 1.0)  # at 4/9, which the other file does not have
+    assert compare_results(a, b, rtol=1e-6) == []
+    change(b, "states/d", (6, 17), 1.0)
+    (found,) = compare_results(a, b, rtol=1e-6)
+    assert (found.index, found.t, found.total) == ((4, 17), pytest.approx(2 / 3), 80)
+    assert {"/states/d", "/probes"} <= {d.dataset for d in compare_results(a, b, rtol=1e-6, everything=True)}
 
 
 def test_tables_are_compared_without_wall_times(tmp_path: Path) -> None:

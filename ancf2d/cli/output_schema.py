@@ -1,0 +1,156 @@
+"""The JSON Schema of what each command prints with ``--json``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Schema = dict[str, Any]
+
+
+def _is(kind: str, doc: str = "") -> Schema:
+    """Return a value of one JSON type, or null where the type ends in '?'."""
+    name = kind.rstrip("?")
+    return {"type": [name, "null"] if kind.endswith("?") else name, **({"description": doc} if doc else {})}
+
+
+def _list(item: Schema, doc: str = "") -> Schema:
+    return {"type": "array", "items": item, **({"description": doc} if doc else {})}
+
+
+def _named(value: Schema, doc: str = "") -> Schema:
+    return {"type": "object", "additionalProperties": value, **({"description": doc} if doc else {})}
+
+
+def _object(doc: str, optional: Schema | None = None, /, **keys: Schema) -> Schema:
+    """Return an object that has all ``keys`` and may have ``optional`` ones."""
+    return {"type": "object", "description": doc, "properties": {**keys, **(optional or {})}, "required": list(keys)}
+
+
+NUMBER, WHOLE, TEXT, FLAG = _is("number"), _is("integer"), _is("string"), _is("boolean")
+NUMBER_OR_NONE = _is("number?")
+AT = _is("object", "where it failed: a place in a file, a time, a load factor, ...")
+SECONDS = _is("number?", "time of the solve alone [s]")
+QUANTITIES = _named(NUMBER_OR_NONE)
+PROBLEM = _object("a mistake in a case", file=TEXT, line=WHOLE, column=WHOLE, path=_is("string", "as in --set"),
+                  message=TEXT, expected=TEXT, near=_is("string", "the name that may have been meant"))
+_FAILED: Schema = {"reason": _is("string", "why it failed"), "at": AT, "advice": _is("string", "what to change"),
+                   "residuals": _list(NUMBER_OR_NONE), "problems": _list(PROBLEM)}
+_WARNINGS = _list(TEXT, "as on stderr")
+_ELEMENT: Schema = {"element": TEXT, "formulation": TEXT}
+_ACCURACY = _is("object?", "of the goal, or of a motion's steps in time: estimate (relative), wanted, achieved, ...")
+
+
+def _run() -> Schema:
+    frequency = _object(
+        "a mode", {"gaps": NUMBER, "verified": FLAG, "growth": _is("number", "real part of the exponent [1/s]")},
+        omega=_is("number", "[rad/s]"), hz=NUMBER, kind=TEXT, number=_is("integer", "within its kind"),
+        shares=_named(NUMBER, "of its energy"))
+    limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
+    check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,
+                    allowed=NUMBER, met=FLAG, source=TEXT)
+    optional: Schema = {
+        "reactions": _named(QUANTITIES, "fx, fy, m of each support"),
+        "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
+        "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
+        "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
+        "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),
+        "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
+        "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),
+        "energy_drift": _is("number?", "relative to the largest kinetic plus strain energy"),
+        "momentum": _object("at the end", linear=_list(NUMBER), angular=_is("number", "about the origin")),
+        "accuracy": _ACCURACY}
+    return _object("one solved case", {**optional, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, solver=TEXT,
+                   elements=WHOLE, dofs=_is("integer", "nodal coordinates before elimination"),
+                   probes=_named(QUANTITIES, "x, y, ux, uy, theta, ... of each probe at the end"), iterations=WHOLE,
+                   steps=WHOLE, wall_s=SECONDS, checks=_list(check), output=_is("string?", "the result file"),
+                   warnings=_WARNINGS)
+
+
+def _validate() -> Schema:
+    case = _object("one case", case=TEXT, status=TEXT, problems=_list(PROBLEM), warnings=_WARNINGS)
+    return _object("all cases", status=TEXT, cases=_list(case))
+
+
+def _convergence() -> Schema:
+    limit: Schema = {"extrapolated": _is("number?", "the limit"), "error_bar": NUMBER_OR_NONE,
+                     "order": NUMBER_OR_NONE, "asymptotic": FLAG, "note": TEXT}
+    row = _object("one level", {"reason": TEXT, "dt": NUMBER_OR_NONE, "tolerance": NUMBER_OR_NONE}, **_ELEMENT,
+                  elements=WHOLE, dofs=WHOLE, value=NUMBER_OR_NONE, error=_is("number?", "relative"),
+                  order=NUMBER_OR_NONE, wall_s=SECONDS, status=TEXT)
+    return _object("a convergence study; the limit is that of the first element type", _FAILED, case=TEXT, title=TEXT,
+                   status=TEXT, goal=TEXT, reference={"type": ["number", "string"]}, over=TEXT, rows=_list(row),
+                   **limit, elements=_list(_object("one element type", **_ELEMENT, **limit)), warnings=_WARNINGS)
+
+
+def _tradeoff() -> Schema:
+    setting: Schema = {"quadrature": {}, "method": TEXT, "dt": NUMBER, "tolerance": NUMBER, "error_below": NUMBER}
+    measured: Schema = {**_ELEMENT, "elements": WHOLE, "dofs": _is("integer?"), "value": NUMBER_OR_NONE,
+                        "error": _is("number?", "relative to the type's own limit"),
+                        "judged": _is("number?", "the error that the front is based on"),
+                        "model_error": NUMBER_OR_NONE, "wall_s": SECONDS, "memory_bytes": _is("integer?")}
+    row = _object("one setting", {**setting, "reason": TEXT}, **measured, runs=_is("integer"), pareto=FLAG, status=TEXT)
+    best = {"anyOf": [_object("a setting", setting, **measured, set=_list(TEXT, "options of --set")), {"type": "null"}]}
+    return _object("error against measured cost", _FAILED, case=TEXT, title=TEXT, status=TEXT, goal=TEXT, against=TEXT,
+                   meaning=_named(TEXT), rows=_list(row), recommended=_named(best, "for each wanted accuracy"),
+                   series=_list(_is("object")), continuum=_is("object?"), budget_s=NUMBER, spent_s=NUMBER,
+                   dropped=_list(_is("object")), warnings=_WARNINGS)
+
+
+def _sweep() -> Schema:
+    row = _object("one variant", {"reason": TEXT, "warnings": _WARNINGS}, set=_is("object", "path and value"),
+                  status=TEXT, goal=NUMBER_OR_NONE, values=_named(NUMBER_OR_NONE), output=_is("string?"),
+                  elements=_is("integer?"), dofs=_is("integer?"), wall_s=SECONDS, accuracy=_ACCURACY, reused=FLAG)
+    return _object("a sweep", _FAILED, case=TEXT, title=TEXT, status=TEXT, folder=TEXT, rows=_list(row))
+
+
+def _info() -> Schema:
+    body = _object("a body", element=TEXT, formulation=TEXT, elements=WHOLE, nodes=WHOLE)
+    return _object("a result file", _FAILED, file=TEXT, bytes=WHOLE, title=TEXT, case=TEXT, solver=TEXT, status=TEXT,
+                   made=_is("object", "when, by which command and versions"), units=_named(TEXT), bodies=_named(body),
+                   checkpoint=NUMBER_OR_NONE, dofs=WHOLE, states=WHOLE, steps=WHOLE, range=_list(NUMBER),
+                   probes=_named(_named(_object("a quantity", value=NUMBER_OR_NONE, units=TEXT))),
+                   fields=_is("object"), tables=_is("object"), arrays=_is("object"),
+                   summary=_is("object", "what run --json has printed"))
+
+
+def _compare() -> Schema:
+    difference = _object("the worst difference in a dataset", dataset=TEXT, what=TEXT, a={}, b={}, index=_list(WHOLE),
+                         t=NUMBER_OR_NONE, absolute=NUMBER_OR_NONE, relative=NUMBER_OR_NONE, scale=NUMBER_OR_NONE,
+                         count=WHOLE, total=WHOLE)
+    return _object("a comparison", _FAILED, a=TEXT, b=TEXT, status=_is("string", "agree or differ"), rtol=NUMBER,
+                   atol=NUMBER, differences=_list(difference))
+
+
+def _elements() -> Schema:
+    formulation = _object("a formulation", name=TEXT, default=FLAG, quadrature={}, points=_is("string?"),
+                          refused=_is("string?", "why the type cannot have it"), doc=TEXT, source=TEXT)
+    node = _object("a node", at=NUMBER, coordinates=_list(TEXT))
+    keys: Schema = {"name": TEXT, "basis": _list(TEXT), "dofs": WHOLE, "nodes": _list(node),
+                    "formulations": _list(formulation), "shear_factor": {}, "preset": _is("object"), "source": TEXT,
+                    "note": TEXT}
+    found = _object("an element type", **keys)
+    return {"type": "object", "description": "all element types, or the one that is named",
+            "properties": {"elements": _list(found), "families": _list(_is("object")), **keys, **_FAILED}}
+
+
+def _audit() -> Schema:
+    check = _object("a check", name=TEXT, value=NUMBER_OR_NONE, meaning=TEXT, question=TEXT,
+                    verdict={"enum": ["pass", "fail", "note", "skipped"]})
+    return _object("an examination", {"formulation": TEXT, "shear_factor": {}, "quadrature": _is("object"), **_FAILED},
+                   element=TEXT, basis=_list(TEXT), coordinates=WHOLE, checks=_list(check), verdicts=_named(WHOLE))
+
+
+def _export() -> Schema:
+    return _object("an export", _FAILED, file=TEXT, output=TEXT, status=TEXT, bytes=WHOLE)
+
+
+# what each command with --json prints where it succeeds
+OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff, "sweep": _sweep,
+           "info": _info, "compare": _compare, "export": _export, "elements": _elements, "audit": _audit}
+
+
+def output_schema(command: str) -> Schema:
+    """Return the JSON Schema of the object that a command prints with ``--json``, of failures too."""
+    failure = _object("a failure", _FAILED, status={"enum": ["failed", "interrupted"]}, reason=TEXT, at=AT)
+    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": f"ancf2d {command} --json",
+            "anyOf": [OUTPUTS[command](), failure]}
