@@ -47,6 +47,7 @@ def test_steps_of_any_length_that_are_all_right_are_estimated() -> None:
     assert not run.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [c for c in motions.rows() if c.quick], ids=lambda c: c.key)
 def test_motions_hold_or_are_refused_or_told(row: cell.Cell) -> None:
     assert cell.run(replace(row, seconds=600.0)).verdict in ("holds", "degrades", "refused")

@@ -52,6 +52,7 @@ def test_band_ldl_names_the_row_where_a_singular_matrix_breaks():
     assert ldl_factor(np.zeros((3, 2)), 1e-15)[0] == 0
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(n=st.integers(1, 40), bw=st.integers(0, 18), seed=st.integers(0, 10**6), gaps=st.booleans())
 def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from helpers import chosen
 from synthetic import bent_beam, mechanism, table_file
 
 from ancf2d.errors import ResultsError
@@ -28,7 +29,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(tmp_path: Path, suffix:
     assert save(figure, tmp_path / f"a{suffix}").read_bytes().startswith(magic)
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".png"])
+@pytest.mark.parametrize("suffix", chosen([".svg", ".pdf", ".png"], [".svg"]))
 def test_equal_figures_are_equal_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                        suffix: str) -> None:
     results = open_results(mechanism(tmp_path / "a.h5"))
@@ -52,7 +53,7 @@ def test_glyphs_that_the_font_lacks_are_no_failure(tmp_path: Path) -> None:
     save(draw(open_results(path)), tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("kind", ["shape", "load_deflection", "snapshots", "history"])
+@pytest.mark.parametrize("kind", chosen(["shape", "load_deflection", "snapshots", "history"], ["shape"]))
 def test_dollar_signs_in_units_and_titles_are_no_formulas(tmp_path: Path, kind: str) -> None:
     odd = "$\\frac{$"
     header = {"title": odd, "units": {"length": odd, "force": odd, "time": odd}}
