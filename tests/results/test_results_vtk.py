@@ -16,6 +16,8 @@ hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 
 class Read:
     """A file as VTK reads it."""
