@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
+from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .conserving import Conserving, conserving_accept, conserving_restart, conserving_step, conserving_work
-from .dynamics import forces, lost_to_mass_damping, norm, power_of_loads, to_full, violation
-from .jit import inlined, inner, kernel
+from .dynamics import accept_patches, lost_to_mass_damping, norm, power_of_loads, to_full, violation
+from .jit import addressed, inner, kernel
 from .motion import (
     CONTRACTION,
     COUNT,
@@ -28,10 +26,7 @@ from .motion import (
     TRIES,
     WORK,
 )
-from .newmark import Newmark, newmark_accept, newmark_restart, newmark_step
-from .points import point_accept, turn_on
-from .radau import Radau, radau_accept, radau_restart, radau_step
-from .sliding import sliding_accept
+from .points import turn_on
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5
@@ -41,36 +36,6 @@ REACHED, FULL, FAILED = range(3)
 INSIDE, END, CHECK = range(3)
 # of a step: times so near to its end are its end
 NEAR = 1e-9
-_STEP = {Newmark: newmark_step, Conserving: conserving_step, Radau: radau_step}
-_ACCEPT = {Newmark: newmark_accept, Conserving: conserving_accept, Radau: radau_accept}
-_RESTART = {Newmark: newmark_restart, Conserving: conserving_restart, Radau: radau_restart}
-
-
-def step(m: Any, p: Any, w: Any, s: Any, t: float, h: float) -> Any:
-    """Step with the method of the type of m."""
-    return _STEP[type(m)](m, p, w, s, t, h)
-
-
-def accept(m: Any, s: Any) -> None:
-    """Keep what the method needs of an accepted step."""
-    _ACCEPT[type(m)](m, s)
-
-
-def restart(m: Any, s: Any) -> None:
-    """Begin anew from the motion s."""
-    _RESTART[type(m)](m, s)
-
-
-@overload(step, inline="always")
-def _step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
-    function = _STEP[m.instance_class]
-    return lambda m, p, w, s, t, h: function(m, p, w, s, t, h)
-
-
-@overload(accept, inline="always")
-def _accept(m, s):  # type: ignore[no-untyped-def]
-    function = _ACCEPT[m.instance_class]
-    return lambda m, s: function(m, s)
 
 
 class Plan(NamedTuple):
@@ -130,16 +95,16 @@ def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
             a[i] += f2 / (h * h) * dense[k, i] * p.coordinate[i]
 
 
-@inlined
+@inner
 def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) of a state."""
     evaluate(p.programs, t, w.amps)
-    _, lost = forces(p, w, z, v)
+    _, lost = calls.forces(p.calls, (p, w, z, v))
     return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
 
 
-@inner
-def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
+@addressed
+def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     """Return (work, loss) up to the fraction ``end`` of the step, by four Lobatto points of its interpolation."""
     done, lost = 0.0, 0.0
     for k in range(4):
@@ -152,30 +117,19 @@ def _work(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
     return end * h * done, end * h * lost
 
 
-def work_of_step(m: Any, p: Any, w: Any, s: Any, at: Any, t: float, h: float) -> Any:
-    """Return (work, loss) of a step that has been made."""
-    raise NotImplementedError
-
-
-@overload(work_of_step, inline="always")
-def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
-    if m.instance_class is Conserving:
-        return lambda m, p, w, s, at, t, h: conserving_work(m, p, w, s, t, h)
-    return lambda m, p, w, s, at, t, h: _work(m, p, w, s, at, t, h, 1.0)
-
-
 @inner
-def _remember(points, sliding, rows, r):  # type: ignore[no-untyped-def]
-    if points is not None:
-        copy_rows(points.mem, rows.turns[r])
-    if sliding is not None:
-        copy_rows(sliding.memory, rows.feet[r])
+def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
+    """Return (work, loss) of a step that has been made."""
+    if m.exact:
+        return calls.work_of_step(m.calls, (p, w, s, m.own, t, h))
+    return calls.work(m.calls, (p, w, s, m, at, t, h, 1.0))
 
 
 @inner
 def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
-    _remember(p.points, p.sliding, rows, r)
+    copy_rows(p.points.mem, rows.turns[r])
+    copy_rows(p.sliding.memory, rows.feet[r])
     copy(at.turned[0], rows.turned[r])
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
@@ -184,14 +138,6 @@ def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-unty
 
 
 @inner
-def _accept_patches(points, sliding, d):  # type: ignore[no-untyped-def]
-    if points is not None:
-        point_accept(points, d)
-    if sliding is not None:
-        sliding_accept(sliding, d)
-
-
-@inlined
 def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` with the turns of s, taken over a time h to z with rates v at t; d and v (n_full,) are left in w."""
     evaluate(p.programs, t, w.amps)
@@ -203,10 +149,10 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
         turn_on(p.turning, w.d, w.v, h, out[0], out[1])
 
 
-@inlined
+@inner
 def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
     """Step, and return what that answers: NOT_CONVERGED too where springs may have been taken on another turn."""
-    outcome, iterations, error, contraction = step(m, p, w, s, t, h)
+    outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
     if outcome != DONE or not p.winds:
         return outcome, iterations, error, contraction
     _turn(p, w, s, m.end.z, m.end.v, t + h, h, at.turned)
@@ -216,27 +162,26 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
     return (NOT_CONVERGED if largest > FAR else DONE), iterations, error, contraction
 
 
-@inlined
+@inner
 def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     """Make the end of the step the motion; return the violation of constraints there."""
-    accept(m, s)
+    calls.accept(m.calls, (s, m.own))
     copy(m.end.z, s.z)
     copy(m.end.v, s.v)
     copy(m.end.a, s.a)
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
-    alone = p.points is None and p.sliding is None
-    if alone and len(p.turning.length) == 0:
+    if not p.patched and len(p.turning.length) == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
-    if alone:
+    if not p.patched:
         return 0.0
-    _accept_patches(p.points, p.sliding, w.d)
-    return violation(p.points, p.sliding, w.d, w.amps)
+    accept_patches(p, w.d)
+    return violation(p, w.d, w.amps)
 
 
-@inlined
+@inner
 def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
     """Return the factor on the step that the error suggests (Gustafsson 1994), little where Newton was slow."""
     low = max(ratio, 1e-10)
@@ -249,14 +194,14 @@ def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
     return min(max(factor, 0.2), largest)
 
 
-@inlined
+@inner
 def _target(s, plan):  # type: ignore[no-untyped-def]
     """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
     grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
     return plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
 
 
-@inlined
+@inner
 def _passed(rows, first, end, near):  # type: ignore[no-untyped-def]
     """Return how many wanted times from the given one on lie inside a step, and whether one is its end."""
     last = first
@@ -309,7 +254,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         for _ in range(min(inside, left)):
             x = (rows.wanted[next_wanted] - t) / h
             if plan.tracks:
-                work, lost = _work(m, p, w, s, at, t, h, x)
+                work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
             interpolate(m, p, s, h, x, at.z, at.v, at.a)
             _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
             _store(p, rows, stored, rows.wanted[next_wanted], logged, INSIDE, at, s.numbers[WORK] + work,
@@ -319,7 +264,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
         if plan.tracks:
-            work, lost = work_of_step(m, p, w, s, at, t, h)
+            work, lost = _work_of_step(m, p, w, s, at, t, h)
             s.numbers[WORK] += work
             s.numbers[LOST] += lost
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0

@@ -1,31 +1,19 @@
-"""All elements of a model in one table, and their forces behind pointers.
-
-The kernels of motion call them by address: what a motion has not is not compiled, and nothing is compiled into each.
-"""
+"""All elements of a model in one table, and their forces, which the kernels of motion call by address."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba import types
-from numba.extending import overload
 
+from . import calls
 from .batch import Group, Law
 from .elements import force, force_noise, force_tangent, viscous_force
-from .jit import addressed, inlined, inner
+from .jit import addressed, inlined, inner, named
 from .lanes import Plan, array_at
-from .matrix import Nested, SymBand
 from .mean_stress import mean_force, mean_force_tangent
-from .pointers import address_of, caller
-from .symmetric import chosen, stored
-from .tree import no_fronts
-
-# what elastic forces are asked for
-FORCE, TANGENT, NOISE = range(3)
+from .symmetric import in_band, in_fronts
 
 
 class Bodies(NamedTuple):
@@ -80,104 +68,41 @@ def _group(b, g):  # type: ignore[no-untyped-def]
                  array_at(i, o[7], (h[7, 0], h[7, 1])), k[4], plan)
 
 
-@addressed
-def _elastic(what, b, g, scale, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    group = _group(b, g)
-    if what == FORCE:
-        return force(group, d, Q)
-    if what == TANGENT:
-        return force_tangent(group, d, scale, Q, matrix, place, indptr, index, value)
-    force_noise(group, d, Q)
-    return 0.0
+def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
+    """Return the tangents of elastic forces, and of those of a step, for matrices of a kind."""
+    def tangent(p, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
+        return force_tangent(_group(p.bodies, g), d, scale, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+
+    def mean_tangent(p, g, damping, d0, d1, Q, A):  # type: ignore[no-untyped-def]
+        return mean_force_tangent(_group(p.bodies, g), damping, d0, d1, Q, stored(p, A), p.place, p.indptr, p.index,
+                                  p.value)[0]
+
+    return addressed(named(tangent, kind)), addressed(named(mean_tangent, kind))
 
 
-@addressed
-def _viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
-    return viscous_force(_group(b, g), tau, d, v, Q)
+_TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-@addressed
-def _mean(what, b, g, damping, d0, d1, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    group = _group(b, g)
-    if what == FORCE:
-        return mean_force(group, damping, d0, d1, Q)[0]
-    return mean_force_tangent(group, damping, d0, d1, Q, matrix, place, indptr, index, value)[0]
+def element_functions(fronts: bool, viscous: bool, mean: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of elements that the table of a model of this type has (``kernels.calls.table``).
 
-
-@addressed
-def _no_viscous(b, g, tau, d, v, Q):  # type: ignore[no-untyped-def]
-    return np.nan
-
-
-@addressed
-def _no_mean(what, b, g, damping, d0, d1, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    return np.nan
-
-
-_i, _f = types.int64, types.float64
-_x, _n = types.float64[::1], types.int64[::1]
-
-
-def _signatures(matrix: Any) -> tuple[Any, Any, Any]:
-    """Return the types of elastic, viscous and mean forces for a matrix of a kind."""
-    b = numba.typeof(make_bodies([]))
-    tables = (numba.typeof(matrix), _n, _n, _n, _x)
-    return _f(_i, b, _i, _f, _x, _x, *tables), _f(b, _i, _f, _x, _x, _x), _f(_i, b, _i, _f, _x, _x, _x, *tables)
-
-
-# for bands, and for fronts
-_SIGNATURES = _signatures(SymBand(np.zeros((1, 1)))), _signatures(Nested(np.zeros(0), no_fronts()))
-(_elastic_band, _call_viscous, _mean_band), (_elastic_fronts, _, _mean_fronts) = (
-    [caller(s) for s in signatures] for signatures in _SIGNATURES)
-ELASTIC, VISCOUS, MEAN = range(3)
-
-
-@cache
-def _address(which: int, wanted: bool, fronts: bool) -> int:
-    """Return the address of the elastic, viscous or mean forces, or of a stand-in that is never called."""
-    function = ((_elastic, _elastic), (_no_viscous, _viscous), (_no_mean, _mean))[which][wanted]
-    return address_of(function, _SIGNATURES[fronts][which])
-
-
-def addresses(viscous: bool, mean: bool, fronts: bool) -> Any:
-    """Return the addresses (3,) of elastic, viscous and mean forces, compiled as far as they are wanted.
-
-    ``fronts`` tells whether matrices are fronts, not bands.
+    ``viscous``, ``mean`` : whether viscous forces, and forces of a step that keeps energy, are wanted.
     """
-    wanted = enumerate((True, viscous, mean))
-    return np.array([_address(which, each, fronts) for which, each in wanted], dtype=np.int64)
-
-
-def _ask(fronts: Any, p: Any, what: int, g: int, scale: float, d: Any, Q: Any, A: Any) -> float:
-    """Return the strain energy of group g: see ``_elastic``."""
-    raise NotImplementedError
-
-
-@overload(_ask, inline="always")
-def _ask_one(fronts, p, what, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
-    call = chosen(fronts, _elastic_band, _elastic_fronts)
-    return lambda fronts, p, what, g, scale, d, Q, A: call(p.calls[ELASTIC], (
-        what, p.bodies, g, scale, d, Q, stored(fronts, A), p.place, p.indptr, p.index, p.value))
-
-
-def _ask_mean(fronts: Any, p: Any, what: int, g: int, damping: float, d0: Any, d1: Any, Q: Any, A: Any) -> float:
-    """Return the strain energy of group g: see ``_mean``."""
-    raise NotImplementedError
-
-
-@overload(_ask_mean, inline="always")
-def _ask_one_mean(fronts, p, what, g, damping, d0, d1, Q, A):  # type: ignore[no-untyped-def]
-    call = chosen(fronts, _mean_band, _mean_fronts)
-    return lambda fronts, p, what, g, damping, d0, d1, Q, A: call(p.calls[MEAN], (
-        what, p.bodies, g, damping, d0, d1, Q, stored(fronts, A), p.place, p.indptr, p.index, p.value))
+    out: dict[Any, tuple[Any, ...]] = {calls.force: (force,), calls.noise: (force_noise,),
+                                       calls.tangent: (_TANGENTS[fronts][0], problem)}
+    if viscous:
+        out[calls.viscous] = (viscous_force,)
+    if mean:
+        out |= {calls.mean: (mean_force,), calls.mean_tangent: (_TANGENTS[fronts][1], problem)}
+    return out
 
 
 @inner
-def elastic(p, d, Q, A):  # type: ignore[no-untyped-def]
+def elastic(p, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q; return the strain energy."""
     energy = 0.0
     for g in range(len(p.bodies.numbers)):
-        energy += _ask(p.fronts, p, FORCE, g, 1.0, d, Q, A)
+        energy += calls.force(p.calls, (_group(p.bodies, g), d, Q))
     return energy
 
 
@@ -186,15 +111,15 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q, and to A the tangents times 1 + c tau; return the strain energy."""
     energy = 0.0
     for g in range(len(p.bodies.numbers)):
-        energy += _ask(p.fronts, p, TANGENT, g, 1.0 + c * p.tau[g], d, Q, A)
+        energy += calls.tangent(p.calls, (p, g, 1.0 + c * p.tau[g], d, Q, A))
     return energy
 
 
 @inner
-def elastic_noise(p, d, out, A):  # type: ignore[no-untyped-def]
+def elastic_noise(p, d, out):  # type: ignore[no-untyped-def]
     """Add what round-off can leave of the forces to ``out``."""
     for g in range(len(p.bodies.numbers)):
-        _ask(p.fronts, p, NOISE, g, 1.0, d, out, A)
+        calls.noise(p.calls, (_group(p.bodies, g), d, out))
 
 
 @inner
@@ -203,12 +128,19 @@ def viscous(p, d, v, Q):  # type: ignore[no-untyped-def]
     power = 0.0
     for g in range(len(p.bodies.numbers)):
         if p.tau[g] > 0.0:
-            power += _call_viscous(p.calls[VISCOUS], (p.bodies, g, p.tau[g], d, v, Q))
+            power += calls.viscous(p.calls, (_group(p.bodies, g), p.tau[g], d, v, Q))
     return power
 
 
 @inner
-def mean_elastic(p, what, h, d0, d1, Q, A):  # type: ignore[no-untyped-def]
-    """Add the forces of a step h that keeps energy and momentum to Q, and for TANGENT their derivative to A."""
+def mean_elastic(p, h, d0, d1, Q):  # type: ignore[no-untyped-def]
+    """Add the forces of a step h that keeps energy and momentum to Q."""
     for g in range(len(p.bodies.numbers)):
-        _ask_mean(p.fronts, p, what, g, p.tau[g] / h, d0, d1, Q, A)
+        calls.mean(p.calls, (_group(p.bodies, g), p.tau[g] / h, d0, d1, Q))
+
+
+@inner
+def mean_elastic_tangent(p, h, d0, d1, Q, A):  # type: ignore[no-untyped-def]
+    """As ``mean_elastic``, and add the derivative to A."""
+    for g in range(len(p.bodies.numbers)):
+        calls.mean_tangent(p.calls, (p, g, p.tau[g] / h, d0, d1, Q, A))

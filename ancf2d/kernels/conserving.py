@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import calls
 from .amplitudes import evaluate
-from .bodies import FORCE, TANGENT, mean_elastic
+from .bodies import mean_elastic, mean_elastic_tangent
 from .dynamics import (
     FORCES,
     TANGENTS,
     add_loads,
     add_mass,
-    at_floor,
     factor,
     lost_to_mass_damping,
     norm,
@@ -24,13 +24,10 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .jit import inner
-from .lanes import array_at
+from .jit import addressed, inner
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
-from .points import point_mean_forces
-from .sliding import sliding_mean_forces
-from .symmetric import mass_product
+from .records import whole
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15
@@ -40,15 +37,13 @@ class Conserving(NamedTuple):
     """M (v_1 - v_0)/h + Q(z_0, z_1) = F, (z_1 - z_0)/h = (v_0 + v_1)/2 (Simo & Tarnow 1992, Gonzalez 2000).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    order : of the local error in h; basis : of the cubic over a step; end : a Step; d0 (n_full,), dz, mid, rate (n,);
-    amps (3, signals, 3): start and end of the step, and the change between.
+    end : a Step; d0 (n_full,), dz, mid, rate (n,); amps (3, signals, 3): start and end of the step, and the change
+    between.
     """
 
     tolerance: float
     max_iterations: int
     full: bool
-    order: int
-    basis: Any
     end: Any
     d0: Any
     dz: Any
@@ -58,13 +53,13 @@ class Conserving(NamedTuple):
 
 
 @inner
-def _mean_patches(points, sliding, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
+def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints over a step to Q; return the power that is lost in them."""
-    if sliding is not None:
-        sliding_mean_forces(sliding, d0, d1, mid, Q)
-    if points is None:
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_mean(p.calls, (whole(p.sliding), d0, d1, mid, Q))
+    if len(p.points.mem) == 0:
         return 0.0
-    return point_mean_forces(points, d0, d1, v, amps0, amps1, True, Q)[1]
+    return calls.point_mean(p.calls, (whole(p.points), d0, d1, v, amps0, amps1, True, Q))[1]
 
 
 @inner
@@ -74,9 +69,8 @@ def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
         m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
     to_full(p, m.mid, w.amps, 0, w.d)
     patches_tangent(p, w, 2.0 / h)
-    A = array_at(w.A, 0, (w.A.size,))
-    for i in range(len(A)):
-        A[i] *= 0.5
+    for i in range(len(w.A)):
+        w.A[i] *= 0.5
 
 
 @inner
@@ -89,23 +83,23 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
     to_full(p, m.rate, w.amps, 1, w.v)
     if tangent:
         w.A[:] = 0.0
-        if p.points is not None or p.sliding is not None:
+        if p.patched:
             _half_patches(m, p, w, s, h)
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
     w.counts[TANGENTS if tangent else FORCES] += 1
     if tangent:
-        mean_elastic(p, TANGENT, h, m.d0, w.d, w.Q, w.A)
+        mean_elastic_tangent(p, h, m.d0, w.d, w.Q, w.A)
         add_mass(p, (2.0 / h + p.alpha) / h, w.A)
     else:
-        mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
-    _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
+        mean_elastic(p, h, m.d0, w.d, w.Q)
+    _mean_patches(p, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     to_unknowns(p, w.Q, w.R, False)
     for i in range(n):
         m.mid[i] = p.coordinate[i] * 2.0 * (m.rate[i] - s.v[i]) / h
         w.x[i] = m.mid[i] + p.alpha * m.rate[i] * p.coordinate[i]
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     for i in range(n):
         w.R[i] += w.y[i]
     for k in range(len(p.motion_mass_signal)):
@@ -120,15 +114,15 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return the local error [m] by the change of the acceleration since the last step, stiff parts filtered."""
     for k in range(len(m.dz)):
         w.x[k] = (m.end.v[k] - s.v[k]) / h - s.a[k]
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     for k in range(len(m.dz)):
         w.y[k] *= 1.0 / 6.0
     solve_with(p, w.A, w.y)
     return norm(p, w.y)
 
 
-@inner
-def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+@addressed
+def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     n, end = len(m.dz), m.end
     evaluate(p.programs, t, m.amps[0])
@@ -162,7 +156,7 @@ def conserving_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
                 # rates are differences of what is this large
                 for i in range(n):
                     m.mid[i] = 2.0 * (abs(m.rate[i]) + abs(s.v[i])) / h
-                if step <= ROUND_OFF * size or at_floor(p, w, m.rate, m.mid):
+                if step <= ROUND_OFF * size or calls.at_floor(p.calls, (p, w, m.rate, m.mid)):
                     break
         for i in range(n):
             if p.coordinate[i] != 0.0:
@@ -201,7 +195,7 @@ def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-de
 
     ``before`` is the work of w.Q over it without them.
     """
-    mean_elastic(p, FORCE, h, m.d0, w.d, w.Q, w.A)
+    mean_elastic(p, h, m.d0, w.d, w.Q)
     damped = False
     for tau in p.tau:
         damped |= tau > 0.0
@@ -209,7 +203,7 @@ def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-de
         return 0.0
     w.other[:] = 0.0
     # of an endless step: rates of nothing
-    mean_elastic(p, FORCE, np.inf, m.d0, w.d, w.other, w.A)
+    mean_elastic(p, np.inf, m.d0, w.d, w.other)
     return _dot(w.Q, change) - before - _dot(w.other, change)
 
 
@@ -236,8 +230,8 @@ def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
     return work, lost
 
 
-@inner
-def conserving_work(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+@addressed
+def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Return (work, loss) of the step that has been made, by the forces of its balance: together they are exact.
 
     Of varying loads, motion and point laws, as ``power_of_loads`` has it.
@@ -247,7 +241,7 @@ def conserving_work(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     to_full(p, m.rate, w.amps, 1, w.v)
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
-    lost = h * _mean_patches(p.points, p.sliding, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
+    lost = h * _mean_patches(p, m.d0, w.d, w.v, m.amps[0], m.amps[1], w.other, w.Q)
     for q in range(m.amps.shape[1]):
         m.amps[2, q, 0] = m.amps[1, q, 0] - m.amps[0, q, 0]
     to_full(p, m.dz, m.amps[2], 0, change)
@@ -264,8 +258,8 @@ def conserving_work(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     return work + of_drive, lost + of_damping
 
 
-@inner
-def conserving_accept(m, s):  # type: ignore[no-untyped-def]
+@addressed
+def conserving_accept(s, m):  # type: ignore[no-untyped-def]
     """Nothing is kept beside the end of the step."""
 
 

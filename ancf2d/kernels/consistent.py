@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from . import calls
 from .amplitudes import evaluate
-from .dynamics import add_mass, forces, patch_forces, patches_tangent, residual, to_full, twice_kinetic
+from .dynamics import (
+    add_mass,
+    patch_forces,
+    patches_tangent,
+    rates_of_constraints,
+    residual,
+    to_full,
+    twice_kinetic,
+)
 from .jit import inner, inner_with_memory, kernel, kernel_with_memory
-from .points import point_constraint_rates
-from .sliding import sliding_constraint_rates
-from .symmetric import factored, keep_between, product, solve
-
-
-@inner
-def _rates_of_constraints(points, sliding, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
-    if points is not None:
-        point_constraint_rates(points, d, v, amps, velocity, acceleration)
-    if sliding is not None:
-        sliding_constraint_rates(sliding, d, v, amps, velocity, acceleration)
 
 
 @inner
 def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     """Fill w.A with M and the gradients of the constraints at w.d, as the matrix of [M G^T; G 0]."""
     w.A[:] = 0.0
-    if p.points is not None or p.sliding is not None:
+    if p.patched:
         patches_tangent(p, w, 0.0)
-        keep_between(p.fronts, w.A, p.coordinate)
+        calls.keep_between(p.calls, (p, w.A, p.coordinate))
     add_mass(p, 1.0, w.A)
 
 
@@ -42,12 +40,12 @@ def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
     for i in range(len(p.coordinate)):
         if p.coordinate[i] == 0.0:
             rest[p.full[i]] = 0.0
-    patch_forces(p.points, p.sliding, rest, w.v, w.amps, none)
+    patch_forces(p, rest, w.v, w.amps, none)
     for i in range(len(p.coordinate)):
         if p.coordinate[i] == 0.0:
             rest[p.full[i]] = 1.0
             one[:] = 0.0
-            patch_forces(p.points, p.sliding, rest, w.v, w.amps, one)
+            patch_forces(p, rest, w.v, w.amps, one)
             for k in range(len(one)):
                 out[i] += (one[k] - none[k]) * moved[k]
             rest[p.full[i]] = 0.0
@@ -69,16 +67,15 @@ def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     """
     n = len(s.z)
     evaluate(p.programs, t, w.amps)
-    constrained = p.points is not None or p.sliding is not None
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
     by_motion = np.zeros(n)
     to_full(p, s.z, w.amps, 0, w.d)
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
     rhs = np.zeros(n)
-    if constrained:
-        _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
-        product(p.fronts, w.A, s.v, w.y)
+    if p.patched:
+        rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+        calls.product(p.calls, (p, w.A, s.v, w.y))
         _by_motion(p, w, 1, by_motion)
         for i in range(n):
             if p.coordinate[i] == 0.0:
@@ -86,24 +83,24 @@ def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     for i in range(n):
         rhs[i] += impulse[i]
     factors = w.A.copy()
-    if not factored(p.fronts, factors, 1e-16, w.y):
+    if not calls.factor(p.calls, (p, factors, w.y)):
         return False
-    solve(p.fronts, factors, rhs)
+    calls.solve(p.calls, (p, factors, rhs))
     for i in range(n):
         s.v[i] = (s.v[i] + rhs[i]) * p.coordinate[i]
         s.z[i] *= p.coordinate[i]
     s.a[:] = 0.0
-    forces(p, w, s.z, s.v)
+    calls.forces(p.calls, (p, w, s.z, s.v))
     residual(p, w, s.v, s.a)
     for i in range(n):
         rhs[i] = -w.R[i]
-    if constrained:
-        _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
+    if p.patched:
+        rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
         _by_motion(p, w, 2, by_motion)
         for i in range(n):
             if p.coordinate[i] == 0.0:
                 rhs[i] = -acceleration[p.full[i]] - by_motion[i]
-    solve(p.fronts, factors, rhs)
+    calls.solve(p.calls, (p, factors, rhs))
     for i in range(n):
         if p.coordinate[i] == 0.0:
             s.z[i] = rhs[i]
@@ -127,19 +124,19 @@ def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
             if p.coordinate[i] == 0.0:
                 rhs[i] = -w.other[p.full[i]]
                 largest = max(largest, abs(rhs[i]))
-        if largest == 0.0 or not factored(p.fronts, w.A, 1e-16, w.y):
+        if largest == 0.0 or not calls.factor(p.calls, (p, w.A, w.y)):
             break
-        solve(p.fronts, w.A, rhs)
+        calls.solve(p.calls, (p, w.A, rhs))
         for i in range(n):
             z[i] += rhs[i] * p.coordinate[i]
     to_full(p, v, w.amps, 1, w.v)
     constraint_matrix(p, w)
-    _rates_of_constraints(p.points, p.sliding, w.d, w.v, w.amps, velocity, acceleration)
-    product(p.fronts, w.A, v, w.y)
+    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+    calls.product(p.calls, (p, w.A, v, w.y))
     _by_motion(p, w, 1, by_motion)
     for i in range(n):
         rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - by_motion[i]
-    if factored(p.fronts, w.A, 1e-16, w.y):
-        solve(p.fronts, w.A, rhs)
+    if calls.factor(p.calls, (p, w.A, w.y)):
+        calls.solve(p.calls, (p, w.A, rhs))
         for i in range(n):
             v[i] += rhs[i] * p.coordinate[i]

@@ -6,15 +6,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import calls
 from .arrays import rank, ranked
 from .bodies import elastic, elastic_noise, elastic_tangent, viscous
-from .jit import inner, kernel
+from .jit import addressed, inner, kernel, named
 from .lanes import array_at
-from .points import point_forces, point_noise, point_tangent, point_violation
-from .sliding import sliding_forces, sliding_noise, sliding_tangent, sliding_violation
-from .symmetric import add_sizes, factored, mass_product, solve, stored
+from .points import (
+    point_accept,
+    point_constraint_rates,
+    point_forces,
+    point_mean_forces,
+    point_noise,
+    point_tangent,
+    point_violation,
+)
+from .records import whole
+from .sliding import (
+    sliding_accept,
+    sliding_constraint_rates,
+    sliding_forces,
+    sliding_mean_forces,
+    sliding_noise,
+    sliding_tangent,
+    sliding_violation,
+)
+from .symmetric import in_band, in_fronts
 
-HISTORY = 64
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
 # what is counted of a motion: evaluations of forces alone, those with their tangent, factorisations
@@ -24,19 +41,23 @@ FORCES, TANGENTS, FACTORS = range(3)
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    bodies : all elements; calls : (3,) addresses of their elastic, viscous and mean forces; tau : (groups,) Kelvin-Voigt times [s]; points, sliding : tables
-    of point laws and prismatic joints or None; turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
-    signals; place, indptr, index, value, full, dependents : numbering; fronts : those of matrices, or None where they are bands, as ``kernels.symmetric`` has
-    it; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries (j + d, j); load_*, motion_* : dead loads,
-    entry by entry, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a coordinate theta,
-    x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], coordinate : (n,) 1, both 0 for multipliers; extent : of the scene [m].
-    """  # noqa: E501
+    bodies : all elements; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]; points,
+    sliding : tables of point laws and prismatic joints; patched : whether there are any; turning : section directions
+    whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr, index,
+    value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of ``width`` entries a
+    row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries
+    (j + d, j); load_*, motion_* : dead loads, entry by entry, entries of P and (signals, n) T^T M P; alpha : mass
+    damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a coordinate
+    theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], coordinate : (n,) 1, both
+    0 for multipliers; extent : of the scene [m].
+    """
 
     bodies: Any
     calls: Any
     tau: Any
     points: Any
     sliding: Any
+    patched: bool
     turning: Any
     winds: bool
     programs: Any
@@ -47,6 +68,7 @@ class Problem(NamedTuple):
     full: Any
     dependents: Any
     fronts: Any
+    width: int
     mass: Any
     diagonals: Any
     along: Any
@@ -67,25 +89,6 @@ class Problem(NamedTuple):
     weights: Any
     coordinate: Any
     extent: float
-
-
-class Scratch(NamedTuple):
-    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A a matrix, amps (signals, 3).
-
-    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end. counts (3,) : work so far.
-    """
-
-    d: Any
-    v: Any
-    Q: Any
-    other: Any
-    R: Any
-    x: Any
-    y: Any
-    A: Any
-    amps: Any
-    history: Any
-    counts: Any
 
 
 @kernel
@@ -115,55 +118,98 @@ def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _points(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    if points is None:
-        return 0.0, 0.0
-    return point_forces(points, d, v, amps, Q)
-
-
-@inner
-def _sliding(sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    if sliding is not None:
-        sliding_forces(sliding, d, v, amps, Q)
-
-
-@inner
-def patch_forces(points, sliding, d, v, amps, Q):  # type: ignore[no-untyped-def]
+def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints to Q; return (energy, dissipated power)."""
-    _sliding(sliding, d, v, amps, Q)
-    return _points(points, d, v, amps, Q)
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_forces(p.calls, (whole(p.sliding), d, v, amps, Q))
+    if len(p.points.mem) == 0:
+        return 0.0, 0.0
+    return calls.point_forces(p.calls, (whole(p.points), d, v, amps, Q))
 
 
 @inner
-def _points_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    if points is None:
-        return 0.0
-    return point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
+def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+    """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A."""
+    if len(p.points.mem) > 0:
+        calls.point_tangent(p.calls, (p, d, v, amps, c, Q, A))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
+
+
+def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
+    """Return the tangents of point laws and of joints for matrices of a kind."""
+    def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+        point_tangent(whole(p.points), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+
+    def sliding(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+        sliding_tangent(whole(p.sliding), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+
+    return addressed(named(points, kind)), addressed(named(sliding, kind))
+
+
+_TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
+
+
+def patch_functions(fronts: bool, mean: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of the point laws and joints that a model of this type (a record) has.
+
+    ``mean`` : whether forces of a step that keeps energy are wanted.
+    """
+    out: dict[Any, tuple[Any, ...]] = {}
+    if len(problem.points.mem):
+        points = problem.points.layout.whole()
+        out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
+                calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
+                calls.point_rates: (point_constraint_rates, points),
+                calls.point_tangent: (_TANGENTS[fronts][0], problem.layout)}
+        if mean:
+            out[calls.point_mean] = point_mean_forces, points
+    if len(problem.sliding.multiplier):
+        sliding = problem.sliding.layout.whole()
+        out |= {calls.sliding_forces: (sliding_forces, sliding), calls.sliding_noise: (sliding_noise, sliding),
+                calls.sliding_violation: (sliding_violation, sliding), calls.sliding_accept: (sliding_accept, sliding),
+                calls.sliding_rates: (sliding_constraint_rates, sliding),
+                calls.sliding_tangent: (_TANGENTS[fronts][1], problem.layout)}
+        if mean:
+            out[calls.sliding_mean] = sliding_mean_forces, sliding
+    return out
 
 
 @inner
-def _sliding_tangent(sliding, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    if sliding is not None:
-        sliding_tangent(sliding, d, v, amps, c, Q, matrix, place, indptr, index, value)
+def _patch_noise(p, d, out):  # type: ignore[no-untyped-def]
+    if len(p.points.mem) > 0:
+        calls.point_noise(p.calls, (whole(p.points), d, out))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_noise(p.calls, (whole(p.sliding), d, out))
 
 
 @inner
-def _patch_noise(points, sliding, d, out):  # type: ignore[no-untyped-def]
-    if points is not None:
-        point_noise(points, d, out)
-    if sliding is not None:
-        sliding_noise(sliding, d, out)
-
-
-@inner
-def violation(points, sliding, d, amps):  # type: ignore[no-untyped-def]
+def violation(p, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest |g| of all constraints, each relative to its own scale."""
     worst = 0.0
-    if points is not None:
-        worst = max(worst, point_violation(points, d, amps))
-    if sliding is not None:
-        worst = max(worst, sliding_violation(sliding, d, amps))
+    if len(p.points.mem) > 0:
+        worst = max(worst, calls.point_violation(p.calls, (whole(p.points), d, amps)))
+    if len(p.sliding.multiplier) > 0:
+        worst = max(worst, calls.sliding_violation(p.calls, (whole(p.sliding), d, amps)))
     return worst
+
+
+@inner
+def accept_patches(p, d):  # type: ignore[no-untyped-def]
+    """Let point laws and joints remember the accepted state d."""
+    if len(p.points.mem) > 0:
+        calls.point_accept(p.calls, (whole(p.points), d))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_accept(p.calls, (whole(p.sliding), d))
+
+
+@inner
+def rates_of_constraints(p, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
+    """Set what the constraints' rates and accelerations are at their multipliers without those of the unknowns."""
+    if len(p.points.mem) > 0:
+        calls.point_rates(p.calls, (whole(p.points), d, v, amps, velocity, acceleration))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_rates(p.calls, (whole(p.sliding), d, v, amps, velocity, acceleration))
 
 
 @inner
@@ -183,10 +229,10 @@ def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
     """
     if not (step == 0.0 or (rate < 1.0 and step * rate <= wanted * (1.0 - rate))):
         return False
-    if p.points is None and p.sliding is None:
+    if not p.patched:
         return True
     to_full(p, z, amps, 0, w.d)
-    return violation(p.points, p.sliding, w.d, amps) <= MET
+    return violation(p, w.d, amps) <= MET
 
 
 @inner
@@ -229,7 +275,7 @@ def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
     """Add M (a + alpha v) of unknowns and of prescribed motion to R (n,); w.amps hold the signals."""
     for i in range(len(R)):
         w.x[i] = p.coordinate[i] * (a[i] + p.alpha * v[i])
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     for i in range(len(R)):
         R[i] += w.y[i]
     for k in range(len(p.motion_mass_signal)):
@@ -247,16 +293,16 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.counts[FORCES] += 1
-    energy = elastic(p, w.d, w.Q, w.A)
+    energy = elastic(p, w.d, w.Q)
     power = viscous(p, w.d, w.v, w.Q)
-    more, lost = patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.Q)
+    more, lost = patch_forces(p, w.d, w.v, w.amps, w.Q)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy + more, power + lost
 
 
-@inner
+@addressed
 def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
-    """As ``forces``, and fill w.A = dQ/dz + c dQ/dz' without inertia; return the energy.
+    """As ``forces``, and fill w.A = dQ/dz + c dQ/dz' without inertia; return the strain energy.
 
     The damping of the elements is taken in proportion to their tangent, which their forces are not quite.
     """
@@ -265,11 +311,9 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     w.Q[:] = 0.0
     w.A[:] = 0.0
     w.counts[TANGENTS] += 1
-    matrix = stored(p.fronts, w.A)
     energy = elastic_tangent(p, c, w.d, w.Q, w.A)
     viscous(p, w.d, w.v, w.Q)
-    energy += _points_tangent(p.points, w.d, w.v, w.amps, c, w.Q, matrix, p.place, p.indptr, p.index, p.value)
-    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.Q, matrix, p.place, p.indptr, p.index, p.value)
+    add_patch_tangent(p, w.d, w.v, w.amps, c, w.Q, w.A)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy
 
@@ -278,9 +322,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
 def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
     """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""
     w.other[:] = 0.0
-    matrix = stored(p.fronts, w.A)
-    _points_tangent(p.points, w.d, w.v, w.amps, c, w.other, matrix, p.place, p.indptr, p.index, p.value)
-    _sliding_tangent(p.sliding, w.d, w.v, w.amps, c, w.other, matrix, p.place, p.indptr, p.index, p.value)
+    add_patch_tangent(p, w.d, w.v, w.amps, c, w.other, w.A)
 
 
 @inner
@@ -293,22 +335,21 @@ def residual(p, w, v, a):  # type: ignore[no-untyped-def]
 @inner
 def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
     """Add factor M to A."""
-    a, m = array_at(A, 0, (A.size,)), array_at(p.mass, 0, (A.size,))
-    for i in range(len(a)):
-        a[i] += factor * m[i]
+    for i in range(len(A)):
+        A[i] += factor * p.mass[i]
 
 
 @inner
 def factor(p, w, A):  # type: ignore[no-untyped-def]
     """Factor a matrix in place; return whether it could be. What is in w.y is lost."""
     w.counts[FACTORS] += 1
-    return factored(p.fronts, A, 1e-16, w.y)
+    return calls.factor(p.calls, (p, A, w.y))
 
 
 @inner
 def solve_with(p, A, x):  # type: ignore[no-untyped-def]
     """Solve with the factors of a matrix in place."""
-    solve(p.fronts, A, x)
+    calls.solve(p.calls, (p, A, x))
 
 
 @inner
@@ -321,12 +362,12 @@ def norm(p, x):  # type: ignore[no-untyped-def]
     return ranked(largest)
 
 
-@inner
+@addressed
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0
-    elastic_noise(p, w.d, w.other, w.A)
-    _patch_noise(p.points, p.sliding, w.d, w.other)
+    elastic_noise(p, w.d, w.other)
+    _patch_noise(p, w.d, w.other)
     for m in range(len(p.load_coord)):
         w.other[p.load_coord[m]] += abs(p.load_value[m] * w.amps[p.load_signal[m], 0])
     to_unknowns(p, w.other, w.y, True)
@@ -334,7 +375,7 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     rates = array_at(w.other, 0, (n,))
     for i in range(n):
         rates[i] = (abs(a[i]) + p.alpha * abs(v[i])) * p.coordinate[i]
-    add_sizes(p.fronts, p.mass, rates, w.y)
+    calls.add_sizes(p.calls, (p, p.mass, rates, w.y))
     met = True
     for i in range(n):
         met &= abs(w.R[i]) <= 8.0 * 1.2e-16 * w.y[i]
@@ -347,7 +388,7 @@ def twice_kinetic(p, w, v):  # type: ignore[no-untyped-def]
     total = 0.0
     for i in range(len(v)):
         w.x[i] = p.coordinate[i] * v[i]
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     for i in range(len(v)):
         total += w.x[i] * w.y[i]
     for k in range(len(p.motion_mass_signal)):
@@ -377,7 +418,7 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
             c = p.load_coord[m]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
     w.other[:] = 0.0
-    total += patch_forces(p.points, p.sliding, w.d, w.v, w.amps, w.other)[1]
+    total += patch_forces(p, w.d, w.v, w.amps, w.other)[1]
     for i in range(len(w.other)):
         total -= w.other[i] * w.v[i]
     # the forces that prescribed motion takes, on what moves: M a + Q - F there
@@ -393,8 +434,7 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
     return total
 
 
-def scratch(n: int, n_full: int, matrix: tuple[int, ...], signals: int) -> Scratch:
-    """Return arrays for n unknowns, n_full full coordinates, a matrix of such a shape and so many signals."""
-    full = [np.zeros(n_full) for _ in range(4)]
-    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros(matrix), np.zeros((signals, 3)),
-                   np.zeros(HISTORY), np.zeros(3, dtype=np.int64))
+def dynamic_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of this module that the table of a model of this type has (``kernels.calls.table``)."""
+    return {calls.forces: (forces, problem), calls.forces_tangent: (forces_tangent, problem),
+            calls.at_floor: (at_floor, problem)}

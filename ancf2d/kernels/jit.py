@@ -143,6 +143,12 @@ def addressed(function: Callable[..., Any]) -> Any:
     return _compiled(function, pipeline_class=LeanCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
+def named(function: Callable[..., Any], kind: str) -> Callable[..., Any]:
+    """Return a function of which there are several kinds under the name that the cache tells it from others by."""
+    function.__qualname__ = f"{function.__name__}_{kind}"
+    return function
+
+
 def inner(function: Callable[..., Any]) -> Any:
     """Compile as ``kernel`` what only kernels call: it becomes a part of them."""
     return _compiled(function, LinkedCache, pipeline_class=LinkedCompiler, no_cpython_wrapper=True, **_NO_MEMORY)

@@ -12,6 +12,8 @@ TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID
 HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
 NUMBERS = 17
 
+# increments of Newton's method that are kept for messages
+HISTORY = 64
 # what a step answers
 DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)
 
@@ -31,6 +33,25 @@ class Motion(NamedTuple):
     turned: Any
 
 
+class Scratch(NamedTuple):
+    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A a matrix, amps (signals, 3).
+
+    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end. counts (3,) : work so far.
+    """
+
+    d: Any
+    v: Any
+    Q: Any
+    other: Any
+    R: Any
+    x: Any
+    y: Any
+    A: Any
+    amps: Any
+    history: Any
+    counts: Any
+
+
 class Step(NamedTuple):
     """Where a step ends: z, v, a (n,), dense (k, n): what the interpolation over the step is made of."""
 
@@ -38,6 +59,34 @@ class Step(NamedTuple):
     v: Any
     a: Any
     dense: Any
+
+
+class Method(NamedTuple):
+    """What stepping knows of an integrator: its order in h, the polynomials of a step, and where one ends.
+
+    basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
+    of its functions (``kernels.calls``); exact : whether it knows the work of a step itself.
+    """
+
+    order: int
+    basis: Any
+    end: Step
+    own: int
+    calls: Any
+    exact: bool
+
+
+def method_of(order: int, basis: Any, n: int) -> Method:
+    """Return a method whose own record and functions are yet to come, of n unknowns."""
+    end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
+    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False)
+
+
+def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:
+    """Return arrays for n unknowns, n_full full coordinates, a matrix of so many entries and so many signals."""
+    full = [np.zeros(n_full) for _ in range(4)]
+    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros(entries), np.zeros((signals, 3)),
+                   np.zeros(HISTORY), np.zeros(3, dtype=np.int64))
 
 
 def motion(n: int, kept: int, sections: int) -> Motion:

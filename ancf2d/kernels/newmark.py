@@ -6,23 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import calls
 from .amplitudes import evaluate
 from .arrays import copy
-from .dynamics import (
-    add_mass,
-    at_floor,
-    factor,
-    forces,
-    forces_tangent,
-    norm,
-    remember,
-    residual,
-    settled,
-    solve_with,
-)
-from .jit import inner
+from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
+from .jit import addressed, inner
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
-from .symmetric import mass_product
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2
@@ -32,7 +21,7 @@ class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    order : of the local error estimate in h; basis : (4, 4) of the cubic over a step; end : a Step; alg : (n,).
+    end : a Step; alg : (n,).
     """
 
     am: float
@@ -42,8 +31,6 @@ class Newmark(NamedTuple):
     tolerance: float
     max_iterations: int
     full: bool
-    order: int
-    basis: Any
     end: Any
     alg: Any
 
@@ -65,7 +52,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     """Return the local error [m]: the next term of the series in h, less what stiff motions make of it."""
     for k in range(len(m.alg)):
         w.x[k] = m.alg[k] - s.extra[0, k]
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor
@@ -73,8 +60,8 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     return norm(p, w.y)
 
 
-@inner
-def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+@addressed
+def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     n, end = len(m.alg), m.end
     evaluate(p.programs, t + h, w.amps)
@@ -88,12 +75,12 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     iteration = 0
     while True:
         if iteration == 0 or m.full or rate > SLOW:
-            forces_tangent(p, w, end.z, end.v, cv)
+            calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
             add_mass(p, ca + p.alpha * cv, w.A)
             if not factor(p, w, w.A):
                 return SINGULAR, iteration + 1, 0.0, rate
         else:
-            forces(p, w, end.z, end.v)
+            calls.forces(p.calls, (p, w, end.z, end.v))
         residual(p, w, end.v, end.a)
         for i in range(n):
             w.x[i] = -w.R[i]
@@ -104,7 +91,7 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and at_floor(p, w, end.v, end.a):
+            if rate > 0.5 and calls.at_floor(p.calls, (p, w, end.v, end.a)):
                 break
         for i in range(n):
             if p.coordinate[i] != 0.0:
@@ -124,8 +111,8 @@ def newmark_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     return DONE, iteration, error, max(rate, 1e-3)
 
 
-@inner
-def newmark_accept(m, s):  # type: ignore[no-untyped-def]
+@addressed
+def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep what the next step needs beside the end of this one."""
     copy(m.alg, s.extra[0])
 

@@ -16,7 +16,21 @@ def address_of(function: Any, signature: Any) -> int:
     """Return the address of a kernel compiled for a signature; it holds as long as the kernel lives."""
     function.compile(signature.args)
     result = function.get_compile_result(signature)
+    if result.signature.return_type != signature.return_type:
+        raise TypeError(f"{function} returns {result.signature.return_type}, not {signature.return_type}")
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+def call_at(context: Any, builder: Any, signature: Any, address: Any, packed: Any) -> Any:
+    """Generate the call of an address with a tuple of arguments; return the result."""
+    restype, argtypes = signature.return_type, signature.args
+    values = cgutils.unpack_tuple(builder, packed, len(argtypes))
+    kind: ir.FunctionType = context.call_conv.get_function_type(restype, argtypes)
+    status, out = context.call_conv.call_function(
+        builder, builder.inttoptr(address, kind.as_pointer()), restype, argtypes, values)
+    with cgutils.if_unlikely(builder, status.is_error):
+        context.call_conv.return_status_propagate(builder, status)
+    return out
 
 
 def caller(signature: Any) -> Callable[..., Any]:
@@ -24,14 +38,7 @@ def caller(signature: Any) -> Callable[..., Any]:
     restype, argtypes = signature.return_type, signature.args
 
     def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
-        address, packed = args
-        values = cgutils.unpack_tuple(builder, packed, len(argtypes))
-        kind: ir.FunctionType = context.call_conv.get_function_type(restype, argtypes)
-        status, out = context.call_conv.call_function(
-            builder, builder.inttoptr(address, kind.as_pointer()), restype, argtypes, values)
-        with cgutils.if_unlikely(builder, status.is_error):
-            context.call_conv.return_status_propagate(builder, status)
-        return out
+        return call_at(context, builder, signature, *args)
 
     @intrinsic
     def call(_: Any, address: Any, arguments: Any) -> Any:  # pragma: no cover - runs in the compiler

@@ -13,28 +13,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import at_floor, forces, norm, remember, residual, solve_with, to_full, violation
-from .jit import inlined, inner
+from .dynamics import MET, norm, remember, residual, solve_with, to_full, violation
+from .jit import addressed, inner
 from .lanes import array_at
 from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 from .reused_tangent import count, place, tangent, turn, turns
 from .stage_sums import TILE, combine, combine_all, separate, unite
-from .symmetric import mass_product
 
 
 class Radau(NamedTuple):
-    """Coefficients and arrays of Radau IIA with s stages (s odd).
+    """Coefficients and arrays of Radau IIA with s stages (s odd), of a problem with n unknowns.
 
     c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
     real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
-    of the error estimate; tolerance of Newton's increments; order of the error in h; basis of the interpolation;
-    multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B,
-    C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors
-    have turned at a stage since the tangent's state; held (3,) : time and length of the step that the factors are of,
-    and iterations of this one; facing (2, pairs) : directions of the vectors at the tangent's state; full : a tangent
-    for every step; F (s, s), rows (s, TILE) to work in.
+    of the error estimate; tolerance of Newton's increments; full : a tangent for every step; damped : whether tangents
+    depend on rates; multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of
+    the stages; B, C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have
+    turned at a stage since the tangent's state; held (3,) : time and length of the step that the factors are of, and
+    iterations of this one; facing (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows
+    (s, TILE) to work in.
     """
 
     c: Any
@@ -49,8 +49,6 @@ class Radau(NamedTuple):
     max_iterations: int
     full: bool
     damped: bool
-    order: int
-    basis: Any
     multipliers: Any
     end: Any
     X: Any
@@ -71,7 +69,7 @@ class Radau(NamedTuple):
     rows: Any
 
 
-@inlined
+@inner
 def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
     """Fill the stages by what the last step's polynomials go on to, or by the series in h after a restart."""
     stages, n = m.X.shape
@@ -128,7 +126,7 @@ def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
             m.V[i, k] = m.A[i, k] = 0.0
 
 
-@inlined
+@inner
 def _solve(m, p):  # type: ignore[no-untyped-def]
     """Turn the residuals into increments of the stages, in m.R; return the size of the largest [m]."""
     stages = len(m.c)
@@ -137,7 +135,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     separate(m.apart, m.R, m.y, m.u, m.rows)
     solve_with(p, m.B, m.y)
     for q in range(len(m.mus)):
-        solve_with(p, m.C[q], m.u[q])
+        calls.solve_complex(p.calls, (p, m.C[q], m.u[q]))
     unite(m.together, m.y, m.u, m.R, m.rows)
     size = 0.0
     for i in range(stages):
@@ -148,7 +146,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     return size
 
 
-@inlined
+@inner
 def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     """Return the local error [m] against the embedded formula of order s, stiff parts filtered."""
     n = len(m.y)
@@ -158,7 +156,7 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
         combine(m.embedded, 0, m.R, first, w.y, first, min(TILE, n - first))
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
-    mass_product(p, w.x, w.y)
+    calls.mass_product(p.calls, (p, w.x, w.y))
     if kept:
         turn(m, p, 0, -1.0, w.y)
     solve_with(p, m.B, w.y)
@@ -167,18 +165,18 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     return norm(p, w.y)
 
 
-@inlined
+@inner
 def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     """Return whether the constraints hold to round-off at the end of the step."""
-    if p.points is None and p.sliding is None:
+    if not p.patched:
         return True
     last = len(m.c) - 1
     place(m, p, w, s, last)
     to_full(p, m.y, w.amps, 0, w.d)
-    return violation(p.points, p.sliding, w.d, w.amps) <= 1e-13
+    return violation(p, w.d, w.amps) <= MET
 
 
-@inlined
+@inner
 def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
     """Fill the end of the step and what its interpolation needs."""
     stages, n = m.X.shape
@@ -212,12 +210,12 @@ def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
         place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
-        if not at_floor(p, w, m.V[i], m.A[i]):
+        if not calls.at_floor(p.calls, (p, w, m.V[i], m.A[i])):
             return False
     return True
 
 
-@inlined
+@inner
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
@@ -225,7 +223,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
-            forces(p, w, m.y, m.V[i])
+            calls.forces(p.calls, (p, w, m.y, m.V[i]))
             residual(p, w, m.V[i], m.A[i])
             copy(w.R, m.R[i])
             copy(w.R, m.kept[i])
@@ -249,8 +247,8 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             return NOT_CONVERGED, iteration, rate
 
 
-@inner
-def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
+@addressed
+def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     for i in range(len(m.c)):
         evaluate(p.programs, t + m.c[i] * h, m.amps[i])
@@ -274,8 +272,8 @@ def radau_step(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     return DONE, iterations, error, max(rate, 1e-3)
 
 
-@inner
-def radau_accept(m, s):  # type: ignore[no-untyped-def]
+@addressed
+def radau_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep the stages, which the next step goes on from, and the tangent while it serves."""
     copy_rows(m.X, array_at(s.extra, 0, m.X.shape))
     count(s, m.held[2])

@@ -6,11 +6,11 @@ the next ones of the same length: what is left of the contraction is that of the
 
 from __future__ import annotations
 
+from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import directions, factor, forces_tangent, to_full, turned
-from .jit import inlined, inner
-from .lanes import array_at
+from .dynamics import FACTORS, directions, factor, to_full, turned
+from .jit import inner
 from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
 
 # what a tangent and its factors cost, in iterations
@@ -25,7 +25,7 @@ def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
     copy_rows(m.amps[i], w.amps)
 
 
-@inlined
+@inner
 def turns(m, p, w, s):  # type: ignore[no-untyped-def]
     """Fill how the vectors of all pairs stand at the stages, beside where the tangent is of."""
     stages = len(m.c)
@@ -48,29 +48,29 @@ def turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
         x[a], x[b] = c * x[a] - s * x[b], s * x[a] + c * x[b]
 
 
-@inlined
+@inner
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the held state; return whether they could be."""
-    stages, size = len(m.c), w.A.size
-    A, B, M = array_at(w.A, 0, (size,)), array_at(m.B, 0, (size,)), array_at(p.mass, 0, (size,))
+    stages, size, A, B, M = len(m.c), len(w.A), w.A, m.B, p.mass
     z, v = s.extra[stages], s.extra[stages + 1]
     evaluate(p.programs, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
     if m.damped:
-        forces_tangent(p, w, z, v, 1.0)
+        calls.forces_tangent(p.calls, (p, w, z, v, 1.0))
         copy(A, B)
-    forces_tangent(p, w, z, v, 0.0)
+    calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
     directions(p, w.d, m.facing[0], m.facing[1])
     for k in range(len(m.mus)):
         f = m.mus[k] / h
         g = f * (f + p.alpha)
-        C, real, imag = array_at(m.C, k * size, (size,)), g.real, g.imag
+        C, real, imag = m.C[k], g.real, g.imag
         for i in range(size):
             C[i] = complex(A[i] + real * M[i], imag * M[i])
         if m.damped:
             for i in range(size):
                 C[i] += f * (B[i] - A[i])
-        if not factor(p, w, m.C[k]):
+        w.counts[FACTORS] += 1
+        if not calls.factor_complex(p.calls, (p, C, w.y)):
             return False
     real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
     if m.damped:
@@ -81,19 +81,19 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     return factor(p, w, m.B)
 
 
-@inlined
+@inner
 def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
     """Return whether the tangent of an earlier step is taken on.
 
     Point laws and joints remember where they were: theirs could not be made again.
     """
-    if m.full or p.points is not None or p.sliding is not None:
+    if m.full or p.patched:
         return False
     # steps of one length differ by the round-off of the times between them
     return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h
 
 
-@inlined
+@inner
 def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """Let the middle stage of the step be what the tangent is of; return whether it could be factored."""
     stages, middle = len(m.c), len(m.c) // 2
@@ -105,7 +105,7 @@ def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     return _factor(m, p, w, s, h)
 
 
-@inlined
+@inner
 def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """Have a tangent and its factors: those at hand, made again after a resumption, or new ones; return success.
 
@@ -118,7 +118,7 @@ def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     return _factor(m, p, w, s, s.numbers[HELD_STEP])
 
 
-@inlined
+@inner
 def count(s, iterations):  # type: ignore[no-untyped-def]
     """Count what a step cost; give the tangent up where that was more than the mean, which is at its least there."""
     s.numbers[HELD_STEPS] += 1.0

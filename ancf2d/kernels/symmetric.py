@@ -1,128 +1,119 @@
-"""Symmetric matrices of the unknowns as motions keep them: a band, or front by front where there are fronts.
+"""Symmetric matrices of the unknowns as motions keep them: the entries of a band, or front by front.
 
-``fronts`` is None, or a tree (``kernels.tree``); ``A`` a band (n, bw + 1) (``kernels.band``), or the numbers of all
-fronts. Which of the two is known when a kernel is compiled, and the other is not compiled into it.
+Each of what is done with them is there twice, and called by its address: the table of a model has the right one.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from numba import types
-from numba.extending import overload
-
 from .band import ldl_factor_with, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
-from .jit import inner
+from .jit import addressed, inlined
+from .lanes import array_at
 from .mass import band_product, product_by_diagonals
 from .matrix import Nested, SymBand
 
-
-def chosen(fronts: Any, of_band: Any, of_fronts: Any) -> Any:
-    """Return the function that suits the type of ``fronts``."""
-    return of_band if isinstance(fronts, types.NoneType) else of_fronts
+# pivots below this share of the terms that they are the difference of are none
+_TINY = 1e-16
 
 
-def stored(fronts: Any, A: Any) -> Any:
-    """Return where element matrices go."""
-    raise NotImplementedError
+@inlined
+def _band(p, A):  # type: ignore[no-untyped-def]
+    return array_at(A, 0, (len(p.coordinate), p.width))
 
 
-@overload(stored, inline="always")
-def _stored(fronts, A):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A: SymBand(A), lambda fronts, A: Nested(A, fronts))
+@inlined
+def in_band(p, A):  # type: ignore[no-untyped-def]
+    """Return where element matrices go in a band."""
+    return SymBand(_band(p, A))
 
 
-def factored(fronts: Any, A: Any, tiny: float, scale: Any) -> bool:
+@inlined
+def in_fronts(p, A):  # type: ignore[no-untyped-def]
+    """Return where element matrices go in fronts."""
+    return Nested(A, p.fronts)
+
+
+@addressed
+def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
     """Factor A = L D L^T in place; return whether it could be. What is in ``scale`` (n,) is lost."""
-    raise NotImplementedError
+    return ldl_factor_with(_band(p, A), _TINY, scale)[0] < 0
 
 
-@overload(factored, inline="always")
-def _factored(fronts, A, tiny, scale):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A, tiny, scale: ldl_factor_with(A, tiny, scale)[0] < 0,
-                  lambda fronts, A, tiny, scale: fronts_factor(fronts, A, tiny, scale)[0] < 0)
+@addressed
+def factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
+    """Do as ``factor_band`` does."""
+    return fronts_factor(p.fronts, A, _TINY, scale)[0] < 0
 
 
-def solve(fronts: Any, A: Any, x: Any) -> None:
+@addressed
+def solve_band(p, A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place."""
-    raise NotImplementedError
+    ldl_solve(_band(p, A), x)
 
 
-@overload(solve, inline="always")
-def _solve(fronts, A, x):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A, x: ldl_solve(A, x), lambda fronts, A, x: fronts_solve(fronts, A, x))
+@addressed
+def solve_fronts(p, A, x):  # type: ignore[no-untyped-def]
+    """Solve L D L^T x = b in place."""
+    fronts_solve(p.fronts, A, x)
 
 
-def product(fronts: Any, A: Any, x: Any, y: Any) -> None:
+@addressed
+def product_band(p, A, x, y):  # type: ignore[no-untyped-def]
     """Fill y = A x."""
-    raise NotImplementedError
+    band_product(_band(p, A), x, y)
 
 
-@overload(product, inline="always")
-def _product(fronts, A, x, y):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A, x, y: band_product(A, x, y),
-                  lambda fronts, A, x, y: fronts_product(fronts, A, x, y, False))
+@addressed
+def product_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
+    """Fill y = A x."""
+    fronts_product(p.fronts, A, x, y, False)
 
 
-def mass_product_of(fronts: Any, p: Any, x: Any, y: Any) -> None:
+@addressed
+def mass_band(p, x, y):  # type: ignore[no-untyped-def]
     """Fill y = M x of a motion's mass matrix."""
-    raise NotImplementedError
+    product_by_diagonals(p, x, y)
 
 
-@overload(mass_product_of, inline="always")
-def _mass_product_of(fronts, p, x, y):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, p, x, y: product_by_diagonals(p, x, y),
-                  lambda fronts, p, x, y: fronts_product(fronts, p.mass, x, y, False))
-
-
-@inner
-def mass_product(p, x, y):  # type: ignore[no-untyped-def]
+@addressed
+def mass_fronts(p, x, y):  # type: ignore[no-untyped-def]
     """Fill y = M x of a motion's mass matrix."""
-    mass_product_of(p.fronts, p, x, y)
+    fronts_product(p.fronts, p.mass, x, y, False)
 
 
-def add_sizes(fronts: Any, A: Any, x: Any, y: Any) -> None:
+@addressed
+def sizes_band(p, A, x, y):  # type: ignore[no-untyped-def]
     """Add |A| x to y."""
-    raise NotImplementedError
-
-
-@overload(add_sizes, inline="always")
-def _add_sizes(fronts, A, x, y):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A, x, y: _add_sizes_of_band(A, x, y),
-                  lambda fronts, A, x, y: fronts_product(fronts, A, x, y, True))
-
-
-@inner
-def _add_sizes_of_band(A, x, y):  # type: ignore[no-untyped-def]
-    n, bw = len(y), A.shape[1] - 1
+    n, bw = len(y), p.width - 1
+    rows = _band(p, A)
     for i in range(n):
         for j in range(max(0, i - bw), min(n, i + bw + 1)):
-            y[i] += abs(A[i, bw + j - i] if j <= i else A[j, bw + i - j]) * x[j]
+            y[i] += abs(rows[i, bw + j - i] if j <= i else rows[j, bw + i - j]) * x[j]
 
 
-def keep_between(fronts: Any, A: Any, kind: Any) -> None:
+@addressed
+def sizes_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
+    """Add |A| x to y."""
+    fronts_product(p.fronts, A, x, y, True)
+
+
+@addressed
+def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
     """Set to zero what is between unknowns of one kind (n,)."""
-    raise NotImplementedError
-
-
-@overload(keep_between, inline="always")
-def _keep_between(fronts, A, kind):  # type: ignore[no-untyped-def]
-    return chosen(fronts, lambda fronts, A, kind: _keep_of_band(A, kind),
-                  lambda fronts, A, kind: _keep_of_fronts(fronts, A, kind))
-
-
-@inner
-def _keep_of_band(A, kind):  # type: ignore[no-untyped-def]
-    bw = A.shape[1] - 1
-    for i in range(A.shape[0]):
+    n, bw = len(kind), p.width - 1
+    rows = _band(p, A)
+    for i in range(n):
         for j in range(max(0, i - bw), i + 1):
             if kind[i] == kind[j]:
-                A[i, bw + j - i] = 0.0
+                rows[i, bw + j - i] = 0.0
 
 
-@inner
-def _keep_of_fronts(fronts, A, kind):  # type: ignore[no-untyped-def]
+@addressed
+def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
+    """Set to zero what is between unknowns of one kind (n,)."""
+    fronts = p.fronts
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
         height = pivots + fronts.start[q + 1] - start
@@ -131,3 +122,14 @@ def _keep_of_fronts(fronts, A, kind):  # type: ignore[no-untyped-def]
             for j in range(min(i + 1, pivots)):
                 if kind[row] == kind[first + j]:
                     A[fronts.at[q] + (i + 1) * (height - 1) + j] = 0.0
+
+
+def matrix_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of matrices that the table of a model of this type has (``kernels.calls.table``)."""
+    from . import calls
+
+    kinds = {calls.factor: (factor_band, factor_fronts), calls.factor_complex: (factor_band, factor_fronts),
+             calls.solve: (solve_band, solve_fronts), calls.solve_complex: (solve_band, solve_fronts),
+             calls.product: (product_band, product_fronts), calls.mass_product: (mass_band, mass_fronts),
+             calls.add_sizes: (sizes_band, sizes_fronts), calls.keep_between: (keep_between_band, keep_between_fronts)}
+    return {call: (functions[fronts], problem) for call, functions in kinds.items()}

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from ..case import Dynamic
 from ..elements.shape import Array
-from ..kernels.conserving import Conserving
-from ..kernels.dynamics import Problem
-from ..kernels.motion import Step
-from ..kernels.newmark import Newmark
-from ..kernels.radau import Radau
+from ..kernels import calls
+from ..kernels.advance import work
+from ..kernels.conserving import (
+    Conserving,
+    conserving_accept,
+    conserving_restart,
+    conserving_step,
+    conserving_work,
+)
+from ..kernels.motion import Step, method_of
+from ..kernels.newmark import Newmark, newmark_accept, newmark_restart, newmark_step
+from ..kernels.radau import Radau, radau_accept, radau_restart, radau_step
+from ..kernels.records import Record
 from ..kernels.stage_sums import TILE
 from .schemes import Integrator, spectral_radius
 
@@ -24,7 +32,32 @@ TIGHT = 1e-10
 CONSERVING = 1e-18
 
 
-Maker = Callable[[Dynamic, Problem, float], Any]
+class Kernels(NamedTuple):
+    """The functions of a family of integrators; ``work`` of those that know the work of a step themselves."""
+
+    step: Any
+    accept: Any
+    restart: Callable[[Any, Any], None]
+    work: Any = None
+
+
+# by the kind of their own tuples
+KERNELS = {
+    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart),
+    Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, conserving_work),
+    Radau: Kernels(radau_step, radau_accept, radau_restart),
+}
+
+
+class Maker(NamedTuple):
+    """What makes an integrator: the order of its error in h, its polynomials of a step, its own tuple.
+
+    ``make(spec, p, tolerance, end)`` takes the record of a problem, and the Step where steps are to end.
+    """
+
+    order: int
+    basis: Array
+    make: Callable[[Dynamic, Any, float, Step], Any]
 
 
 def cubic() -> Array:
@@ -44,36 +77,21 @@ def by_rates(c: Array) -> Array:
     return out
 
 
-def _end(n: int, rows: int) -> Step:
-    return Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((rows, n)))
+def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool = True) -> Maker:
+    """Return what makes Newmark's method with alpha_m and alpha_f of a spectral radius at infinity, if it has any."""
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Newmark:
+        am, af = alphas(spectral_radius(spec) if radius else 1.0)
+        gamma = 0.5 + af - am
+        return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
+                       spec.newton == "full", end, np.zeros(len(p.weights)))
+    return Maker(3, cubic(), make)
 
 
-def _newmark_family(p: Problem, tolerance: float, spec: Dynamic, am: float, af: float) -> Newmark:
-    n, gamma = len(p.weights), 0.5 + af - am
-    return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                   spec.newton == "full", 3, cubic(), _end(n, 3), np.zeros(n))
-
-
-def _newmark(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
-    return _newmark_family(p, tolerance, spec, 0.0, 0.0)
-
-
-def _hht(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
-    # spectral radius at infinity (1 - af)/(1 + af): 1/2 at the bound af = 1/3
-    rho = spectral_radius(spec)
-    return _newmark_family(p, tolerance, spec, 0.0, (1.0 - rho) / (1.0 + rho))
-
-
-def _generalized_alpha(spec: Dynamic, p: Problem, tolerance: float) -> Newmark:
-    rho = spectral_radius(spec)
-    return _newmark_family(p, tolerance, spec, (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))
-
-
-def _energy_momentum(spec: Dynamic, p: Problem, tolerance: float) -> Conserving:
+def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Conserving:
     n = len(p.weights)
-    return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", 3,
-                      cubic(), _end(n, 3), np.zeros(len(p.place)), np.zeros(n), np.zeros(n),
-                      np.zeros(n), np.zeros((3, len(p.programs.first) - 1, 3)))
+    return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", end,
+                      np.zeros(len(p.place)), np.zeros(n), np.zeros(n), np.zeros(n),
+                      np.zeros((3, len(p.programs.first) - 1, 3)))
 
 
 def radau_nodes(stages: int) -> Array:
@@ -96,8 +114,9 @@ def collocation(c: Array) -> Array:
 
 def radau(stages: int) -> Maker:
     """Return what makes Radau IIA with an odd number of stages."""
-    def make(spec: Dynamic, p: Problem, tolerance: float) -> Radau:
-        c = radau_nodes(stages)
+    c = radau_nodes(stages)
+
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Radau:
         A = collocation(c)
         W = np.linalg.inv(A)
         values, right = np.linalg.eig(W)
@@ -108,7 +127,7 @@ def radau(stages: int) -> Maker:
         # weights b of the embedded formula: order s with gamma f(y_0) among them
         powers = np.arange(stages)
         embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
-        n, matrix = len(p.coordinate), p.mass.shape
+        n, entries = len(p.coordinate), len(p.mass)
         rows, columns = [left[k].real], [right[:, k].real]
         for q in upper:
             rows += [left[q].real, left[q].imag]
@@ -117,25 +136,47 @@ def radau(stages: int) -> Maker:
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
         return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
                      (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                     spec.newton == "full", bool(p.tau.any()) or p.points is not None, stages + 1, by_rates(c),
-                     np.flatnonzero(p.coordinate == 0.0), _end(n, stages + 1),
-                     X, V, accelerations, R, kept, np.zeros(matrix),
-                     np.zeros((len(upper), *matrix), dtype=complex), np.zeros(n),
+                     spec.newton == "full", bool(p.tau.any()) or len(p.points.mem) > 0,
+                     np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
+                     np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
                      cosine, sine, np.zeros(3), np.zeros((2, len(p.pairs))), F, row)
-    return make
+
+    return Maker(stages + 1, by_rates(c), make)
 
 
-# for every integrator that is not SciPy's: what makes its kernel tuple from the case, the problem and a tolerance
+# for every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3
 MAKERS: dict[str, Maker] = {
-    "radau5": radau(3), "radau9": radau(5), "generalized_alpha": _generalized_alpha, "hht": _hht, "newmark": _newmark,
-    "energy_momentum": _energy_momentum,
+    "radau5": radau(3), "radau9": radau(5),
+    "generalized_alpha": _newmark_family(lambda rho: ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))),
+    "hht": _newmark_family(lambda rho: (0.0, (1.0 - rho) / (1.0 + rho))),
+    "newmark": _newmark_family(lambda rho: (0.0, 0.0), radius=False),
+    "energy_momentum": Maker(3, cubic(), _energy_momentum),
 }
 
 
-def make_method(name: str, spec: Dynamic, p: Problem, tolerance: float) -> Any:
-    """Return the kernel tuple of an integrator; None where SciPy steps it."""
-    return MAKERS[name](spec, p, tolerance) if name in MAKERS else None
+class Method:
+    """An integrator as kernels take it: ``record`` is a ``kernels.motion.Method``, ``own`` what it has beside that."""
+
+    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float) -> None:
+        order, basis, make = MAKERS[name]
+        method = method_of(order, basis, len(p.weights))
+        self.own = Record(make(spec, p, tolerance, method.end))
+        self.order, self._kernels = order, KERNELS[type(self.own.values)]
+        self.record = Record(method._replace(own=self.own.address, calls=self._table(p),
+                                             exact=self._kernels.work is not None))
+
+    def _table(self, p: Record) -> Array:
+        kernels, own = self._kernels, self.own.layout
+        functions = {calls.step: (kernels.step, p.layout, own), calls.accept: (kernels.accept, own),
+                     calls.work: (work, p.layout)}
+        if kernels.work is not None:
+            functions[calls.work_of_step] = kernels.work, p.layout, own
+        return calls.table(functions)
+
+    def restart(self, s: Any) -> None:
+        """Let the method begin anew from the motion s."""
+        self._kernels.restart(self.own, s)
 
 
 def newton_tolerance(method: Integrator, tolerance: float) -> float:

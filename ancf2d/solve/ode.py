@@ -11,8 +11,9 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
-from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
+from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
+from ..kernels.records import Record
 from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
@@ -23,9 +24,9 @@ from .stepping import LOG, Row, Stepper
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
 
 
-def dense(A: Array, fronts: Fronts | None) -> Array:
-    """Return a symmetric matrix, stored as ``kernels.symmetric`` has it, in full."""
-    return _of_band(A) if fronts is None else _of_fronts(A, fronts)
+def dense(A: Array, p: Record) -> Array:
+    """Return a symmetric matrix, stored as ``kernels.symmetric`` has it for a problem, in full."""
+    return _of_band(A.reshape(-1, p.width)) if p.width else _of_fronts(A, p.fronts)
 
 
 def _of_fronts(A: Array, fronts: Fronts) -> Array:
@@ -72,7 +73,7 @@ class OdeStepper(Stepper):
             mass_factors(self.p, self.w, self.factors)
         self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
         self.begun = self.scale
-        self.inner: Motion = motion(n, 0, 0)
+        self.inner = Record(motion(n, 0, 0))
         self.solver: Any = None
         self.log: list[list[float]] = []
 
@@ -101,7 +102,7 @@ class OdeStepper(Stepper):
         tangents(self.p, self.w, self.inner, t, K, C, KKT)
         free, m = self.free, len(self.free)
         forces = np.zeros((len(self.p.coordinate), 2 * m))
-        K, C, KKT = (dense(A, self.p.fronts) for A in (K, C, KKT))
+        K, C, KKT = (dense(A, self.p) for A in (K, C, KKT))
         forces[free, :m], forces[free, m:] = K[np.ix_(free, free)], C[np.ix_(free, free)]
         out = np.zeros((2 * m, 2 * m))
         out[:m, m:] = np.eye(m)

@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.bodies import addresses, make_bodies
-from ..kernels.dynamics import Problem
-from ..kernels.tree import entries
+from ..kernels.bodies import element_functions, make_bodies
+from ..kernels.calls import table
+from ..kernels.dynamics import Problem, dynamic_functions, patch_functions
+from ..kernels.records import Record
+from ..kernels.symmetric import matrix_functions
+from ..kernels.tree import entries, no_fronts
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.point_table import point_table, points_of, turning_table
 from ..model.signals import Signal, programs
-from ..model.sliding import OnAxis, sliding_table
+from ..model.sliding import sliding_table
 from .energy import is_constant
 from .mass import full_mass, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS
@@ -38,7 +41,7 @@ class Signals:
         return self._rows[signal]
 
 
-def _mass(M: csr_matrix, num: Numbering) -> dict[str, Array]:
+def _mass(M: csr_matrix, num: Numbering) -> dict[str, Any]:
     """Return the mass matrix as motions keep it (``kernels.symmetric``), and the diagonals of a band."""
     from scipy.sparse import tril
 
@@ -46,11 +49,11 @@ def _mass(M: csr_matrix, num: Numbering) -> dict[str, Array]:
     if num.fronts is not None:
         out = np.zeros(int(num.fronts.at[-1]))
         out[entries(num.fronts, low.row, low.col)] = low.data
-        return {"mass": out, **_diagonals(np.zeros((0, 0)))}
+        return {"fronts": num.fronts, "width": 0, "mass": out, **_diagonals(np.zeros((0, 0)))}
     width = min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
     out = np.zeros((M.shape[0], width))
     out[low.row, width - 1 + low.col - low.row] = low.data
-    return {"mass": out, **_diagonals(out)}
+    return {"fronts": no_fronts(), "width": width, "mass": out.ravel(), **_diagonals(out)}
 
 
 def _diagonals(mass: Array) -> dict[str, Array]:
@@ -120,22 +123,22 @@ def _pairs(model: Model) -> tuple[Index, Index]:
 
 def _points(model: Model, signals: Signals) -> Any:
     patches = points_of(model)
-    if not patches:
-        return None
     own: list[Any] = []
     table = point_table(patches, own)
     rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal], dtype=np.int64)
     return table._replace(signal=rows)
 
 
-def element_calls(model: Model) -> Any:
-    """Return the addresses of the elements' forces that a motion calls (``kernels.bodies.addresses``)."""
-    conserving = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
-    return addresses(any(pool.tau for pool in model.pools), conserving, model.numbering.fronts is not None)
+def _calls(model: Model, p: Record) -> Any:
+    """Return the addresses of what the kernels of motion call (``kernels.calls``), all compiled."""
+    mean = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
+    fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
+    return table({**matrix_functions(fronts, p.layout), **element_functions(fronts, viscous, mean, p.layout),
+                  **patch_functions(fronts, mean, p), **dynamic_functions(p.layout)})
 
 
-def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
-    """Return the tuple that the kernels of motion take, and its signals."""
+def make_problem(model: Model) -> tuple[Record, list[Signal]]:
+    """Return the record (``Problem``) that the kernels of motion take, and its signals."""
     num, signals = model.numbering, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
     own = num.free < num.n_q
@@ -144,36 +147,37 @@ def make_problem(model: Model) -> tuple[Problem, list[Signal]]:
     pairs, turns = _pairs(model)
     tau, bodies = np.array([pool.tau for pool in model.pools]), make_bodies(model.groups)
     damping = model.case.damping
-    slides = any(isinstance(c, OnAxis) for c in model.constraints)
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
-        "calls": element_calls(model),
-        "points": _points(model, signals), "turning": turning_table(model.turns), "winds": model.winds,
-        "sliding": sliding_table(model.constraints, model.e0) if slides else None, "place": num.place,
+        "calls": np.zeros(0, dtype=np.int64), "points": _points(model, signals),
+        "turning": turning_table(model.turns), "winds": model.winds,
+        "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
-        "fronts": num.fronts, **_mass((T.T @ M @ T).tocsr(), num), "alpha": damping.rayleigh.alpha if damping else 0.0,
+        **_mass((T.T @ M @ T).tocsr(), num), "alpha": damping.rayleigh.alpha if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
-    return Problem(programs=programs(signals.all), **data), signals.all
+    patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
+    p = Record(Problem(programs=programs(signals.all), patched=patched, **data))
+    return Record(p.values._replace(calls=_calls(model, p))), signals.all
 
 
-def own(problem: Problem) -> Problem:
+def own(problem: Record) -> Record:
     """Return a problem with tables of its own, where they remember something."""
-    points, sliding, programs = problem.points, problem.sliding, problem.programs
-    return problem._replace(points=None if points is None else points._replace(mem=points.mem.copy()),
-                            sliding=None if sliding is None else sliding._replace(memory=sliding.memory.copy()),
-                            programs=programs._replace(window=programs.window.copy()))
+    p: Problem = problem.values
+    return Record(p._replace(points=p.points._replace(mem=p.points.mem.copy()),
+                             sliding=p.sliding._replace(memory=p.sliding.memory.copy()),
+                             programs=p.programs._replace(window=p.programs.window.copy())))
 
 
-def driving(p: Problem) -> list[int]:
+def driving(p: Record) -> list[int]:
     """Return the signals that positions or angles follow."""
-    fed = [] if p.points is None else p.points.signal[p.points.fed >= 0].tolist()
+    fed = p.points.signal[p.points.fed >= 0].tolist()
     return sorted({*p.motion_signal.tolist(), *fed})
 
 
-def tracks(model: Model, p: Problem) -> bool:
+def tracks(model: Model, p: Record) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
     dampers = any(spring.damping > 0.0 for spring in model.case.springs)
-    fed = p.points is not None and bool((p.points.fed >= 0).any())
+    fed = bool((p.points.fed >= 0).any())
     return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
                 or model.loads.patches)

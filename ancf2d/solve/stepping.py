@@ -14,16 +14,30 @@ from ..errors import ComputationError
 from ..kernels import advance as kernels
 from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, kinetic, onto_constraints
-from ..kernels.dynamics import Problem, Scratch, forces, scratch, to_full
-from ..kernels.motion import COUNT, GRID, LOST, NOT_FINITE, SINGULAR, SIZE, STEP_SIZE, TIME, WORK, Motion, motion
+from ..kernels.dynamics import forces, to_full
+from ..kernels.motion import (
+    COUNT,
+    GRID,
+    LOST,
+    NOT_FINITE,
+    SINGULAR,
+    SIZE,
+    STEP_SIZE,
+    TIME,
+    WORK,
+    Motion,
+    motion,
+    scratch,
+)
 from ..kernels.points import turn_on
+from ..kernels.records import Record
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
 from .mass import full_mass, unknowns_to_coordinates
-from .methods import make_method, newton_tolerance
+from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
 from .schemes import DEFAULT, INTEGRATORS
 
@@ -65,17 +79,20 @@ class Stepper:
     # adaptive steps begin with the size of a motion that ``expect`` is told
     looks_ahead = True
 
-    def __init__(self, model: Model, problem: Problem, signals: list[Signal], spec: Dynamic, dt: float,
+    def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
         # the motion itself, and another one that stored states are evaluated with, as they were
         self.problem, self.p, self.past = problem, own(problem), own(problem)
         n = len(problem.coordinate)
-        self.w: Scratch = scratch(n, len(problem.place), problem.mass.shape, len(signals))
+        self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or DEFAULT]
         self.tolerance = spec.tolerance or 0.0
-        self.m = make_method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
-        self.s: Motion = motion(n, self.method.rows, len(self.p.turning.length))
+        # None where SciPy steps
+        self.m: Method | None = None
+        if self.method.name in MAKERS:
+            self.m = Method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
+        self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
         self.pieces: list[Piece] = pieces(signals, spec.t_end)
@@ -84,25 +101,23 @@ class Stepper:
         self.rows = self._rows(n)
         self.steps = 64
         self.failed: ComputationError | None = None
-        self._at = motion(n, 0, len(self.p.turning.length))
+        self._at = Record(motion(n, 0, len(self.p.turning.length)))
         self.tracks = tracks(model, problem)
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
-    def _rows(self, n: int) -> kernels.Rows:
+    def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
         number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
         z, v, a = (np.zeros((m, n)) for _ in range(3))
         turns, feet = (np.zeros((m, *x.shape)) for x in self._memory())
         turned = np.zeros((m, len(self.p.turning.length)))
-        return kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns, feet,
-                            turned, np.zeros((LOG_ROWS, len(LOG))))
+        return Record(kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns,
+                                   feet, turned, np.zeros((LOG_ROWS, len(LOG)))))
 
     def _memory(self) -> tuple[Array, Array]:
         """Return what point laws and prismatic joints remember of the state last accepted."""
-        points, sliding = self.p.points, self.p.sliding
-        none = np.zeros((0, 2))
-        return none if points is None else points.mem, none if sliding is None else sliding.memory
+        return self.p.points.mem, self.p.sliding.memory
 
     @property
     def t(self) -> float:
@@ -170,7 +185,8 @@ class Stepper:
 
     def _restart(self) -> None:
         """Let the method begin anew from the motion."""
-        kernels.restart(self.m, self.s)
+        if self.m is not None:
+            self.m.restart(self.s)
 
     def _first_step(self) -> float:
         """Return a step in which little happens, by rates and accelerations at the start."""
@@ -220,13 +236,14 @@ class Stepper:
 
     def _go(self, found: list[Row]) -> None:
         """Step for about a fifth of a second and append the states."""
+        assert self.m is not None
         started = time.perf_counter()
         while not self.done:
             stop, end = self.pieces[self.piece].stop, self.spec.t_end
-            plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
+            plan = Record(kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks))
             began = time.perf_counter()
             why, stored, logged, outcome, _ = kernels.advance(
-                self.m, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, self.steps)
+                self.m.record, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, self.steps)
             self._adapt_chunk(time.perf_counter() - began, logged)
             self._collect(found, stored, logged)
             if why == kernels.FAILED:
@@ -275,7 +292,7 @@ class Stepper:
         t, s, given = self.t, self.s, self.s.v.copy()
         before, after = np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
         evaluate(self.p.programs, t, before)
-        if self.p.points is not None or self.p.sliding is not None:
+        if self.p.patched:
             onto_constraints(self.p, self.w, s.z, s.v, t)
         # rates that keep the energy meet constraints in the mean of steps alone: what they are off stays
         off = given - s.v if self.method.conserves else np.zeros_like(given)
@@ -305,7 +322,7 @@ class Stepper:
     def full(self, row: Row) -> tuple[Array, Array, Array]:
         """Return d, v, a (n_full,) of a stored state; one inside a step is put onto the constraints first."""
         p = self._at_row(row)
-        if row.kind == kernels.INSIDE and (p.points is not None or p.sliding is not None):
+        if row.kind == kernels.INSIDE and p.patched:
             onto_constraints(p, self.w, row.z, row.v, row.side)
         evaluate(p.programs, row.side, self.w.amps)
         out = [np.zeros(len(self.p.place)) for _ in range(3)]
@@ -320,12 +337,10 @@ class Stepper:
         forces(p, self.w, row.z, row.v)
         return self.w.Q.copy()
 
-    def _at_row(self, row: Row) -> Problem:
+    def _at_row(self, row: Row) -> Record:
         """Return the problem with the memory of a stored state."""
-        if self.past.points is not None:
-            self.past.points.mem[:] = row.turns
-        if self.past.sliding is not None:
-            self.past.sliding.memory[:] = row.feet
+        self.past.points.mem[:] = row.turns
+        self.past.sliding.memory[:] = row.feet
         return self.past
 
     # ------------------------------------------------------------------ going on later
@@ -336,7 +351,7 @@ class Stepper:
 
     def kept(self) -> dict[str, Array]:
         """Return what is kept of a motion, whatever its method."""
-        out = {name: np.array(value) for name, value in zip(Motion._fields, self.s, strict=True)}
+        out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out["log"] = np.array(self.pending)
         out["places"] = np.array([self.next_wanted, self.piece, self.every])
         out["dt"] = np.array([self.dt, self.tolerance])
@@ -345,7 +360,7 @@ class Stepper:
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
-        for name, value in zip(Motion._fields, self.s, strict=True):
+        for name, value in zip(Motion._fields, self.s.values, strict=True):
             value[:] = kept[name]
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
@@ -366,7 +381,7 @@ class Stepper:
         evaluate(self.p.programs, self.t, self.w.amps)
         to_full(self.p, self.s.z, self.w.amps, 0, d)
         check_facing(self.facing, d, self.t)
-        bad = -1 if self.p.sliding is None else sliding_check(self.p.sliding, d)
+        bad = sliding_check(self.p.values.sliding, d) if len(self.p.sliding.multiplier) else -1
         if bad >= 0:
             joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]
             raise ComputationError(f"{joint.owner}: the point has slid off the end of its body",

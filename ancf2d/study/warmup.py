@@ -213,11 +213,9 @@ def _touch_drivers(model: Model, matrix: Any) -> None:
 
 def _touch_motion(model: Model, spec: Dynamic, cold: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
-    from ..solve.problem import element_calls
     from ..solve.registry import SOLVERS
 
-    with aside(lambda: element_calls(model)) if cold else nullcontext():
-        _ = model.groups
+    _ = model.groups
     moment = MOMENT * spec.t_end
     with suppress(Ancf2dError):
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):

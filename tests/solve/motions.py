@@ -11,6 +11,7 @@ import numpy as np
 from ancf2d.kernels.advance import CHECK, INSIDE
 from ancf2d.solve.energy import Energies
 from ancf2d.solve.initial import initial_motion
+from ancf2d.solve.methods import Method
 from ancf2d.solve.problem import make_problem
 from ancf2d.solve.stepping import LOG, Stepper
 
@@ -47,7 +48,8 @@ class Ride:
         self.stepper = Stepper(self.model, problem, signals, self.model.case.solver, solver.get("dt", 0.0),
                                np.zeros(0) if every else wanted[:-1], every)
         if tight:
-            self.stepper.m = self.stepper.m._replace(tolerance=tight)
+            stepper = self.stepper
+            stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight)
         self.chunk, self.rows = chunk, []
 
     def start(self) -> Ride:

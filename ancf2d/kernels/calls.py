@@ -1,0 +1,96 @@
+"""What the kernels of motion call by address: each is compiled once, whatever calls it and whatever else a model has.
+
+Tables hold the addresses, 0 for what is not needed: ``Problem.calls`` those of a model, ``Method.calls`` those of an
+integrator. Whether matrices are bands or fronts shows in the addresses alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from .batch import no_group
+from .motion import method_of, motion, scratch
+from .pointers import address_of, call_at
+from .records import type_of
+
+_f, _i, _b = types.float64, types.int64, types.boolean
+_x, _xx, _z = types.float64[::1], types.float64[:, ::1], types.complex128[::1]
+_pair, _nothing = types.UniTuple(_f, 2), types.none
+_GROUP, _MOTION, _SCRATCH = numba.typeof(no_group()), type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
+_METHOD = type_of(method_of(0, np.zeros((1, 1)), 0))
+# types of the result and of the arguments; None for records: of a model, its point laws and joints, an integrator's own
+_SIGNATURES: list[tuple[Any, tuple[Any, ...]]] = []
+_NUMBERS: dict[Any, int] = {}
+
+
+def _call(result: Any, *declared: Any) -> Callable[..., Any]:
+    """Return what kernels call by ``call(table, (argument, ...))``."""
+    number = len(_SIGNATURES)
+    _SIGNATURES.append((result, declared))
+
+    @intrinsic
+    def call(_: Any, table: Any, arguments: Any) -> Any:
+        signature = _signature(number, [a for a, d in zip(arguments, declared, strict=True) if d is None])
+
+        def generate(context: Any, builder: Any, own: Any, args: Any) -> Any:
+            data = context.make_array(own.args[0])(context, builder, args[0]).data
+            address = builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), number)]))
+            return call_at(context, builder, signature, address, args[1])
+
+        return result(table, types.Tuple(signature.args)), generate
+
+    _NUMBERS[call] = number
+    return call  # type: ignore[no-any-return]
+
+
+def _signature(number: int, others: Any) -> Any:
+    result, declared = _SIGNATURES[number]
+    rest = iter(others)
+    return result(*(next(rest) if d is None else d for d in declared))
+
+
+def table(functions: Mapping[Any, tuple[Any, ...]]) -> Any:
+    """Return the addresses of calls, from the function of each with the types of those arguments that differ."""
+    out = np.zeros(len(_SIGNATURES), dtype=np.int64)
+    for call, (function, *others) in functions.items():
+        number = _NUMBERS[call]
+        out[number] = address_of(function, _signature(number, others))
+    return out
+
+
+# elements of a group, and those with a matrix: (p, number of the group, ...)
+force = _call(_f, _GROUP, _x, _x)
+noise = _call(_nothing, _GROUP, _x, _x)
+viscous = _call(_f, _GROUP, _f, _x, _x, _x)
+mean = _call(_pair, _GROUP, _f, _x, _x, _x)
+tangent = _call(_f, None, _i, _f, _x, _x, _x)
+mean_tangent = _call(_f, None, _i, _f, _x, _x, _x, _x)
+# point laws, and prismatic joints
+point_forces, sliding_forces = _call(_pair, None, _x, _x, _xx, _x), _call(_nothing, None, _x, _x, _xx, _x)
+point_tangent, sliding_tangent = (_call(_nothing, None, _x, _x, _xx, _f, _x, _x) for _ in range(2))
+point_noise, sliding_noise = (_call(_nothing, None, _x, _x) for _ in range(2))
+point_violation, sliding_violation = (_call(_f, None, _x, _xx) for _ in range(2))
+point_rates, sliding_rates = (_call(_nothing, None, _x, _x, _xx, _x, _x) for _ in range(2))
+point_accept, sliding_accept = (_call(_nothing, None, _x) for _ in range(2))
+point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
+# matrices: kernels.symmetric
+factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
+solve, solve_complex = _call(_nothing, None, _x, _x), _call(_nothing, None, _z, _z)
+product, mass_product = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
+add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
+# the equations of motion: kernels.dynamics
+forces = _call(_pair, None, _SCRATCH, _x, _x)
+forces_tangent = _call(_f, None, _SCRATCH, _x, _x, _f)
+at_floor = _call(_b, None, _SCRATCH, _x, _x)
+# integrators: the last but times is the integrator's own record, of which callers know the address alone
+step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
+accept = _call(_nothing, _MOTION, None)
+work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
+work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

@@ -1,0 +1,168 @@
+"""Records of arrays that kernels take by their address, so that one number crosses a call, whatever is in them.
+
+A named tuple crosses a call as all that is in its arrays, some hundred numbers for a model in motion, and every
+function that it goes through is compiled for all of them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+    unbox,
+)
+
+from .pointers import array_over
+
+_WORD, _BYTES = ir.IntType(64), 8
+_KINDS = {"f": types.float64, "i": types.int64, "b": types.boolean, "c": types.complex128}
+
+
+class RecordType(types.Type):  # type: ignore[misc]
+    """The type of records of one kind of named tuple: ``fields`` (name, type) in the order of the tuple.
+
+    They are laid out in words of 8 bytes: a number is one, an array the address of its first entry and its shape.
+    """
+
+    def __init__(self, kind: type, fields: tuple[tuple[str, types.Type], ...]) -> None:
+        self.kind, self.fields, at = kind, fields, 0
+        self.place: dict[str, tuple[int, types.Type]] = {}
+        for name, field in fields:
+            self.place[name] = at, field
+            at += words_of(field)
+        self.words = at
+        inside = ",".join(f.name for _, f in fields)
+        super().__init__(name=f"{kind.__name__}({inside})")
+
+    def whole(self) -> types.Type:
+        """Return the type of the named tuple itself."""
+        inside = [f.whole() if isinstance(f, RecordType) else f for _, f in self.fields]
+        return types.BaseTuple.from_types(inside, self.kind)
+
+
+def words_of(field: types.Type) -> int:
+    """Return how many words a field takes."""
+    if isinstance(field, RecordType):
+        return field.words
+    return 1 + field.ndim if isinstance(field, types.Array) else 1
+
+
+@register_model(RecordType)
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: RecordType) -> None:
+        super().__init__(manager, kind, _WORD)
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):  # type: ignore[misc]
+    key = RecordType
+
+    def generic_resolve(self, record: RecordType, name: str) -> Any:
+        return record.place[name][1] if name in record.place else None
+
+
+def _word(builder: Any, address: Any, at: int, kind: Any = _WORD) -> Any:
+    """Return a word of a record; while a kernel runs it stays as it is, so that loops need not look again."""
+    pointer = builder.inttoptr(builder.add(address, ir.Constant(_WORD, _BYTES * at)), kind.as_pointer())
+    word = builder.load(pointer)
+    word.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return word
+
+
+def _field(context: Any, builder: Any, address: Any, at: int, kind: types.Type) -> Any:
+    if isinstance(kind, RecordType):
+        return builder.add(address, ir.Constant(_WORD, _BYTES * at))
+    if isinstance(kind, types.Array):
+        data = builder.inttoptr(_word(builder, address, at), context.get_data_type(kind.dtype).as_pointer())
+        return array_over(context, builder, kind, data, [_word(builder, address, at + 1 + k) for k in range(kind.ndim)])
+    if kind == types.boolean:
+        return builder.trunc(_word(builder, address, at), ir.IntType(1))
+    return _word(builder, address, at, context.get_value_type(kind))
+
+
+@lower_getattr_generic(RecordType)
+def _load(context: Any, builder: Any, record: RecordType, address: Any, name: str) -> Any:
+    at, kind = record.place[name]
+    return _field(context, builder, address, at, kind)
+
+
+def _whole(context: Any, builder: Any, record: RecordType, address: Any) -> Any:
+    values = []
+    for at, kind in record.place.values():
+        value = _field(context, builder, address, at, kind)
+        values.append(_whole(context, builder, kind, value) if isinstance(kind, RecordType) else value)
+    return context.make_tuple(builder, record.whole(), values)
+
+
+@intrinsic
+def whole(_: Any, record: Any) -> Any:
+    """Return the named tuple of a record, for kernels that take that."""
+    return record.whole()(record), lambda context, builder, signature, args: _whole(context, builder, record, args[0])
+
+
+@unbox(RecordType)
+def _unbox(kind: RecordType, record: Any, c: Any) -> Any:
+    number = c.pyapi.object_getattr_string(record, "address")
+    with cgutils.if_unlikely(c.builder, cgutils.is_null(c.builder, number)):
+        c.builder.ret(c.pyapi.get_null_object())
+    address = c.pyapi.long_as_longlong(number)
+    c.pyapi.decref(number)
+    return NativeValue(address)
+
+
+def type_of(values: Any) -> Any:
+    """Return the type of a field: a number, an array row by row, or a named tuple of such."""
+    if isinstance(values, tuple):
+        fields = tuple((name, type_of(v)) for name, v in zip(values._fields, values, strict=True))  # type: ignore[attr-defined]
+        return RecordType(type(values), fields)
+    if isinstance(values, np.ndarray):
+        return types.Array(_KINDS[values.dtype.kind], values.ndim, "C")
+    return _KINDS["b" if isinstance(values, bool | np.bool_) else "i" if isinstance(values, int | np.integer) else "f"]
+
+
+class Record:
+    """A named tuple of numbers, arrays and named tuples, as kernels take it; its fields are those of the tuple.
+
+    Raises ValueError for arrays that are not row by row in 8 byte numbers (1 of booleans, 16 of complex numbers).
+    """
+
+    __slots__ = ("_nested", "_numba_type_", "_words", "address", "values")
+
+    def __init__(self, values: Any, words: Any = None) -> None:
+        self.values, self._numba_type_ = values, type_of(values)
+        self._words = np.zeros(self._numba_type_.words, dtype=np.int64) if words is None else words
+        self.address, self._nested = self._words.ctypes.data, {}
+        for (at, kind), name, value in zip(self._numba_type_.place.values(), values._fields, values, strict=True):
+            if isinstance(kind, RecordType):
+                self._nested[name] = Record(value, self._words[at:at + kind.words])
+            else:
+                self._words[at:at + words_of(kind)] = _as_words(kind, value)
+
+    @property
+    def layout(self) -> RecordType:
+        """The type that kernels know it by."""
+        return self._numba_type_
+
+    def __getattr__(self, name: str) -> Any:
+        return self._nested[name] if name in self._nested else getattr(self.values, name)
+
+
+def _as_words(kind: types.Type, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        size = {types.boolean: 1, types.complex128: 16}.get(kind.dtype, 8)
+        if not value.flags.c_contiguous or value.dtype.itemsize != size:
+            raise ValueError(f"an array {value.dtype} {value.strides} cannot be part of a record")
+        return [value.ctypes.data, *value.shape]
+    return ctypes.c_int64.from_buffer(ctypes.c_double(value)).value if kind == types.float64 else int(value)
