@@ -7,6 +7,7 @@ integrator. Whether matrices are bands or fronts shows in the addresses alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numba
@@ -25,6 +26,8 @@ _x, _xx, _z = types.float64[::1], types.float64[:, ::1], types.complex128[::1]
 _pair, _nothing = types.UniTuple(_f, 2), types.none
 _GROUP, _MOTION, _SCRATCH = numba.typeof(no_group()), type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
 _METHOD = type_of(method_of(0, np.zeros((1, 1)), 0))
+# the function of each call, and the types of those of its arguments that differ
+Functions = Mapping[Any, tuple[Any, ...]]
 # types of the result and of the arguments; None for records: of a model, its point laws and joints, an integrator's own
 _SIGNATURES: list[tuple[Any, tuple[Any, ...]]] = []
 _NUMBERS: dict[Any, int] = {}
@@ -56,13 +59,18 @@ def _signature(number: int, others: Any) -> Any:
     return result(*(next(rest) if d is None else d for d in declared))
 
 
-def table(functions: Mapping[Any, tuple[Any, ...]]) -> Any:
+def table(functions: Functions) -> Any:
     """Return the addresses of calls, from the function of each with the types of those arguments that differ."""
     out = np.zeros(len(_SIGNATURES), dtype=np.int64)
     for call, (function, *others) in functions.items():
         number = _NUMBERS[call]
         out[number] = address_of(function, _signature(number, others))
     return out
+
+
+def compilations(functions: Functions) -> list[Callable[[], object]]:
+    """Return what compiles the functions of a table, one by one."""
+    return [partial(table, {call: function}) for call, function in functions.items()]
 
 
 # elements of a group, and those with a matrix: (p, number of the group, ...)

@@ -150,26 +150,27 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def patch_functions(fronts: bool, mean: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of the point laws and joints that a model of this type (a record) has.
+def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, mean: bool, problem: Any,
+                    ) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
 
     ``mean`` : whether forces of a step that keeps energy are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {}
-    if len(problem.points.mem):
-        points = problem.points.layout.whole()
+    if has_points:
+        points = problem.place["points"][1].whole()
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
                 calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
                 calls.point_rates: (point_constraint_rates, points),
-                calls.point_tangent: (_TANGENTS[fronts][0], problem.layout)}
+                calls.point_tangent: (_TANGENTS[fronts][0], problem)}
         if mean:
             out[calls.point_mean] = point_mean_forces, points
-    if len(problem.sliding.multiplier):
-        sliding = problem.sliding.layout.whole()
+    if has_sliding:
+        sliding = problem.place["sliding"][1].whole()
         out |= {calls.sliding_forces: (sliding_forces, sliding), calls.sliding_noise: (sliding_noise, sliding),
                 calls.sliding_violation: (sliding_violation, sliding), calls.sliding_accept: (sliding_accept, sliding),
                 calls.sliding_rates: (sliding_constraint_rates, sliding),
-                calls.sliding_tangent: (_TANGENTS[fronts][1], problem.layout)}
+                calls.sliding_tangent: (_TANGENTS[fronts][1], problem)}
         if mean:
             out[calls.sliding_mean] = sliding_mean_forces, sliding
     return out

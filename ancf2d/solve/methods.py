@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,23 +157,31 @@ MAKERS: dict[str, Maker] = {
 
 
 class Method:
-    """An integrator as kernels take it: ``record`` is a ``kernels.motion.Method``, ``own`` what it has beside that."""
+    """An integrator as kernels take it: ``record`` is a ``kernels.motion.Method``, ``own`` what it has beside that.
+
+    ``functions`` are those that it is called by (``kernels.calls``).
+    """
 
     def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float) -> None:
         order, basis, make = MAKERS[name]
         method = method_of(order, basis, len(p.weights))
         self.own = Record(make(spec, p, tolerance, method.end))
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
-        self.record = Record(method._replace(own=self.own.address, calls=self._table(p),
-                                             exact=self._kernels.work is not None))
+        self.functions = self._functions(p.layout)
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None)
 
-    def _table(self, p: Record) -> Array:
+    def _functions(self, problem: Any) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
-        functions = {calls.step: (kernels.step, p.layout, own), calls.accept: (kernels.accept, own),
-                     calls.work: (work, p.layout)}
+        out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
+               calls.work: (work, problem)}
         if kernels.work is not None:
-            functions[calls.work_of_step] = kernels.work, p.layout, own
-        return calls.table(functions)
+            out[calls.work_of_step] = kernels.work, problem, own
+        return out
+
+    @cached_property
+    def record(self) -> Record:
+        """What kernels take, its functions compiled."""
+        return Record(self._unfinished._replace(calls=calls.table(self.functions)))
 
     def restart(self, s: Any) -> None:
         """Let the method begin anew from the motion s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ..elements.shape import Array
 from ..kernels.bodies import element_functions, make_bodies
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions, patch_functions
+from ..kernels.points import Turning
 from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
@@ -17,7 +19,7 @@ from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.point_table import point_table, points_of, turning_table
 from ..model.signals import Signal, programs
-from ..model.sliding import sliding_table
+from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
 from .mass import full_mass, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS
@@ -95,7 +97,7 @@ def _motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> di
     P = csr_matrix((factor, (coord, np.searchsorted(used, row))), shape=(model.n_q, len(used)))
     return {"motion_coord": coord, "motion_factor": factor, "motion_signal": row,
             "motion_mass": np.ascontiguousarray((T.T @ M @ P).T.toarray()), "motion_mass_signal": used,
-            "motion_mutual": (P.T @ M @ P).toarray()}
+            "motion_mutual": np.ascontiguousarray((P.T @ M @ P).toarray())}
 
 
 def _pairs(model: Model) -> tuple[Index, Index]:
@@ -129,12 +131,29 @@ def _points(model: Model, signals: Signals) -> Any:
     return table._replace(signal=rows)
 
 
-def _calls(model: Model, p: Record) -> Any:
-    """Return the addresses of what the kernels of motion call (``kernels.calls``), all compiled."""
+def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the kernels of a model's motion call by address (``kernels.calls``)."""
     mean = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
-    return table({**matrix_functions(fronts, p.layout), **element_functions(fronts, viscous, mean, p.layout),
-                  **patch_functions(fronts, mean, p), **dynamic_functions(p.layout)})
+    slides = any(isinstance(c, OnAxis) for c in model.constraints)
+    layout = nothing().layout
+    return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
+            **element_functions(fronts, viscous, mean, layout),
+            **patch_functions(fronts, bool(points_of(model)), slides, mean, layout)}
+
+
+@cache
+def nothing() -> Record:
+    """Return a problem without anything: all problems are of its type."""
+    x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+    turning = Turning(n, n, x, x, x)
+    return Record(Problem(
+        bodies=make_bodies([]), calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
+        turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
+        fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
+        load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
+        motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
+        weights=x, coordinate=x, extent=0.0))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
@@ -149,16 +168,18 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     damping = model.case.damping
     data: dict[str, Any] = {
         "bodies": bodies, "tau": tau,
-        "calls": np.zeros(0, dtype=np.int64), "points": _points(model, signals),
+        "calls": table(functions(model)), "points": _points(model, signals),
         "turning": turning_table(model.turns), "winds": model.winds,
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
-        **_mass((T.T @ M @ T).tocsr(), num), "alpha": damping.rayleigh.alpha if damping else 0.0,
+        **_mass((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     p = Record(Problem(programs=programs(signals.all), patched=patched, **data))
-    return Record(p.values._replace(calls=_calls(model, p))), signals.all
+    if p.layout != nothing().layout:
+        raise TypeError(f"a problem of another type: {p.layout}")
+    return p, signals.all
 
 
 def own(problem: Record) -> Record:

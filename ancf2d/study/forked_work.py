@@ -6,8 +6,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 
 from ..processors import threads
 
@@ -43,6 +43,29 @@ def aside(work: Callable[[], object]) -> Iterator[None]:
             with suppress(OSError):
                 os.kill(child, signal.SIGKILL)
                 os.waitpid(child, 0)
+
+
+def spread(tasks: Sequence[Callable[[], object]], before: Callable[[int], None] = lambda k: None) -> None:
+    """Do tasks (255 at most) here and in copies of this process, one per processor, for what they leave in a cache.
+
+    Each takes the next one when it is done with its last. ``before`` is told the number of each that is done here.
+    """
+    reading, writing = os.pipe()
+    os.write(writing, bytes(range(len(tasks))))
+    os.close(writing)
+
+    def work(told: Callable[[int], None] = lambda k: None) -> None:
+        while number := os.read(reading, 1):
+            told(number[0])
+            tasks[number[0]]()
+
+    try:
+        with ExitStack() as copies:
+            for _ in range(min(threads(), len(tasks)) - 1):
+                copies.enter_context(aside(work))
+            work(before)
+    finally:
+        os.close(reading)
 
 
 def _copy() -> int | None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
+import logging
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from ..case import Buckling, Case, Dynamic, Eigen, LinearStatic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
-from .forked_work import aside
+from .forked_work import spread
 
 try:
     import fcntl
@@ -44,30 +46,34 @@ SELDOM = (100_000, 50, 1000)
 def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
-    ``compiling`` is told where that takes long: at once with an empty cache, else after 1.5 s. Of several processes
-    that need the same kernels, one compiles them and the others wait. Nothing is done where this process has solved a
-    case of the same kind before.
+    ``compiling`` and the logger "ancf2d" are told where that takes long: at once with an empty cache, else after
+    1.5 s. Of several processes that need the same kernels, one compiles them and the others wait. Nothing is done
+    where this process has solved a case of the same kind before.
     """
     from ..kernels.jit import CACHE, REFUSED, cache_is_cold
 
     kernels = kernels_of(model.case)
     if kernels in _READY:
         return
-    cold = cache_is_cold()
     what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (
         "compiling kernels for this machine (first run of this kind only) ...")
-    announce = threading.Timer(0.0 if cold else PATIENCE, compiling, [what])
+    announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, _tell, [what, compiling])
     announce.daemon = True
     announce.start()
     try:
-        with _alone(CACHE, kernels, compiling), _seldom_collected():
+        with _alone(CACHE, kernels, compiling) as new, _seldom_collected():
             if isinstance(model.case.solver, Dynamic):
-                _touch_motion(model, model.case.solver, cold)
+                _touch_motion(model, model.case.solver, new)
             else:
-                _touch(model, cold)
+                _touch(model, new)
         _READY.add(kernels)
     finally:
         announce.cancel()
+
+
+def _tell(what: str, compiling: Callable[[str], None]) -> None:
+    logging.getLogger("ancf2d").info(what)
+    compiling(what)
 
 
 @contextmanager
@@ -95,17 +101,21 @@ def _words(data: Any) -> Any:
 
 
 @contextmanager
-def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
-    """Let no other process compile at the same time, unless these kernels were compiled before."""
+def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
+    """Let no other process compile at the same time, unless these kernels were compiled before.
+
+    Yields whether they are to be compiled into the cache.
+    """
     if cache is None or fcntl is None or _is_compiled(cache, kernels):
-        yield
+        yield False
         return
     with ExitStack() as lock:
         lock.enter_context(_locked(cache / "lock", tell))
-        if _is_compiled(cache, kernels):
+        new = not _is_compiled(cache, kernels)
+        if not new:
             # another process has compiled them meanwhile; to read them, none has to wait
             lock.close()
-        yield
+        yield new
         _note_compiled(cache, kernels)
 
 
@@ -165,56 +175,57 @@ def _show_life(path: Path, ended: threading.Event) -> None:
             os.utime(path)
 
 
-def _touch(model: Model, cold: bool) -> None:
-    """Go through what a static or a modal solve calls; half of it meanwhile, by another process, where all is new."""
+def _touch(model: Model, new: bool) -> None:
+    """Go through what a static or a modal solve calls, first together with other processes where it is ``new``."""
+    from ..solve.compilations import of_elements
     from ..solve.linear import make_matrix
 
     matrix = make_matrix(model)
-
-    def drivers() -> None:
-        _touch_matrix(type(matrix))
-        _touch_drivers(model, matrix)
-
-    with aside(drivers) if cold else nullcontext():
-        _ = model.groups
-    drivers()
+    touched = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
+    if new:
+        spread([*of_elements(model), *touched])
+    _ = model.groups
+    for each in touched:
+        each()
 
 
-def _touch_drivers(model: Model, matrix: Any) -> None:
+def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
+    """Return the calls, on empty work, of what goes through elements and patches."""
     from ..kernels.batch import no_group
     from ..kernels.elements import element_matrices, force, force_noise, force_tangent, tangent_action
     from ..kernels.matrix import scatter_patches
     from ..solve.post import asks_for_forces
 
-    num, none = model.numbering, no_group()
-    tables = (num.place, num.indptr, num.index, num.value)
-    if model.patches or model.constraints:
-        scatter_patches(matrix.target, np.zeros((0, 1, 1)), np.zeros((0, 1), dtype=np.int64), 0, 0, *tables)
+    num, none, out = model.numbering, no_group(), list[Callable[[], object]]()
+    tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
     d = np.zeros(len(num.place))
+    if not all(mesh.plan.rigid for mesh in model.meshes.values()):
+        out.append(partial(force_tangent, none, d, 1.0, d, matrix.target, *tables))
+        if not isinstance(model.case.solver, LinearStatic):
+            out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
+        if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
+            out.append(partial(tangent_action, none, d, d, d))
+        if asks_for_forces(model.case):
+            out.append(partial(element_matrices, none, d, 0, np.zeros((0, 1)), np.zeros((0, 1, 1))))
+    if model.patches or model.constraints:
+        out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
     if isinstance(model.case.solver, Eigen | Buckling):
         from ..kernels.mass import scatter_classes
         from ..solve.linear import matrix_of_one
 
-        no_index = np.zeros(0, dtype=np.int64)
-        scatter_classes(matrix.target, np.zeros((1, 1, 1)), no_index, np.zeros((0, 1), dtype=np.int64), *tables)
         small = matrix_of_one(type(matrix))
-        small.product(small.values, np.zeros(1))
-    if all(mesh.plan.rigid for mesh in model.meshes.values()):
-        return
-    force_tangent(none, d, 1.0, d, matrix.target, *tables)
-    if not isinstance(model.case.solver, LinearStatic):
-        force(none, d, d)
-        force_noise(none, d, d)
-    if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
-        tangent_action(none, d, d, d)
-    if asks_for_forces(model.case):
-        element_matrices(none, d, 0, np.zeros((0, 1)), np.zeros((0, 1, 1)))
+        out += [partial(scatter_classes, matrix.target, np.zeros((1, 1, 1)), no_index, no_index.reshape(0, 1), *tables),
+                partial(small.product, small.values, np.zeros(1))]
+    return out
 
 
-def _touch_motion(model: Model, spec: Dynamic, cold: bool) -> None:
+def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
+    from ..solve.compilations import of_motion
     from ..solve.registry import SOLVERS
 
+    if new:
+        spread(of_motion(model, spec))
     _ = model.groups
     moment = MOMENT * spec.t_end
     with suppress(Ancf2dError):
