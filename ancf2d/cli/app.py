@@ -34,6 +34,7 @@ COMMANDS = {
     "elements": "List element types and formulations.",
     "audit": "Examine an element type, listed or your own.",
     "schema": "The JSON Schema of case files, for editors.",
+    "compile": "Compile all kernels now, not when the first runs need them.",
     "completion": "Let the shell complete commands, options and names.",
 }
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
-from .jit import inlined, kernel, kernel_with_memory
+from .jit import inlined, inner, kernel, kernel_with_memory
 from .stack_arrays import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
@@ -37,7 +37,7 @@ def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
     return take_out(A, A.reshape(n * w), n, tiny, scale, numbers(A, room(bw)))
 
 
-@inlined
+@inner
 def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
     """Take the first so many pivots out of all rows; return what ``ldl_factor`` does.
 
@@ -141,7 +141,7 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
     solve_upper(A, flat, x, n)
 
 
-@inlined
+@inner
 def solve_lower(A, flat, x, pivots):  # type: ignore[no-untyped-def]
     """Solve L y = x for the first so many pivots, whatever is below them, and take them from all rows."""
     n, w = A.shape
@@ -159,7 +159,7 @@ def solve_lower(A, flat, x, pivots):  # type: ignore[no-untyped-def]
             x[i] -= A[i, bw + j - i] * x[j]
 
 
-@inlined
+@inner
 def solve_upper(A, flat, x, pivots):  # type: ignore[no-untyped-def]
     """Solve L^T y = x for the first so many pivots, the last first."""
     n, w = A.shape

@@ -20,6 +20,17 @@ NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.i
               "ancf2d.study.sweep"}
 # kernels of the package, and functions of numba's own, that linear statics takes
 KERNELS, LIBRARY = 56, 5
+# cases that between them need every kind of kernel, with what is changed
+SHORT = ("solver.t_end=0.01",)
+RUNS = [
+    *((f"static/{name}.yaml", ()) for name in ("uniform_load", "follower_force", "portal_frame", "deep_arch",
+                                               "thick_cantilever_three_node", "three_hinged_frame")),
+    ("buckling/stretched_column.yaml", ()), ("modes/portal_frame.yaml", ()), ("paths/shallow_arch.yaml", ()),
+    *((f"dynamic/{name}.yaml", SHORT) for name in ("slider_crank_rigid", "four_bar", "double_pendulum")),
+    *(("dynamic/double_pendulum.yaml", (*SHORT, f"solver.method={method}", "solver.tolerance=1e-3"))
+      for method in ("radau9", "hht", "generalized_alpha", "newmark", "RK45", "DOP853", "Radau", "BDF", "LSODA")),
+    ("dynamic/pendulum2_cable.yaml", (*SHORT, "solver.method=energy_momentum")),
+]
 RUN = """
 import json, sys
 from numba.core import event
@@ -69,3 +80,27 @@ def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports
     assert first["warm"] == first["compiled"], "compiled after the warm-up, on the clock of the solve"
     assert second["compiled"] == []
     assert not NOT_NEEDED & set(second["modules"])
+
+
+def kernels(cache: Path) -> set[Path]:
+    """The compiled kernels that are kept."""
+    return {path for path in cache.rglob("*.nb[ic]")}
+
+
+def test_after_compile_no_run_compiles_anything(folder: Path) -> None:
+    """Every integrator, joint, spring, storage of matrices, and element: their kernels are there."""
+    cache = folder / "cache"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache), "NUMBA_OPT": "1"}
+
+    def call(*arguments: str) -> None:
+        found = subprocess.run([sys.executable, "-m", "ancf2d", *arguments], cwd=folder, text=True, capture_output=True,
+                               env=environment)
+        assert (found.returncode, found.stdout) == (0, ""), found.stderr
+
+    call("compile", "-q")
+    there = kernels(cache)
+    assert there
+    cases = Path(__file__).parents[2] / "cases"
+    for name, changes in RUNS:
+        call("run", str(cases / name), "-q", "--force", *(f"--set={change}" for change in changes))
+        assert kernels(cache) == there, (name, changes)

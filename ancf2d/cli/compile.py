@@ -1,0 +1,35 @@
+"""``ancf2d compile``: all kernels, before anybody waits for them."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from .options import debug_option, examples, quiet_option
+from .progress import Bar
+from .session import Session
+
+
+@click.command(epilog=examples("ancf2d compile", "RUN ancf2d compile -q   # in a Dockerfile"))
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session) -> int:
+    """Compile everything that runs can need, once for this machine.
+
+    Runs compile what they need and keep it, so that this is never necessary. It spares the first users of an image or
+    a classroom the wait.
+    """
+    from ..kernels.jit import CACHE, REFUSED
+    from ..study.everything import compile_everything
+
+    started, bar = time.monotonic(), Bar("compiling", session.shows_progress)
+    with bar:
+        count = compile_everything(lambda done, what: bar.update(done, what))
+    seconds = time.monotonic() - started
+    if CACHE is None:
+        session.warn(f"compiled, but not kept for later runs: {REFUSED}")
+        return 1
+    session.out(f"compiled for {count} kinds of models in {seconds:.1f} s; kept in {CACHE}")
+    return 0

@@ -1,0 +1,117 @@
+"""Small cases that between them need every kernel, solved for what that leaves in the cache."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ..case import load_case_text
+from ..elements.formulations import FORMULATIONS
+from ..elements.registry import ELEMENTS
+from ..solve.schemes import INTEGRATORS
+from .run import run_case, vocabulary
+
+STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
+DAMPED = {**STIFF, "damping": {"kelvin_voigt": 1e-4}}
+SECTION = {"height": 0.05, "width": 0.05}
+MOMENT = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-2, "estimate": False}
+STATIC = {"type": "static", "steps": 1}
+GRAVITY = {"type": "gravity", "value": [0, -9.81]}
+# one integrator of each family; the others have the same kernels
+METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
+SIDE = 6  # of the frame that fronts are cheaper for than a band
+
+
+def compile_everything(done: Callable[[float, str], None] = lambda share, what: None) -> int:
+    """Solve a case of every kind, with all that can be stored of it; return how many there are.
+
+    ``done`` is told the share of them that is done, and which is next. Raises what solving them raises.
+    """
+    known, cases = vocabulary(), dict(cases_of_every_kind())
+    with TemporaryDirectory() as folder:
+        for k, (name, case) in enumerate(cases.items()):
+            done(k / len(cases), name)
+            loaded = load_case_text(json.dumps(case), name, vocabulary=known)
+            outcome = run_case(loaded, str(Path(folder, "out.h5")), force=True)
+            if outcome.failure is not None:
+                raise outcome.failure
+    return len(cases)
+
+
+def cases_of_every_kind() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield names and cases: every solver, law, kind of matrix, interaction and integrator is in one of them."""
+    laws, interactions, frame = _laws(), _interactions(), _frame()
+    for solver in ({"type": "linear_static"}, STATIC, {"type": "eigen", "modes": 2}, {"type": "buckling", "modes": 1}):
+        yield str(solver["type"]), {**laws, "solver": solver}
+    yield "statics with springs and joints", {**interactions, "solver": STATIC}
+    yield "statics of a frame", {**frame, "solver": STATIC}
+    yield "modes of a frame", {**frame, "solver": {"type": "eigen", "modes": 2}}
+    follower = [{"type": "follower_force", "at": "c0_0@1", "value": [1.0, 0.0]}]
+    yield "statics of a frame under a follower force", {**frame, "solver": STATIC, "loads": follower}
+    for name in METHODS:
+        solver, conserved = {**MOMENT, "method": name}, INTEGRATORS[name].conserves
+        yield name, {**_laws(conserved), "solver": solver}
+        yield f"{name} with springs and joints", {**_interactions(), "solver": solver}
+        yield f"{name} of a frame", {**_frame(conserved), "solver": solver}
+
+
+def _body(start: list[float], end: list[float], element: dict[str, Any], material: dict[str, Any]) -> dict[str, Any]:
+    return {"geometry": {"type": "line", "start": start, "end": end}, "section": SECTION, "material": material,
+            "element": {"count": 2, **element}}
+
+
+def _laws(conserved: bool = False) -> dict[str, Any]:
+    """Return a case with a body of every formulation, or of those whose energy can be conserved."""
+    bodies = {}
+    for k, (name, formulation) in enumerate(FORMULATIONS.items()):
+        if formulation.law.mean is not None or not conserved:
+            element = next(t for t in ELEMENTS.values() if formulation.refuse(t) is None)
+            bodies[name] = _body([0.0, k], [1.0, k], {"type": element.name, "formulation": name}, DAMPED)
+    return {"format": 1, "title": "formulations", "bodies": bodies,
+            "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
+            "loads": [GRAVITY, *({"type": "force", "at": f"{name}@1", "value": [-1.0, 0.1]} for name in bodies)]}
+
+
+def _interactions() -> dict[str, Any]:
+    """Return a case with every law of points, and a prismatic joint."""
+    slope = {"type": "cable"}
+    bodies = {"a": _body([0, 0], [1, 0], slope, STIFF), "b": _body([1, 0], [2, 0], slope, STIFF),
+              "rider": _body([0.5, 0], [0.5, -0.4], slope, STIFF), "arm": _body([0, 1], [1, 1], slope, STIFF)}
+    bodies["link"] = _body([2, 0], [3, 0], {"type": "rigid"}, STIFF)
+    del bodies["link"]["element"]["count"]
+    return {"format": 1, "title": "interactions", "bodies": bodies,
+            "boundary_conditions": [
+                {"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "arm@0"},
+                {"type": "prescribed", "at": "arm@0", "angle": {"type": "sine", "scale": 1e-3, "frequency": 1.0}}],
+            "joints": [{"type": "weld", "between": ["a@1", "b@0"]}, {"type": "pin", "between": ["b@1", "link@0"]},
+                       {"type": "prismatic", "point": "rider@0", "on": "a"}],
+            "springs": [{"type": "translational", "between": ["link@1", [3, 1]], "stiffness": 10.0, "damping": 0.1},
+                        {"type": "translational", "between": ["link@1", [4, 0]], "stiffness": 10.0},
+                        {"type": "translational", "between": ["rider@0", [0, -1]], "stiffness": 10.0},
+                        {"type": "rotational", "between": ["a@0.5", "rider@0"], "stiffness": 1.0, "damping": 0.1},
+                        {"type": "rotational", "between": ["arm@1", [0, 0]], "stiffness": 1.0}],
+            "loads": [{"type": "follower_force", "at": "b@0.5", "value": [0.0, 0.01]},
+                      {"type": "moment", "at": "arm@1", "value": 0.01}]}
+
+
+def _frame(conserved: bool = False) -> dict[str, Any]:
+    """Return a frame of many bodies, with a spring and a prismatic joint."""
+    bodies, joints = {}, []
+    element = {"type": "cable" if conserved else "reissner3"}
+    for s in range(SIDE):
+        for i in range(SIDE):
+            bodies[f"c{s}_{i}"] = _body([i, s], [i, s + 1], element, DAMPED)
+            joints += [{"type": "weld", "between": [f"c{s - 1}_{i}@1", f"c{s}_{i}@0"]}] if s else []
+        for i in range(SIDE - 1):
+            bodies[f"b{s}_{i}"] = _body([i, s + 1], [i + 1, s + 1], element, DAMPED)
+            joints += [{"type": "weld", "between": [f"c{s}_{i}@1", f"b{s}_{i}@0"]},
+                       {"type": "weld", "between": [f"b{s}_{i}@1", f"c{s}_{i + 1}@1"]}]
+    bodies["rider"] = _body([0.5, 1], [0.5, 0.6], element, DAMPED)
+    joints.append({"type": "prismatic", "point": "rider@0", "on": "b0_0"})
+    return {"format": 1, "title": "frame", "bodies": bodies, "joints": joints, "loads": [GRAVITY],
+            "springs": [{"type": "translational", "between": ["rider@0", [0, -1]], "stiffness": 10.0, "damping": 0.1},
+                        {"type": "rotational", "between": ["rider@0", "b0_0@0.5"], "stiffness": 1.0}],
+            "boundary_conditions": [{"type": "clamp", "at": f"c0_{i}@0"} for i in range(SIDE)]}
