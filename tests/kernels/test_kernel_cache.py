@@ -97,6 +97,7 @@ print(*(m for m in {COMPILING!r} if m in sys.modules))
     return found.stdout.split()
 
 
+@pytest.mark.slow
 def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
     chosen = str(tmp_path / "cache")

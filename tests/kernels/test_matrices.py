@@ -68,6 +68,7 @@ def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):
     assert np.linalg.norm(K @ x - b) < 1e-13 * np.linalg.norm(K) * np.linalg.norm(x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [-900, -540, -500, 500, 540, 900])
 @pytest.mark.parametrize("bw", [2, 5, 11])
 def test_complex_matrices_scaled_by_powers_of_two_have_the_same_factors(bw, power):
@@ -86,6 +87,7 @@ def test_complex_matrices_scaled_by_powers_of_two_have_the_same_factors(bw, powe
     np.testing.assert_allclose(y, x, rtol=0, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pivot", [3 + 4j, -1.5 + 0j, 0.7j, 1 - 1e-200j])
 def test_complex_pivots_of_any_size_are_divided_by(pivot):
     for power in range(-1020, 1021, 8):

@@ -138,6 +138,7 @@ def test_statics_see_the_same_gradient_and_hessian(scene):
     np.testing.assert_allclose(1.7 * H, K[np.ix_(dofs, dofs)], atol=1e-13)
 
 
+@pytest.mark.slow
 def test_rates_are_time_derivatives_along_a_motion(scene):
     d, v, h = scene.state(), scene.state(1.0, 5, 0.0), 1e-4
     velocity, acceleration = np.full(len(d), 9.0), np.full(len(d), 9.0)
@@ -235,6 +236,7 @@ def test_a_kink_has_one_side_and_no_jump_of_the_distance(corner):
         assert found[2][end].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "two"), [(0.3, 0.34), (0.35, 0.45), (0.15, 0.85), (0.5, 0.5)])
 def test_mean_forces_do_no_work_and_have_no_resultant(scene, one, two):
     """From one point of the axis to another while the body deforms, turns and moves."""
@@ -254,6 +256,7 @@ def test_mean_forces_do_no_work_and_have_no_resultant(scene, one, two):
     assert moment == pytest.approx(0, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_mean_forces_take_the_difference_of_distances(scene):
     d0, d1 = scene.state(0.04, 1), scene.state(0.04, 2, 1.0)
     Q = scene.mean(d0, d1)
@@ -266,6 +269,7 @@ def test_mean_forces_take_the_difference_of_distances(scene):
     assert abs(scene.forces(mid)[:-1] @ (d1 - d0)[:-1] - (scene.g(d1) - scene.g(d0))) > 1e-8
 
 
+@pytest.mark.slow
 def test_mean_forces_are_the_gradient_where_a_step_is_small(scene):
     d = scene.state(multiplier=1.0)
     change = scene.state(1e-5, 7, 0.0)
@@ -311,6 +315,7 @@ def test_the_foot_point_in_the_reference_is_the_nearest_point(sweep):
         assert np.hypot(*(plan.position(s)[0] - r)) == pytest.approx(distance, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_violation_is_relative_and_noise_bounds_round_off(scene):
     d = bent(scene)
     d[-1] = 2.0
@@ -326,6 +331,7 @@ def test_violation_is_relative_and_noise_bounds_round_off(scene):
         assert (np.abs(scene.forces(changed) - exact) <= 1e-9 * noise + 1e-15).all()
 
 
+@pytest.mark.slow
 def test_no_joints_are_no_work():
     scene = Scene()
     table = sliding_table([], scene.model.e0)

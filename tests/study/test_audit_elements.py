@@ -18,10 +18,11 @@ BASES_LOCK = {"poisson_locking_of_basis": "fail"}
 @pytest.mark.parametrize(("name", "others"), [
     ("vallejo", {"slope_continuity": "note", **BASES_LOCK}),
     ("reissner2", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"), "note")),
-    ("reissner3", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"), "note")),
+    pytest.param("reissner3", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"),
+                                            "note"), marks=pytest.mark.slow),
     ("cable", dict.fromkeys(("patch_transverse", "patch_shear", "shear_factor", "shear_in_bending",
                              "poisson_locking_of_basis"), "note")),
-    ("ancf[2,2]", {"slope_continuity": "note"})])
+    pytest.param("ancf[2,2]", {"slope_continuity": "note"}, marks=pytest.mark.slow)])
 def test_sound_elements_pass_but_for_what_they_have_not(name, others):
     found = audits.verdicts(subject(name))
     assert {k: v for k, v in found.items() if v != "pass"} == others

@@ -17,7 +17,17 @@ from ancf2d.study.run import load, run_case, vocabulary
 
 CASES = Path(__file__).parents[2] / "cases"
 FILES = sorted(CASES.rglob("*.yaml"))
-EVERY = pytest.mark.parametrize("case", FILES, ids=[str(f.relative_to(CASES).with_suffix("")) for f in FILES])
+# of meshes and element types of the same motion the quick tests take one
+QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid")
+
+
+def named(case: Path, quick: bool) -> Any:
+    """Return a case as a parameter by its name."""
+    return pytest.param(case, id=str(case.relative_to(CASES).with_suffix("")), marks=() if quick else pytest.mark.slow)
+
+
+EVERY = pytest.mark.parametrize("case", [named(f, True) for f in FILES])
+SOLVED = pytest.mark.parametrize("case", [named(f, f.parent.name != "dynamic" or f.stem in QUICK) for f in FILES])
 # one solution of the linear equations of 128 slender elements loses this much to round-off; all pairs of a stiff matrix
 # at once as much as they differ where the same beam lies at another angle
 ROUND_OFF = {"fig4_linear_2d2n": 1e-7, "fig4_linear_2d3n": 1e-5, "rotating_cantilever_vallejo": 5e-9}
@@ -30,7 +40,7 @@ def solved(case: Path) -> dict[str, Any]:
     return run_case(load(case)).summary
 
 
-@EVERY
+@SOLVED
 def test_expected_values_are_met(case: Path) -> None:
     summary = solved(case)
     assert summary["status"] == "converged", summary.get("reason")
@@ -40,7 +50,7 @@ def test_expected_values_are_met(case: Path) -> None:
     assert not missed, "\n".join(missed)
 
 
-@EVERY
+@SOLVED
 def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest) -> None:
     file, now = stored_outputs.path(case, CASES), stored_outputs.outputs(solved(case))
     if request.config.getoption("--update"):
@@ -51,10 +61,18 @@ def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest)
     assert not found, f"{len(found)} values deviate, the worst first:\n" + "\n".join(found[:5])
 
 
+@pytest.fixture(scope="module")
+def validator() -> Any:
+    """What tells whether a document follows the schema of cases."""
+    schema = json_schema(vocabulary())
+    kind = jsonschema.validators.validator_for(schema)
+    kind.check_schema(schema)
+    return kind(schema)
+
+
 @EVERY
-def test_case_follows_the_json_schema(case: Path) -> None:
-    document = plain_data(compose(case.read_text(encoding="utf-8"), Origin(case.name, [])))
-    jsonschema.validate(document, json_schema(vocabulary()))
+def test_case_follows_the_json_schema(case: Path, validator: Any) -> None:
+    validator.validate(plain_data(compose(case.read_text(encoding="utf-8"), Origin(case.name, []))))
 
 
 @EVERY
