@@ -4,8 +4,8 @@
     python scripts/independent.py mechanisms [--count 100] ...
 
 Prints each deviation beyond what the discretisation allows, and a table by elements and subject; exits with 1 where
-there is any. ``--keep`` writes the cases of these deviations, ``--page`` the table into docs/robustness.md;
-``--minutes`` ends it early, with a table of what was compared until then.
+there is any. What is compared is kept in a log, of which the table is, and a run that is stopped goes on from there.
+``--keep`` writes the cases of deviations, ``--page`` the table into docs/robustness.md; ``--minutes`` ends it early.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import os
 import statistics
 import sys
 import time
+from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -54,6 +55,18 @@ def table(verdicts: list[Verdict]) -> str:
     return "\n".join(lines)
 
 
+def kept(log: Path) -> list[Verdict]:
+    """Return the verdicts of a log."""
+    lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
+    return [Verdict(**item, case={}) for line in lines if line.endswith("]") for item in json.loads(line)]
+
+
+def keep(log: Path, found: list[Verdict]) -> None:
+    """Add the verdicts on one frame or mechanism to a log."""
+    with log.open("a", encoding="utf-8") as file:
+        file.write(json.dumps([{k: v for k, v in asdict(one).items() if k != "case"} for one in found]) + "\n")
+
+
 def tell(v: Verdict, folder: Path | None) -> None:
     """Print a deviation that is not allowed, and keep its case."""
     print(f"{v.number}, {v.kind}, {v.subject}: {v.what}, {v.deviation:.1e}, allowed {v.allowed:.1e}", flush=True)
@@ -71,16 +84,21 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--jobs", type=int, default=2, help="processes at once")
     parser.add_argument("--minutes", type=float, default=math.inf, help="after which no further one is tried")
+    parser.add_argument("--log", type=Path, help="of what is compared (default: independent-frames.jsonl, ...)")
     parser.add_argument("--keep", type=Path, help="folder for the cases that deviate")
     parser.add_argument("--page", action="store_true", help="write the table into docs/robustness.md")
     args = parser.parse_args()
     compare, usual = KINDS[args.what]
-    numbers = range(args.first, args.first + (args.count or usual))
-    verdicts: list[Verdict] = []
+    log = args.log or Path(f"independent-{args.what}.jsonl")
+    verdicts = kept(log)
+    done = {v.number for v in verdicts}
+    numbers = [n for n in range(args.first, args.first + (usual if args.count is None else args.count))
+               if n not in done]
     began = time.monotonic()
     with get_context("spawn").Pool(args.jobs) as pool:
         for found in pool.imap_unordered(compare, ([n] for n in numbers)):
             verdicts += found
+            keep(log, found)
             for v in found:
                 if not v.holds:
                     tell(v, args.keep)
@@ -88,7 +106,9 @@ def main() -> None:
                 break
     print(table(verdicts))
     if args.page:
-        write(DOCS / "robustness.md", args.what, f"{table(verdicts)}\n\n{stamp(f'independent.py {args.what}')}")
+        compared = f"{len({v.number for v in verdicts})} {args.what}."
+        made = stamp(f"independent.py {args.what} --page")
+        write(DOCS / "robustness.md", args.what, f"{table(verdicts)}\n\n{compared}\n\n{made}")
     sys.exit(any(not v.holds for v in verdicts))
 
 
