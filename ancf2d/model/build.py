@@ -81,9 +81,9 @@ def support_names(case: Case) -> list[str]:
 class _Builder:
     """Collects meshes, equations, loads and problems of one case."""
 
-    def __init__(self, loaded: LoadedCase) -> None:
+    def __init__(self, loaded: LoadedCase, moving: bool) -> None:
         self.loaded, self.case = loaded, loaded.case
-        self.plans, self.problems = plan_bodies(loaded)
+        self.plans, self.problems = plan_bodies(loaded, moving)
         if self.problems:
             raise CaseError(self.problems)
         self.meshes: dict[str, BodyMesh] = {}
@@ -221,12 +221,12 @@ class _Builder:
                         "a support, joint or spring that prevents this")
 
 
-def build_model(loaded: LoadedCase) -> Model:
+def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     """Return the model of a case; raises CaseError with every problem that the model shows.
 
-    numpy only: nothing is compiled here.
+    ``moving`` gives a static case the meshes of a motion. numpy only: nothing is compiled here.
     """
-    b = _Builder(loaded)
+    b = _Builder(loaded, moving)
     b.add_supports()
     b.add_joints()
     b.add_springs()

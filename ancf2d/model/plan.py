@@ -252,11 +252,14 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
     return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), rigid_section(body, pieces), pieces)
 
 
-def plan_bodies(loaded: LoadedCase) -> tuple[dict[str, BodyPlan], list[Problem]]:
-    """Resolve every body of a case; return the plans that could be made and all problems found."""
+def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, BodyPlan], list[Problem]]:
+    """Resolve every body of a case; return the plans that could be made and all problems found.
+
+    ``moving`` asks for the meshes of a motion where the solver is a static one.
+    """
     plans, problems = {}, []
     acting, points = acting_points(loaded.case), acting_at(loaded.case)
-    moving = isinstance(loaded.case.solver, Dynamic)
+    moving = moving or isinstance(loaded.case.solver, Dynamic)
     if len(loaded.case.bodies) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
                                           f"at most {MAX_BODIES}")]

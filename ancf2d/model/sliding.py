@@ -104,9 +104,9 @@ class OnAxis:
         m, z, _ = self._foot(d)
         return m, min(max(0.5 * (z + 1.0), BETWEEN), 1.0 - BETWEEN)
 
-    def lost(self) -> ComputationError:
-        """Return what to say of a point that is off the end of the body."""
-        return ComputationError(f"{self.owner}: {self.label} has slid off the end of {self.body}",
+    def lost(self, **at: float) -> ComputationError:
+        """Return what to say of a point that is off the end of the body, at a time ``t`` where there is one."""
+        return ComputationError(f"{self.owner}: {self.label} has slid off the end of {self.body}", at=at,
                                 advice=f"a longer {self.body}, or a stop for {self.label}")
 
     def check(self, d: Array) -> None:

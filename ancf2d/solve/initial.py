@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -87,7 +88,8 @@ def _static(model: Model) -> tuple[Array, Array | None]:
 
     loaded = _loaded(model)
     try:
-        static = build_model(replace(loaded, case=static_case(model.case)))
+        # the equilibrium of the motion's own meshes: that of others would not stand still
+        static = build_model(replace(loaded, case=static_case(model.case)), moving=True)
     except CaseError as error:
         raise CaseError([replace(p, message=f"initial.from static: {p.message}") for p in error.problems]) from error
     try:
@@ -96,7 +98,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         f = error.failure
         raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
-    return renumbered(state.d, [m.dofs for m in static.meshes.values()], model), state.turned
+    return state.d[:model.n_q], state.turned
 
 
 def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
@@ -107,7 +109,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
     from ..results import open_results
 
     fail = _failing(model, ("initial", "from"))
-    path = os.path.join(os.path.dirname(_loaded(model).source.file), name)
+    path = _path(model, name)
     try:
         with open_results(path) as results:
             if results.nt == 0:
@@ -120,6 +122,26 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             return d, v, results.turned(-1)
     except ResultsError as error:
         raise fail(str(error), "the result file of another run, named relative to the case") from error
+
+
+def goes_on(model: Model) -> bool:
+    """Return whether a motion goes on from the file of one by the same method under the same supports and joints."""
+    from ..results import open_results
+
+    case, initial = model.case, model.case.initial
+    moved = any(isinstance(s, Prescribed) for s in case.boundary_conditions)
+    if initial is None or initial.from_ in ("rest", "static") or initial.velocity or initial.rotation_rate or (
+            initial.bodies or moved):
+        return False
+    with open_results(_path(model, initial.from_)) as results:
+        before, here = _holding(results.case_completed), _holding(_loaded(model).completed)
+        return before == here and results.summary.get("method") == getattr(case.solver, "method", None)
+
+
+def _holding(completed: str) -> list[str]:
+    """Return the supports and joints of a completed case as they are written."""
+    return [part for part in re.split(r"^(?=\S)", completed, flags=re.MULTILINE)
+            if part.startswith(("boundary_conditions:", "joints:"))]
 
 
 def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseError]) -> None:
@@ -170,6 +192,11 @@ def _loaded(model: Model) -> LoadedCase:
     return model.loaded
 
 
+def _path(model: Model, name: str) -> str:
+    """Return the path of a file that the case names."""
+    return os.path.join(os.path.dirname(_loaded(model).source.file), name)
+
+
 def _failing(model: Model, path: tuple[str, ...]) -> Callable[..., CaseError]:
     """Return what makes the CaseError that stands at a place of the case."""
     def fail(message: str, expected: str = "") -> CaseError:
@@ -185,7 +212,7 @@ def initial_problems(model: Model) -> list[Problem]:
         return []
     try:
         if initial.from_ == "static":
-            build_model(replace(_loaded(model), case=static_case(model.case)))
+            build_model(replace(_loaded(model), case=static_case(model.case)), moving=True)
         else:
             _from_file(model, initial.from_)
     except CaseError as error:

@@ -248,7 +248,7 @@ class OdeStepper(Stepper):
         beyond = max(float(self.s.numbers[OLD_STEP]), 1e-6 * self.spec.t_end)
         for t in (self.t, self.t + beyond):
             self._check_signals(t)
-        self._check_joints()
+        self._check_joints(self._here())
         reason = message or "the motion is no longer finite"
         return ComputationError(
             f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),

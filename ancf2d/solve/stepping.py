@@ -36,6 +36,8 @@ from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
+from ..model.sliding import OnAxis
+from .initial import goes_on
 from .mass import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
@@ -140,13 +142,16 @@ class Stepper:
             self.s.numbers[STEP_SIZE] = self._first_step()
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
-        model, n_q = self.model, self.model.n_q
-        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        model, n_q, given = self.model, self.model.n_q, v[self.p.full]
+        self.s.z[:], self.s.v[:] = d[self.p.full], given
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
         for k, spring in enumerate(model.springs):
             self.p.points.mem[k] = spring.mem
         self._consistent(0.0, self._impulse(v))
+        if self.method.conserves and goes_on(model):
+            # rates that keep the energy meet constraints in the mean of steps alone
+            self.s.v[:] = given * self.p.coordinate
 
     def _impulse(self, v: Array) -> Array:
         """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.
@@ -227,12 +232,22 @@ class Stepper:
         found: list[Row] = []
         try:
             self._go(found)
-            self._check_joints()
         except ComputationError as error:
-            if not found:
-                raise
             self.failed = error
+        self._cut_off(found)
+        if self.failed is not None and not found:
+            raise self.failed
         return found
+
+    def _cut_off(self, found: list[Row]) -> None:
+        """Drop states from the first one on in which a joint is met by what it does not mean, and fail there."""
+        # only stored states and the last: how far else a call came is a matter of the clock
+        for k, row in enumerate([*found, self._here()] if self.done else found):
+            try:
+                self._check_joints(row)
+            except ComputationError as error:
+                self.failed, found[k:] = error, []
+                return
 
     def _go(self, found: list[Row]) -> None:
         """Step for about a fifth of a second and append the states."""
@@ -244,7 +259,9 @@ class Stepper:
             began = time.perf_counter()
             why, stored, logged, outcome, _ = kernels.advance(
                 self.m.record, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, self.steps)
-            self._adapt_chunk(time.perf_counter() - began, logged)
+            if logged > 0:  # the next call takes about as long as calls should; results do not depend on it
+                steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
+                self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
             self._collect(found, stored, logged)
             if why == kernels.FAILED:
                 raise self._failure(outcome)
@@ -252,11 +269,6 @@ class Stepper:
                 self._pass_break()
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
-
-    def _adapt_chunk(self, seconds: float, logged: int) -> None:
-        """Let the next call take about as long as calls should; results do not depend on it."""
-        if logged > 0:
-            self.steps = int(min(max(CHUNK_SECONDS * logged / max(seconds, 1e-6), 1), 4 * self.steps, LOG_ROWS))
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
@@ -294,7 +306,7 @@ class Stepper:
         evaluate(self.p.programs, t, before)
         if self.p.patched:
             onto_constraints(self.p, self.w, s.z, s.v, t)
-        # rates that keep the energy meet constraints in the mean of steps alone: what they are off stays
+        # as where a motion goes on: what rates are off the constraints stays
         off = given - s.v if self.method.conserves else np.zeros_like(given)
         s.v[:] += off
         energy = kinetic(self.p, self.w, s, t)
@@ -311,12 +323,14 @@ class Stepper:
         else:
             self.s.numbers[STEP_SIZE] = min(self.s.numbers[STEP_SIZE], 10.0 * self._first_step())
 
+    def _here(self) -> Row:
+        s = self.s
+        return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
+                         self.pending)
+
     def last(self) -> Row:
         """Return the state at the time reached, with what is left of the log."""
-        s = self.s
-        row = self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
-                        self.pending)
-        self.pending = self.pending[:0]
+        row, self.pending = self._here(), self.pending[:0]
         return row
 
     def full(self, row: Row) -> tuple[Array, Array, Array]:
@@ -375,17 +389,15 @@ class Stepper:
         for signal in self.signals:
             signal(t)
 
-    def _check_joints(self) -> None:
+    def _check_joints(self, row: Row) -> None:
         """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
-        d = np.zeros(len(self.p.place))
-        evaluate(self.p.programs, self.t, self.w.amps)
-        to_full(self.p, self.s.z, self.w.amps, 0, d)
-        check_facing(self.facing, d, self.t)
-        bad = sliding_check(self.p.values.sliding, d) if len(self.p.sliding.multiplier) else -1
+        p, d = self._at_row(row), np.zeros(len(self.p.place))
+        evaluate(p.programs, row.side, self.w.amps)
+        to_full(p, row.z, self.w.amps, 0, d)
+        check_facing(self.facing, d, row.side)
+        bad = sliding_check(p.values.sliding, d) if len(p.sliding.multiplier) else -1
         if bad >= 0:
-            joint = [c for c in self.model.constraints if getattr(c, "table", None) is not None][bad]
-            raise ComputationError(f"{joint.owner}: the point has slid off the end of its body",
-                                   at={"t": self.t}, advice="a longer body, or a stop for the point")
+            raise [c for c in self.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
 
     def _failure(self, outcome: int) -> ComputationError:
         """Return what to say of a step that could not be made."""
@@ -394,7 +406,7 @@ class Stepper:
                               "dt": float(f"{h:.3g}")}
         # steps end by round-off beside a time from which on there is no value
         self._check_signals(self.t + max(h, 1e-6 * self.spec.t_end))
-        self._check_joints()
+        self._check_joints(self._here())
         weights = self.p.weights
         worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
         if self.p.full[worst] < self.model.n_q:

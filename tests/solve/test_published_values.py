@@ -148,6 +148,17 @@ def test_slender_cantilever(name, formulation, expected):
     np.testing.assert_allclose(-out.u("beam@1"), expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("count", "published", "accuracy"), [(1, (0.362244729891, 0.994144758725), 8e-4),
+                                                                  (4, (0.507428715119, 1.205533702233), 3e-6)])
+def test_cables_with_five_gauss_points_are_those_of_another_program(count, published, accuracy):
+    """Gerstmayr & Irschik 2008, with three points for the curvature; by default one element is within 4 %."""
+    load = helpers.tip(0, -3 * 2.07e11 * 0.1**4 / 12 / 4)
+    five = helpers.cantilever({"type": "cable", "count": count, "quadrature": [5, 1]}, load)
+    np.testing.assert_allclose(-five.u("beam@1"), published, rtol=accuracy)
+    own = helpers.cantilever(helpers.element("cable", count), load)
+    np.testing.assert_allclose(-own.u("beam@1"), (0.508537304326, 1.207239854550), rtol=0.04)
+
+
 def frame(name: str, formulation: str | None, P: float) -> np.ndarray:
     """Lee's frame: legs of 120, load 24 from the corner, hinged at both ends."""
     legs = {
