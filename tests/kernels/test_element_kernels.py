@@ -162,6 +162,13 @@ def test_the_default_rule_sees_every_motion_of_an_element_whatever_poissons_rati
         assert found == 0, nu
 
 
+def test_linear_elements_take_two_points_along_where_their_sections_bend():
+    """With straight sections one point sees every motion; where y^2 is in the basis, one would hide some."""
+    assert element_zero_modes("ancf[1,1]", "continuum", None) == 0
+    assert element_zero_modes("ancf[1,2]", "continuum", None) == 0
+    assert element_zero_modes("ancf[1,2]", "continuum", [1, 3]) > 0
+
+
 @pytest.mark.parametrize(("name", "hidden"), [("omar", 2), ("patel", 2), ("li", 3), ("vallejo", 0), ("2d3n", 0)])
 def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidden):
     assert element_zero_modes(name, "continuum", [2, 2]) == hidden
