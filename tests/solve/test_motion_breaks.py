@@ -95,9 +95,9 @@ def swung(t_end):
     return [V * (BREAK - A), 0] + LENGTH * np.array([np.cos(angle), np.sin(angle)]), omega * LENGTH * across
 
 
-@pytest.mark.parametrize(("method", "spelled"), h.chosen([
+@pytest.mark.parametrize(("method", "spelled"), [
     *(("radau5", name) for name in RATES), *((m, "<=") for m in CONSTRAINED if m != "radau5"), ("RK45", "<"),
-    ("DOP853", "ramp")], ["radau5", "energy_momentum"]))
+    ("DOP853", "ramp")])
 def test_bodies_take_up_a_jump_of_a_prescribed_rate(method, spelled):
     """Velocities jump by the impulse of what drives, whose work is in the balance of energy."""
     scene = {"bodies": {"b": rigid([0, 0], LENGTH * np.array([np.cos(ANGLE), np.sin(ANGLE)]), MASS, INERTIA)},
@@ -152,9 +152,8 @@ def references():
 
 
 @pytest.mark.parametrize("what", BROKEN)
-@pytest.mark.parametrize(("method", "steps", "order"), h.chosen([
-    ("generalized_alpha", (160, 320), 2), ("radau5", (10, 40), 3), ("energy_momentum", (160, 320), 2)],
-    ["radau5", "energy_momentum"]))
+@pytest.mark.parametrize(("method", "steps", "order"), [
+    ("generalized_alpha", (160, 320), 2), ("radau5", (10, 40), 3), ("energy_momentum", (160, 320), 2)])
 def test_ten_breaks_leave_the_order_what_it_is(references, what, method, steps, order):
     """Steps that breaks cut: no order is lost to what is on their other side. Radau's is soon at round-off."""
     scene = {"bodies": BARS, "joints": KNEE, "bc": PINNED, **BROKEN[what]}
@@ -217,7 +216,6 @@ def test_stored_states_of_fixed_steps_are_ends_of_steps():
         np.testing.assert_array_equal(times, np.round(times / dt) * dt)
 
 
-@pytest.mark.slow
 def test_the_error_is_estimated_where_breaks_cut_steps():
     """States at every so many steps are those of the same times in coarser runs, behind a break too."""
     scene = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, INERTIA)}, "bc": [{"type": "pin", "at": "b@0"}],

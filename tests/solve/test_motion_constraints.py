@@ -50,9 +50,8 @@ def turned(moved, at, d):
 MIXED = ("2d2n", "reissner3", "rigid", "cable")
 
 
-@pytest.mark.parametrize(("method", "kinds"), h.chosen(
-    [*((m, MIXED) for m in METHODS if m != "energy_momentum"), ("energy_momentum", ("cable", "rigid", "cable"))],
-    ["radau5", "energy_momentum"]))
+@pytest.mark.parametrize(("method", "kinds"), [
+    *((m, MIXED) for m in METHODS if m != "energy_momentum"), ("energy_momentum", ("cable", "rigid", "cable"))])
 def test_welds_and_a_prescribed_angle(method, kinds):
     moved = ride(chain(*kinds), 0.6, method=method, states=23, **METHODS[method])
     assert moved.model.numbering.n_multipliers >= len(kinds)
@@ -84,7 +83,6 @@ def test_rigid_bodies_keep_their_length_over_many_turns():
     np.testing.assert_allclose(lengths, np.hypot(0.6, 0.7), rtol=1e-13)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["generalized_alpha", "radau5", "energy_momentum"])
 def test_a_slider_stays_on_its_line_and_a_sleeve_on_its_bar(method):
     """The sleeve crosses the nodes of a bar that bends; the end of the bar slides on a line on the ground."""

@@ -28,7 +28,7 @@ def followed(bodies, t_end: float, method: str, **scene) -> tuple[list[State], C
     return states, None
 
 
-@pytest.mark.parametrize("method", h.chosen(["radau5", "generalized_alpha", "energy_momentum"], ["radau5"]))
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
 def test_a_section_that_turns_inside_out_where_it_is_held_ends_the_motion(method: str) -> None:
     """A rod too soft to follow its driven end: r_y there shrinks to nothing and comes out on the other side."""
     scene = {"bc": [{"type": "pin", "at": "a@0"}, {"type": "prescribed", "at": "a@0", "angle": SWING}],

@@ -49,7 +49,7 @@ def violation(sol):
 ERRORS = [("radau5", 2e-7), ("generalized_alpha", 3e-3), ("energy_momentum", 3e-3)]
 
 
-@pytest.mark.parametrize(("method", "error"), helpers.chosen(ERRORS, ["radau5"]))
+@pytest.mark.parametrize(("method", "error"), ERRORS)
 def test_a_compound_pendulum_swings_by_its_equation(method, error):
     sol = move({"b": rigid(helpers.line(LENGTH))}, 2.0, method, bc=[{"type": "pin", "at": "b@0.2"}], loads=GRAVITY)
     t, r = positions(sol, "b@1")
@@ -136,7 +136,7 @@ def test_a_moment_spins_a_free_body_up_and_a_follower_force_turns_with_it(method
     np.testing.assert_allclose(r, exact, atol=1e-5 if method == "radau5" else 1e-3)
 
 
-@pytest.mark.parametrize("method", helpers.chosen(["radau5", "generalized_alpha", "energy_momentum"], ["radau5"]))
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
 def test_a_crank_turned_by_a_signal_drives_a_slider_on_its_line(method):
     """The slider is where geometry puts it, whatever the masses: all constraints are met at every state."""
     knee = (0.3, 0.0)

@@ -72,7 +72,6 @@ def test_the_error_follows_the_tolerance(method):
     assert errors[1] < 1e-2 * errors[0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ONE_STEP)
 def test_multipliers_are_met_at_every_step(method):
     model, own, rows = moved(ARM, method, tolerance=1e-6)
@@ -92,7 +91,6 @@ def test_multipliers_are_met_at_every_step(method):
     assert turning == pytest.approx(alpha, rel=1e-8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["RK45", "Radau"])
 def test_what_is_gained_and_lost_is_the_work_of_drive_and_dampers(method):
     model, own, rows = moved(ARM, method, tolerance=1e-8)

@@ -101,8 +101,7 @@ CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
     "mechanism with multipliers, generalized alpha": moving(CRANK, 0.2, dt=2e-3, method="generalized_alpha")}
 
 
-@pytest.mark.parametrize("name", h.chosen(CASES, [
-    name for name in CASES if name != "mechanism with multipliers, generalized alpha"]))
+@pytest.mark.parametrize("name", CASES)
 def test_work_is_what_it_was(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     now = {what: n for what, n in CASES[name](monkeypatch).items() if n}
     if request.config.getoption("--update"):
