@@ -186,8 +186,10 @@ class Solution:
         Raises ResultsError where the kind is unknown or the solution lacks what it needs.
         """
         from ..plot import draw
+        from ..study.fields_of_states import StatesWithFields
 
-        return draw(self.results, kind, **options)
+        with StatesWithFields(self.results.path) as results:
+            return draw(results, kind, **options)
 
     # ------------------------------------------------------------------ shown
 

@@ -6,13 +6,29 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import complete_kinds, debug_option, examples, force_option, quiet_option
 from .session import Session
 from .text import table
+
+if TYPE_CHECKING:
+    from ..plot import Look
+
+
+def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, float] | None:
+    """Return width and height of ``6.4,4.8``."""
+    if value is None:
+        return None
+    try:
+        width, height = (float(part) for part in value.replace("x", ",").split(","))
+    except ValueError:
+        raise click.BadParameter(f"'{value}' is no width and height in inches; expected for example 6.4,4.8") from None
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise click.BadParameter(f"'{value}' is out of range; expected 0.5 to 100 inches for width and height")
+    return width, height
 
 
 @click.command(epilog=examples("ancf2d plot beam.h5", "ancf2d plot beam.h5 --list",
@@ -41,6 +57,8 @@ from .text import table
 @click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
               "place; default: unrolled if they are thin (fields).")
+@click.option("--symbols/--no-symbols", default=None, help="Draw supports, loads, joints, springs and masses, or leave "
+              "them out; default: draw them (shape).")
 @click.option("--at", metavar="T,T,...", help="Times or load factors to draw (snapshots).")
 @click.option("--probe", metavar="NAME", multiple=True,
               help="Probe to draw; may be given several times (curves).")
@@ -55,6 +73,13 @@ from .text import table
 @click.option("--first", metavar="N", type=click.IntRange(1), help="First mode to draw (modes).")
 @click.option("--count", metavar="N", type=click.IntRange(1),
               help="Number of modes or instants to draw (modes, snapshots).")
+@click.option("--size", metavar="W,H", callback=_size, help="Width and height of the figure in inches.")
+@click.option("--font-size", metavar="PT", type=click.FloatRange(1, 100), help="Size of the letters in points. "
+              "[default: 10]")
+@click.option("--dpi", metavar="N", type=click.FloatRange(10, 2000), help="Dots per inch of images. [default: 200, of "
+              "animations 100]")
+@click.option("--style", "sheet", metavar="FILE", help="A Matplotlib style file, or the name of a style, on top of "
+              "that of ancf2d.")
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's title, or what the titles of "
               "several cases have in common.")
 @force_option
@@ -63,33 +88,36 @@ from .text import table
 @click.pass_obj
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
             list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, force: bool,
+            size: tuple[float, float] | None, font_size: float | None, dpi: float | None, sheet: str | None,
             **options: Any) -> int:
     """Draw result files; several are overlaid.
 
     KIND is shape, load_deflection, history, convergence, modes, ...; --list names those that fit a file. Without
     KIND, what tells most about the first file is drawn.
     """
-    from ..plot import KINDS, default_animated, default_kind
-    from ..results import check_output, open_results
+    from ..plot import KINDS, Look, default_animated, default_kind
+    from ..results import check_output
+    from ..study.fields_of_states import StatesWithFields
 
     files, kind = _split(arguments, tuple(KINDS))
     for path in (save, data, animate):
         check_output(path, force, *files)
+    look = Look(size, font_size, dpi, sheet)
     chosen = {k: v for k, v in options.items() if v is not None and v != ()}
     with ExitStack() as stack:
-        results = [stack.enter_context(open_results(f)) for f in files]
+        results = [stack.enter_context(StatesWithFields(f)) for f in files]
         if list_only:
             _list(session, results[0])
             return 0
         if animate is not None:
-            _animate(session, results, kind or default_animated(results[0]), animate, title, force,
+            _animate(session, results, kind or default_animated(results[0]), animate, title, look, force,
                      {"length": frames, "fps": fps, **chosen})
             if save is None and data is None and not show:
                 return 0
         name = kind or default_kind(results[0])
         if save is None and data is None and not show:
             save = f"{_stem(files[0])}-{name}.png"
-        _draw(session, results, name, save, data, show, title, force, chosen)
+        _draw(session, results, name, save, data, show, title, look, force, chosen)
     return 0
 
 
@@ -108,26 +136,26 @@ def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str
     return files, found[0] if found else None
 
 
-def _animate(session: Session, results: Sequence[Any], kind: str, path: str, title: str | None, force: bool,
-             options: dict[str, Any]) -> None:
+def _animate(session: Session, results: Sequence[Any], kind: str, path: str, title: str | None, look: Look,
+             force: bool, options: dict[str, Any]) -> None:
     from .. import plot
 
-    plot.animate(results, path, kind, title=title, force=force, **options)
+    plot.animate(results, path, kind, title=title, look=look, force=force, **options)
     session.out(f"wrote {path} ({kind})")
 
 
 def _draw(session: Session, results: Sequence[Any], kind: str, save: str | None, data: str | None, show: bool,
-          title: str | None, force: bool, options: dict[str, Any]) -> None:
+          title: str | None, look: Look, force: bool, options: dict[str, Any]) -> None:
     from .. import plot
 
     if save is not None:
-        plot.save(plot.draw(results, kind, title=title, **options), save, force=force)
+        plot.save(plot.draw(results, kind, title=title, look=look, **options), save, force=force, look=look)
         session.out(f"wrote {save} ({kind})")
     if data is not None:
         plot.data_csv(results, data, kind, force=force, **options)
         session.out(f"wrote {data} ({kind})")
     if show:
-        plot.show(results, kind, title=title, **options)
+        plot.show(results, kind, title=title, look=look, **options)
 
 
 def _stem(file: str) -> str:

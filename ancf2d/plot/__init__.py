@@ -4,6 +4,7 @@ from ancf2d.plot.animation import animate, frames
 from ancf2d.plot.kinds import KINDS, KindInfo, build, default_animated, default_kind, draw, list_kinds, rendered
 from ancf2d.plot.output import data_csv, save, show
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Picture, Source
+from ancf2d.plot.style import Look
 
 __all__ = [
     "KINDS",
@@ -11,6 +12,7 @@ __all__ = [
     "Curves",
     "Kind",
     "KindInfo",
+    "Look",
     "Panel",
     "Picture",
     "Source",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from matplotlib.transforms import Bbox
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, chosen_kind
 from ancf2d.plot.picture import Picture
-from ancf2d.plot.style import style
+from ancf2d.plot.style import Look, style
 from ancf2d.results.own import MARK
 from ancf2d.results.replace import replacing
 
@@ -40,6 +41,7 @@ class _Mp4(FFMpegWriter):
 # the one place where a format is added
 WRITERS: dict[str, type[_Gif] | type[_Mp4]] = {".gif": _Gif, ".mp4": _Mp4}
 FRAMES, RATE, DPI = 60, 20, 100
+MORE_DIGITS = 6
 SMALLEST = 2  # frames that make an animation
 
 
@@ -68,19 +70,39 @@ def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, tit
         yield picture
 
 
-def _lay_out(figure: Figure, picture: Picture) -> list[Bbox]:
-    """Draw the first picture and return where its axes are, which is where those of the others will be."""
+Place = tuple[Bbox, tuple[float, float], tuple[float, float]]
+
+
+def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
+    """Draw a picture and return where its axes are, and their limits, which are those of all pictures."""
     figure.set_layout_engine("constrained")
+    # later times may have more digits, and a title may need one more line for them
+    note = getattr(picture, "note", None)
+    if note is not None:
+        vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
     picture.render(figure)
     # axes of one scale settle when drawn, and only then is known how wide their labels are
     figure.draw_without_rendering()
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    return [axes.get_position(original=True) for axes in figure.axes]
+    if note is not None:
+        vars(picture)["note"] = note
+    return [(axes.get_position(original=True), axes.get_xlim(), axes.get_ylim()) for axes in figure.axes]
+
+
+def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
+    """Draw a picture with its axes where those of all are."""
+    figure.clear()
+    picture.render(figure)
+    for axes, (place, x, y) in zip(figure.axes, places, strict=True):
+        axes.set_position(place)
+        axes.set_xlim(x)
+        axes.set_ylim(y)
 
 
 def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
-            fps: int = RATE, title: str | None = None, force: bool = False, **options: Any) -> Path:
+            fps: int = RATE, title: str | None = None, look: Look | None = None, force: bool = False,
+            **options: Any) -> Path:
     """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
 
     States are evenly spaced in time. Raises ResultsError where the kind stands still, where the file cannot be written,
@@ -89,16 +111,13 @@ def animate(results: Input, path: str | os.PathLike[str], kind: str | None = Non
     path = Path(path)
     writer, pictures = _writer(path, fps), frames(results, kind, length=length, title=title, **options)
     first = next(pictures)
-    with replacing(path, force) as private, style():
-        figure = Figure(figsize=first.size)
+    look = look or Look()
+    with replacing(path, force) as private, style(look):
+        figure = Figure(figsize=look.size or first.size)
         FigureCanvasAgg(figure)
-        with writer.saving(figure, str(private), DPI):
+        with writer.saving(figure, str(private), look.dpi or DPI):
             places = _lay_out(figure, first)
-            writer.grab_frame()
-            for picture in pictures:
-                figure.clear()
-                picture.render(figure)
-                for axes, place in zip(figure.axes, places, strict=True):
-                    axes.set_position(place)
+            for picture in chain([first], pictures):
+                _drawn(figure, picture, places)
                 writer.grab_frame()
     return path

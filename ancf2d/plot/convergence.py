@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, Triangle, common_title
 from ancf2d.results import Results, Table
 
 ROUND_OFF = 1e-16  # where an error of exactly zero is drawn
@@ -63,6 +63,7 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
                            f"(known: {', '.join(COUNTS)})")
     column = "value" if values else "error"
     curves, zeros = [], False
+    orders: dict[int, Triangle] = {}
     for source in sources:
         table = source.results.tables["convergence"]
         for needed in (against, column):
@@ -72,13 +73,19 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
         for name, rows in groups.items():
             x, y = _points(table, rows, against, column)
             zeros |= not values and bool((y == 0).any())
-            note = "" if values or against == "wall_s" else _order_note(observed_order(x, y))
+            note, order = "", observed_order(x, y)
+            if not values and against != "wall_s":
+                judged = _asymptotic(source, table, rows)
+                note = _order_note(order) + (", not asymptotic" if judged is False and not np.isnan(order) else "")
+                if judged is not False and order >= 0.5 and against == "elements":
+                    orders.setdefault(round(order), Triangle((float(x[-2]), float(x[-1])), float(y[-2]), round(order)))
             # a file with one line needs no more than its own name
             label = source.label if source.label and len(groups) == 1 else source.name(name)
             curves.append(Curve(label, x, y if values else np.maximum(y, ROUND_OFF), note))
     if not any(len(c.x) for c in curves):
         raise ResultsError(f"the convergence table holds no finite {column} to draw")
-    panel = Panel((COUNTS[against], "s" if against == "wall_s" else "1"), _y_axis(sources, column), curves)
+    panel = Panel((COUNTS[against], "s" if against == "wall_s" else "1"), _y_axis(sources, column), curves,
+                  triangles=list(orders.values())[:3])
     notes = [] if values else [_against(sources)]
     notes += [f"errors of zero are drawn at {ROUND_OFF:g}"] if zeros else []
     return Curves(common_title(sources), "; ".join(n for n in notes if n), [panel],
@@ -134,6 +141,15 @@ def _against(sources: Sequence[Source]) -> str:
     if not reference:
         return ""
     return "errors against each type's own limit" if reference == "auto" else f"errors against {reference}"
+
+
+def _asymptotic(source: Source, table: Table, rows: np.ndarray) -> bool | None:
+    """Return whether the study found a type's errors to fall as its theory says; None where it does not tell."""
+    for found in source.results.summary.get("elements") or ():
+        if isinstance(found, dict) and all(str(found.get(key)) == str(table[key][rows[0]])
+                                           for key in ("element", "formulation") if key in table):
+            return found.get("asymptotic")
+    return None
 
 
 def _order_note(order: float) -> str:

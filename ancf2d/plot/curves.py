@@ -112,17 +112,18 @@ def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | N
 def _mark_limits(sources: Sequence[Source], panels: list[Panel]) -> None:
     """Mark the limit points that a path has passed, on every curve."""
     for panel in panels:
-        marks: dict[str, tuple[list[float], list[float]]] = {}
+        marks: dict[str, tuple[list[float], list[float], list[str]]] = {}
         for source in sources:
-            for point in source.results.summary.get("limit_points", []):
+            for number, point in enumerate(source.results.summary.get("limit_points", []), start=1):
                 for probe, values in point["probes"].items():
                     for quantity, value in values.items():
                         if any(c.name == source.name(f"{probe} {quantity}") for c in panel.curves):
-                            x, y = marks.setdefault(source.name("limit points"), ([], []))
+                            x, y, texts = marks.setdefault(source.name("limit points"), ([], [], []))
                             x.append(value)
                             y.append(point["factor"])
-        for name, (x, y) in marks.items():
-            panel.curves.append(Curve(name, np.array(x), np.array(y), look=dict(LIMIT)))
+                            texts.append(str(number))
+        for name, (x, y, texts) in marks.items():
+            panel.curves.append(Curve(name, np.array(x), np.array(y), look=dict(LIMIT), texts=texts))
 
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,

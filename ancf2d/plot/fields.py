@@ -26,17 +26,17 @@ from ancf2d.plot.body import (
     outline,
     when,
 )
-from ancf2d.plot.curves import quantities_of
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.plot.picture import Kind, Source
+from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
+SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
+STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
 ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
-FORCES = ("N", "Q", "M")
-NAMES = {"N": "axial force N", "Q": "shear force Q", "M": "bending moment M"}
 Formula = Callable[[np.ndarray], np.ndarray]
 
 
@@ -147,7 +147,8 @@ class Fields:
         x, y, values = (v.reshape(-1, points.shape[2]) for v in (points[..., 0], points[..., 1], surface.values))
         # element after element, with nothing between them; as an image within vector figures, where thousands of
         # triangles would be slow and show seams
-        mesh = axes.pcolormesh(x, y, values, shading="gouraud", cmap=COLORS, vmin=low, vmax=high, rasterized=True,
+        colors = SIGNED if low == -high else COLORS
+        mesh = axes.pcolormesh(x, y, values, shading="gouraud", cmap=colors, vmin=low, vmax=high, rasterized=True,
                                zorder=2)
         edge = np.concatenate([points[:, :, 0].reshape(-1, 2), points[-1, -1], points[::-1, ::-1, -1].reshape(-1, 2),
                                points[0, 0, ::-1]])
@@ -242,7 +243,9 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
     factor = chosen_scale(sources, state, scale)
     surfaces = [_surface(results, body, record, formula, state, factor) for body, record in records.items()]
     extent = float(np.ptp(bounds([s.points.reshape(-1, 2) for s in surfaces]), axis=0).max())
-    flat = max(s.height for s in surfaces) < FLAT * extent if unrolled is None else unrolled
+    flat = unrolled
+    if flat is None:
+        flat = len(surfaces) <= STRIPS and max(s.height for s in surfaces) < FLAT * extent
     what = (SYMBOLS.get((name, part), f"{name} {part}"), first.units)
     note = when(results, state) + ("" if flat else magnified(factor))
     return Fields(results.title, note, results.units.length, what, surfaces, flat)
@@ -257,51 +260,13 @@ def moving(sources: Sequence[Source], count: int, *, field: str | None = None, c
     every = [fields(sources, state=i, unrolled=unrolled, **options) for i in states]
     ranges = np.array([f.range() for f in every])
     box = bounds([f.bounds() for f in every])
+    low, high = float(ranges[:, 0].min()), float(ranges[:, 1].max())
+    if low < 0.0 < high:
+        low, high = -max(-low, high), max(-low, high)
     for picture in every:
-        picture.limits = (float(ranges[:, 0].min()), float(ranges[:, 1].max()))
+        picture.limits = low, high
         picture.box, picture.unrolled = box, every[-1].unrolled
         yield picture
-
-
-def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] | None = None,
-                   state: int = -1) -> Curves:
-    """Build N, Q and M along the axis of each body, over its arclength in the reference."""
-    asked = quantities_of(quantity) or list(FORCES)
-    for name in asked:
-        if name not in FORCES:
-            raise ResultsError(f"section_forces draws {', '.join(FORCES)}, not '{name}'")
-    units = sources[0].results.units
-    panels = {name: Panel(("arc length", units.length), (NAMES[name], ""), zero=True) for name in asked}
-    for source in sources:
-        results = source.results
-        check_state(results, state)
-        for body, found in results.fields.items():
-            lengths = results.body(body).lengths[results.body(body).classes]
-            for name in asked:
-                if name not in found:
-                    continue
-                record = found[name]
-                s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * record.xi
-                values = results.field(body, name, state)[..., 0, 0]
-                label = source.name(body if len(results.fields) > 1 or not source.label else "")
-                panels[name].y = (NAMES[name], record.units)
-                panels[name].curves.append(Curve(label, s.ravel(), values.ravel(), look={"marker": ""}))
-    drawn = [p for p in panels.values() if p.curves]
-    if not drawn:
-        raise ResultsError(f"'{sources[0].results.path}' does not hold {' or '.join(asked)}")
-    _flatten(drawn)
-    return Curves(common_title(sources), when(sources[0].results, state), drawn, share="x")
-
-
-def _flatten(panels: list[Panel]) -> None:
-    """Draw as zero what is round-off beside the other forces: its axis would show noise."""
-    length = max(float(c.x.max()) for p in panels for c in p.curves)
-    sizes = [max(float(np.abs(c.y).max()) for c in p.curves) / (length if p.y[0] == NAMES["M"] else 1.0)
-             for p in panels]
-    for panel, size in zip(panels, sizes, strict=True):
-        if size < 1e-6 * max(sizes):
-            for curve in panel.curves:
-                curve.y = np.zeros_like(curve.y)
 
 
 def _no_surface(results: Results) -> str:
@@ -311,12 +276,4 @@ def _no_surface(results: Results) -> str:
     return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores stress)"
 
 
-def _no_forces(results: Results) -> str:
-    if no_states(results):
-        return no_states(results)
-    known = any(name in FORCES for found in results.fields.values() for name in found)
-    return "" if known else "it holds no section forces (output: fields: [N, Q, M] in the case stores them)"
-
-
 FIELDS = Kind("fields", "stress, strain or energy density over the bodies, in colour", _no_surface, fields, moving)
-SECTION_FORCES = Kind("section_forces", "N, Q and M along the bodies", _no_forces, section_forces)

@@ -15,14 +15,15 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
-from ancf2d.plot.fields import FIELDS, SECTION_FORCES
+from ancf2d.plot.fields import FIELDS
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, STEPS
 from ancf2d.plot.phase import PHASE, TRAJECTORY
 from ancf2d.plot.picture import Kind, Picture, Source
+from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.snapshots import SNAPSHOTS
-from ancf2d.plot.style import style
+from ancf2d.plot.style import Look, style
 from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
@@ -134,28 +135,30 @@ def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
 
 
 def draw(results: Input, kind: str | None = None, *, figure: Figure | None = None, title: str | None = None,
-         **options: Any) -> Figure:
+         look: Look | None = None, **options: Any) -> Figure:
     """Draw one result file, or several overlaid in one axes, and return the figure.
 
     ``results``: open results, a list of them, or a mapping from label to results; ``kind``: a name
     in KINDS (default: what tells most about the first file); ``options``: those of the kind;
-    ``figure``: an empty one to draw into; ``title``: instead of the case's. ResultsError where the kind is
+    ``figure``: an empty one to draw into; ``title``: instead of the case's; ``look``: its size, fonts, style file.
+    ResultsError where the kind is
     unknown or the file lacks what it needs.
     """
     picture = build(results, kind, **options)
     if title is not None:
         picture.title = title
-    return rendered(picture, figure)
+    return rendered(picture, figure, look)
 
 
-def rendered(picture: Picture, figure: Figure | None = None) -> Figure:
+def rendered(picture: Picture, figure: Figure | None = None, look: Look | None = None) -> Figure:
     """Draw a picture into a figure, a new one unless an empty one is given, and return the figure."""
-    with style():
+    look = look or Look()
+    with style(look):
         if figure is None:
             figure = Figure()
             FigureCanvasAgg(figure)
         figure.set_layout_engine("constrained")
-        figure.set_size_inches(*picture.size)
+        figure.set_size_inches(*(look.size or picture.size))
         picture.render(figure)
         # axes of one scale settle when drawn, and only then is known how wide their labels are
         figure.draw_without_rendering()

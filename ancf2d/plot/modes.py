@@ -191,7 +191,9 @@ def _label(results: Results, k: int) -> tuple[str, str]:
         return f"mode {k + 1}", ""
     kind, growth = table["kind"][k], float(table["growth"][k]) if "growth" in table else 0.0
     time = results.units.time
-    rate = f"grows with {growth:.5g} 1/{time}" if growth else f"{table['omega'][k]:.6g} rad/{time}"
+    omega = float(table["omega"][k])
+    hertz = f"{omega / (2 * math.pi):.5g} {'Hz' if time == 's' else f'1/{time}'}"
+    rate = f"grows with {growth:.5g} 1/{time}" if growth else f"{hertz} ({omega:.6g} rad/{time})"
     return f"{kind} {int(table['number'][k])}: {rate}", kind
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import Input, build, draw
-from ancf2d.plot.style import style
+from ancf2d.plot.style import Look, style
 from ancf2d.results.own import MARK
 from ancf2d.results.replace import replacing
 
@@ -41,7 +41,7 @@ def _marked(suffix: str) -> dict[str, Any]:
     return {"pil_kwargs": {"comment": MARK} if suffix == "gif" else {"exif": exif}}
 
 
-def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False) -> Path:
+def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False, look: Look | None = None) -> Path:
     """Write a figure in the format of the path's suffix; equal figures give equal bytes.
 
     Raises ResultsError for an unknown suffix, and where the file was not made by ancf2d, unless ``force``.
@@ -54,7 +54,7 @@ def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False) -
         raise ResultsError(f"cannot write '{path}': {what} (known: "
                            f"{', '.join('.' + k for k in sorted(known))})")
     stream = io.BytesIO()
-    with style():
+    with style(look):
         figure.savefig(stream, format=suffix, **_marked(suffix))
     _write(path, stream.getvalue(), force)
     return path

@@ -22,7 +22,7 @@ def _largest(values: np.ndarray) -> float:
 
 def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
           quantity: str | Sequence[str] | None = None) -> Curves:
-    """Build each displacement or rotation of the probes against its rate; a ring marks the start."""
+    """Build each displacement or rotation of the probes against its rate; a ring marks the start, a square the end."""
     asked = quantities_of(quantity)
     for name in asked:
         if name not in RATES:
@@ -44,7 +44,7 @@ def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None
 
 
 def trajectory(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None) -> Curves:
-    """Build the paths of the probes in the plane; a ring marks the start."""
+    """Build the paths of the probes in the plane; a ring marks the start, a square the end."""
     length = sources[0].results.units.length
     panel = Panel(("x", length), ("y", length), equal=True)
     for source in sources:
@@ -56,8 +56,11 @@ def trajectory(sources: Sequence[Source], *, probe: str | Sequence[str] | None =
 
 
 def _line(name: str, x: np.ndarray, y: np.ndarray) -> list[Curve]:
-    start = {"marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.4, "linestyle": "none"}
-    return [Curve(name, x, y, look={"marker": ""}), Curve(name, x[:1], y[:1], look={**start, "label": "_start"})]
+    """Return a line with a ring at its start and a filled square at its end; both have one entry in the legend."""
+    ring = {"marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.4, "linestyle": "none"}
+    square = {"marker": "s", "markersize": 6, "linestyle": "none"}
+    return [Curve(name, x, y, look={"marker": ""}), Curve(name, x[:1], y[:1], look={**ring, "label": "start"}),
+            Curve(name, x[-1:], y[-1:], look={**square, "label": "end"})]
 
 
 def _no_rates(results: Results) -> str:

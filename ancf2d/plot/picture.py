@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from ancf2d.plot import style
 from ancf2d.results import Results
 
-MAX_MARKERS = 60  # points of a line that are marked; more would merge
+MAX_MARKERS = 60  # points of a line that are all marked; more would merge
+FEW_MARKERS = 12  # of such a line, so that it can be told from others in grey
 
 
 @dataclass(frozen=True)
@@ -78,19 +82,42 @@ class Kind:
 
 @dataclass
 class Curve:
-    """One line: its name, and x and y (n,); ``look`` is how it is drawn where that is not as usual."""
+    """One line: its name, and x and y (n,); ``look`` is how it is drawn where that is not as usual.
+
+    ``texts`` stand beside its points.
+    """
 
     name: str
     x: np.ndarray
     y: np.ndarray
     note: str = ""
     look: dict[str, Any] = field(default_factory=dict)
+    texts: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """What an order looks like on logarithmic axes: from ``x[0]`` to ``x[1]``, a little below ``y`` at the first."""
+
+    x: tuple[float, float]
+    y: float
+    order: int
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the triangle with its order beside it."""
+        top = 0.45 * self.y
+        bottom = top * (self.x[1] / self.x[0]) ** -self.order
+        axes.fill((self.x[0], self.x[1], self.x[0]), (top, bottom, bottom), facecolor="0.93", edgecolor="0.45",
+                  linewidth=0.8, zorder=1.6)
+        axes.annotate(str(self.order), (self.x[0], math.sqrt(top * bottom)), (-4, 0), textcoords="offset points",
+                      ha="right", va="center", fontsize="small", color="0.3")
 
 
 @dataclass
 class Panel:
-    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something;
-    ``equal``: x and y have one scale; ``zero``: where y is zero is drawn too."""
+    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something; ``equal``: x and y
+    have one scale; ``zero``: where y is zero is drawn too; ``bars`` are the x of vertical lines; ``triangles`` show
+    orders of convergence."""
 
     x: tuple[str, str]
     y: tuple[str, str]
@@ -99,6 +126,8 @@ class Panel:
     whole: bool = False
     equal: bool = False
     zero: bool = False
+    bars: list[float] = field(default_factory=list)
+    triangles: list[Triangle] = field(default_factory=list)
 
 
 @dataclass
@@ -144,7 +173,9 @@ class Curves:
             for curve in panel.curves:
                 looks = style.line_style(names.index(curve.name))
                 if len(curve.x) > MAX_MARKERS:
-                    looks["marker"] = ""
+                    # each line begins elsewhere, so that markers of two that agree do not hide each other
+                    each = len(curve.x) // FEW_MARKERS
+                    looks["markevery"] = (names.index(curve.name) * each // 3 % each, each)
                 looks.update(curve.look)
                 name = f"{curve.name}{curve.note}"
                 marks = looks.pop("label", None)
@@ -153,6 +184,11 @@ class Curves:
                 (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
                 if marks is None:
                     handles[name] = line
+                elif not marks.startswith("_"):
+                    # one entry for all lines, in a colour that none of them has
+                    handles.setdefault(marks, Line2D([], [], **{**looks, "color": "0.25"}))
+                for x, height, text in zip(curve.x, y, curve.texts, strict=False):
+                    axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6)
             if self.log_base:
                 axes.set_xscale("log", base=self.log_base)
                 axes.xaxis.set_major_formatter("{x:g}")
@@ -163,8 +199,11 @@ class Curves:
                 axes.set_yscale("log")
             if panel.whole:
                 axes.yaxis.get_major_locator().set_params(integer=True)
-            style.verbatim(axes.set_xlabel(style.label(*panel.x)))
-            style.verbatim(axes.set_ylabel(style.label(*panel.y)))
+            self._labels(axes, panel)
+            for triangle in panel.triangles:
+                triangle.draw(axes)
+            for x in panel.bars:
+                axes.axvline(x, color=style.REFERENCE, linewidth=0.7, linestyle=":", zorder=1.4)
             if panel.zero:
                 axes.axhline(0.0, color=style.REFERENCE, linewidth=0.9, zorder=1.5)
             if panel.equal:
@@ -173,6 +212,19 @@ class Curves:
                 axes.label_outer()
         style.title(figure, self.title, self.note)
         style.legend(figure, list(handles.values()), list(handles))
+
+    @staticmethod
+    def _labels(axes: Axes, panel: Panel) -> None:
+        """Label both axes; those of short times count in ms or µs."""
+        for k, axis, (name, units), show in (("x", axes.xaxis, panel.x, axes.set_xlabel),
+                                             ("y", axes.yaxis, panel.y, axes.set_ylabel)):
+            values = [np.abs(v[np.isfinite(v)]).max(initial=0.0) for v in (getattr(c, k) for c in panel.curves)]
+            shown, factor = style.time_unit(units, max(values, default=0.0))
+            if factor != 1.0:
+                style.in_unit(axis, factor)
+                if axis.get_scale() == "log":
+                    style.in_unit(axis, factor, minor=True)
+            style.verbatim(show(style.label(name, shown)))
 
     def header(self) -> list[str]:
         first = self.panels[0]

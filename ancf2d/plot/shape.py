@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,9 +26,11 @@ from ancf2d.plot.body import (
     when,
 )
 from ancf2d.plot.picture import Kind, Source, common_title
+from ancf2d.plot.symbols import Symbol, draw_symbols, symbols_of
 
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
-MAX_ENTRIES = 16  # bodies of a file that are told apart; more have one colour and one entry in the legend
+MAX_ENTRIES = 16  # bodies of a file that the legend names; the colours of more repeat, with one entry for all
+HATCHES = (None, "////", "....", "xxxx")  # of the second seven bodies, the third, ...
 
 
 @dataclass
@@ -50,6 +52,7 @@ class Shape:
     note: str
     units: str
     parts: list[Part]
+    symbols: list[Symbol] = field(default_factory=list)
     box: np.ndarray | None = None
 
     def _bounds(self) -> np.ndarray:
@@ -74,8 +77,9 @@ class Shape:
         for i, part in enumerate(self.parts):
             self._reference(axes, part)
             if part.deformed is not None:
-                look = i if part.entry == part.name else part.file
+                look = i if part.entry == part.name or not last else part.file
                 handles[part.entry] = self._deformed(axes, part, look, fill, 1.3 + step * (last - part.file))
+        draw_symbols(axes, self.symbols)
         if any(_marked(p).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
         handles["reference"] = Patch(facecolor="none", edgecolor=style.REFERENCE, linestyle="--")
@@ -99,11 +103,13 @@ class Shape:
     @staticmethod
     def _deformed(axes: Axes, part: Part, i: int, fill: float, width: float) -> Polygon:
         color = style.PALETTE[i % len(style.PALETTE)]
+        round_again = i // len(style.PALETTE) if part.entry == part.name else 0
         shape = part.deformed
         assert shape is not None
         # the edge keeps a section visible that is thinner than a line at this scale
         patch = Polygon(shape.boundary, facecolor=(color, fill), edgecolor=color, linewidth=width,
-                        linestyle=style.DASHES[part.file % len(style.DASHES)], joinstyle="round",
+                        linestyle=style.DASHES[(part.file + round_again) % len(style.DASHES)], joinstyle="round",
+                        hatch=HATCHES[round_again % len(HATCHES)],
                         zorder=2.5, label=part.name)
         axes.add_patch(patch)
         nodes = _marked(part)
@@ -134,11 +140,12 @@ def _marked(part: Part) -> np.ndarray:
     return shape.nodes if shape is not None and few else np.empty((0, 2))
 
 
-def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int = -1) -> Shape:
+def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int = -1, symbols: bool = True) -> Shape:
     """Build the deformed bodies over their reference.
 
     ``scale`` magnifies displacements (auto: only where they would be invisible), ``state`` counts
-    the stored states, negative from the end.
+    the stored states, negative from the end. Without ``symbols``, supports, loads, joints, springs and masses are not
+    drawn; they are those of the first file.
     """
     with_states = [s for s in sources if s.results.nt]
     for source in with_states:
@@ -151,7 +158,8 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
             deformed = outline(results, body, state, factor) if results.nt else None
             parts.append(_part(source, file, name, outline(results, body, None, 1.0), deformed))
     first = sources[0].results
-    return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts)
+    marks = symbols_of(first, state if first.nt else None, factor) if symbols else []
+    return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts, marks)
 
 
 def _part(source: Source, file: int, name: str, reference: Outline, deformed: Outline | None) -> Part:
@@ -166,7 +174,8 @@ def _note(sources: Sequence[Source], state: int, factor: float) -> str:
     return when(sources[0].results, state) + magnified(factor)
 
 
-def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto") -> Iterator[Shape]:
+def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto", symbols: bool = True,
+           ) -> Iterator[Shape]:
     """Yield the bodies in at most ``count`` states of the first file, the others at the nearest times."""
     for source in sources:
         if not source.results.nt:
@@ -185,7 +194,8 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
             for name, body in results.bodies.items():
                 parts.append(_part(source, file, name, outline(results, body, None, 1.0),
                                    outline(results, body, k, factor)))
-        yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, box)
+        marks = symbols_of(first, i, factor) if symbols else []
+        yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, marks, box)
 
 
 SHAPE = Kind("shape", "deformed bodies with their sections, over the reference", no_bodies, shape, moving)

@@ -8,9 +8,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon
+from matplotlib.patches import Polygon
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
@@ -18,6 +21,7 @@ from ancf2d.plot.body import Outline, bounds, chosen_scale, magnified, no_bodies
 from ancf2d.plot.picture import Kind, Source, common_title
 from ancf2d.results import Results
 
+MAX_TICKS = 10  # moments that are named below the bar of colours
 COUNT = 8  # moments that are drawn unless more are asked for
 DARK, LIGHT = 0.0, 0.86  # part of the colour map that is used: paler would be lost on white
 
@@ -41,6 +45,7 @@ class Snapshots:
     units: str
     moments: list[Moment]
     files: list[str]
+    axis: tuple[str, str]
 
     def _bounds(self) -> np.ndarray:
         return bounds([b.boundary for m in self.moments for b in m.bodies.values()])
@@ -48,9 +53,8 @@ class Snapshots:
     @property
     def size(self) -> tuple[float, float]:
         width, height = np.ptp(self._bounds(), axis=0)
-        labels = list(dict.fromkeys(m.label for m in self.moments)) + (self.files if len(self.files) > 1 else [])
-        rows = style.legend_rows(6.4, labels)
-        return 6.4, float(np.clip(5.6 * height / width if width else 5.4, 1.6, 5.4)) + 1.4 + 0.2 * rows
+        rows = style.legend_rows(6.4, self.files) if len(self.files) > 1 else 0
+        return 6.4, float(np.clip(5.6 * height / width if width else 5.4, 1.6, 5.4)) + 2.0 + 0.2 * rows
 
     def render(self, figure: Figure) -> None:
         axes = figure.subplots()
@@ -63,7 +67,6 @@ class Snapshots:
             for body in moment.bodies.values():
                 axes.add_patch(Polygon(body.boundary, facecolor=(*color[:3], 0.35), edgecolor=color, linewidth=1.4,
                                        linestyle=dash, joinstyle="round", zorder=2 + labels.index(moment.label) / 100))
-            handles[moment.label] = Patch(facecolor=(*color[:3], 0.35), edgecolor=color, linewidth=1.4)
         for k, name in enumerate(self.files if len(self.files) > 1 else ()):
             handles[name] = Line2D([], [], color="0.3", linestyle=style.DASHES[k % len(style.DASHES)])
         low, high = self._bounds()
@@ -75,7 +78,22 @@ class Snapshots:
         style.verbatim(axes.set_xlabel(style.label("x", self.units)))
         style.verbatim(axes.set_ylabel(style.label("y", self.units)))
         style.title(figure, self.title, self.note)
-        style.legend(figure, list(handles.values()), list(handles))
+        self._bar(figure, axes, shades, labels)
+        if handles:
+            style.legend(figure, list(handles.values()), list(handles))
+
+    def _bar(self, figure: Figure, axes: Axes, shades: np.ndarray, labels: list[str]) -> None:
+        """Put a bar below the axes with the colour and the time of each moment."""
+        colors = ScalarMappable(BoundaryNorm(np.arange(len(labels) + 1) - 0.5, len(labels)),
+                                ListedColormap(shades[:len(labels)]))
+        bar = figure.colorbar(colors, ax=axes, location="bottom", aspect=40, fraction=0.06, pad=0.04)
+        shown = range(0, len(labels), -(-len(labels) // MAX_TICKS))
+        name, units = self.axis
+        times = {m.label: m.t for m in self.moments}
+        units, factor = style.time_unit(units, max(map(abs, times.values())))
+        bar.set_ticks(list(shown), labels=[f"{factor * times[labels[k]]:.4g}" for k in shown])
+        bar.ax.minorticks_off()
+        style.verbatim(bar.ax.set_xlabel(style.label(name, units)))
 
     def header(self) -> list[str]:
         unit = f" [{self.units}]"
@@ -125,8 +143,9 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
             bodies = {name: outline(results, body, i, factor) for name, body in results.bodies.items()}
             moments.append(Moment(when(results, i), float(results.t[i]), file, bodies))
     files = [s.label or s.results.path.name for s in sources]
-    return Snapshots(common_title(sources), magnified(factor).lstrip(", "), sources[0].results.units.length, moments,
-                     files)
+    first = sources[0].results
+    axis = ("time", first.units.time) if first.solver == "dynamic" else ("load factor", "1")
+    return Snapshots(common_title(sources), magnified(factor).lstrip(", "), first.units.length, moments, files, axis)
 
 
 def _few(results: Results) -> str:

@@ -6,14 +6,18 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import matplotlib.style
 from matplotlib.artist import Artist
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+
+from ancf2d.errors import ResultsError
 
 STYLE = Path(__file__).with_name("ancf2d.mplstyle")
 # Okabe & Ito (2008) without yellow, which is too faint for lines on white
@@ -23,30 +27,74 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 REFERENCE = "#8a8a8a"
 
 
+@dataclass(frozen=True)
+class Look:
+    """What a user wants a figure to look like beyond the packaged style sheet.
+
+    ``size`` [inch] width and height, ``font_size`` [pt], ``dpi`` dots per inch of images, ``sheet`` a style file of
+    Matplotlib, or the name of one that it knows; None leaves each as it is.
+    """
+
+    size: tuple[float, float] | None = None
+    font_size: float | None = None
+    dpi: float | None = None
+    sheet: str | None = None
+
+    def apply(self) -> None:
+        """Change Matplotlib's settings. Raises ResultsError where there is no such style file."""
+        if self.sheet is not None:
+            try:
+                matplotlib.style.use(self.sheet)
+            except OSError:
+                raise ResultsError(f"'{self.sheet}' is neither a style file of Matplotlib nor one of its styles: "
+                                   f"{', '.join(matplotlib.style.available)}") from None
+        if self.font_size is not None:
+            matplotlib.rcParams["font.size"] = self.font_size
+        if self.dpi is not None:
+            matplotlib.rcParams["savefig.dpi"] = self.dpi
+
+
 @contextmanager
-def style() -> Iterator[None]:
+def style(look: Look | None = None) -> Iterator[None]:
     """Use the packaged style sheet, without warnings of glyphs that its font lacks; nothing global stays changed."""
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
         matplotlib.rcdefaults()
         matplotlib.style.use(STYLE)
+        (look or Look()).apply()
         yield
 
 
 def line_style(i: int) -> dict[str, Any]:
-    """Return colour, dash and marker of the i-th line: they never differ in colour alone."""
+    """Return colour, dash and marker of the i-th line: they never differ in colour alone, and 28 differ at all."""
     return {"color": PALETTE[i % len(PALETTE)], "linestyle": DASHES[i % len(DASHES)],
             "marker": MARKERS[i % len(MARKERS)]}
 
 
+# stresses have a name of their own
+_NAMED = {"N/m^2": "Pa", "N/mm^2": "MPa", "kN/m^2": "kPa", "N/m/m": "Pa"}
+
+
 def pretty(units: str) -> str:
-    """Return units as they are printed: N·m, m/s²."""
-    return units.replace("*", "·").replace("^2", "²").replace("^3", "³")
+    """Return units as they are printed: N·m, m/s², Pa."""
+    return _NAMED.get(units, units).replace("*", "·").replace("^2", "²").replace("^3", "³")
 
 
 def label(name: str, units: str) -> str:
     """Return an axis label; what has no dimension shows no units."""
     return name if units in ("", "1", "none") else f"{name} [{pretty(units)}]"
+
+
+def time_unit(units: str, largest: float) -> tuple[str, float]:
+    """Return the unit in which the ticks of a time axis are short numbers, and how many of it one of ``units`` is."""
+    if units != "s" or not 0.0 < largest < 0.1:
+        return units, 1.0
+    return ("ms", 1e3) if largest >= 1e-4 else ("µs", 1e6)
+
+
+def in_unit(axis: Axis, factor: float, minor: bool = False) -> None:
+    """Let the ticks of an axis count in a unit of which ``factor`` are one of the data's."""
+    (axis.set_minor_formatter if minor else axis.set_major_formatter)(lambda value, position: f"{value * factor:.6g}")
 
 
 def verbatim(text: Text | None) -> None:
@@ -61,6 +109,13 @@ def title(figure: Figure, text: str, note: str = "") -> None:
     width = int(11.5 * (figure.get_figwidth() - 0.8))
     lines = textwrap.wrap(text, width) + textwrap.wrap(note, width)
     verbatim(figure.axes[0].set_title("\n".join(lines[:6])))
+
+
+def heading(figure: Figure, text: str, note: str = "") -> None:
+    """Put the title over all axes, each of which has one of its own, with a note below it."""
+    width = int(11.5 * (figure.get_figwidth() - 0.4))
+    lines = textwrap.wrap(text, width) + textwrap.wrap(note, width)
+    verbatim(figure.suptitle("\n".join(lines[:6]), x=0.02, ha="left", fontsize="large"))
 
 
 def legend_rows(inches: float, labels: Sequence[str]) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from PIL import Image
 from synthetic import bent_beam, mechanism
 
@@ -38,6 +38,27 @@ def test_all_frames_show_the_same_part_of_the_plane(tmp_path: Path) -> None:
                 assert (inside.max(axis=0) <= picture.box[1]).all()
         rod = pictures[2].parts[1].deformed
         np.testing.assert_array_equal(rod.axis, results.faces("rod", 20)["axis"].reshape(-1, 2))
+
+
+def test_the_axes_stand_still_from_the_first_frame_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def noted(writer: PillowWriter, **options: object) -> None:
+        axes = writer.fig.axes[0]
+        title = axes.title.get_window_extent()
+        seen.append([*axes.get_xlim(), *axes.get_ylim(), *axes.get_position().bounds])
+        assert title.y1 <= writer.fig.bbox.y1
+        original(writer, **options)
+
+    original = PillowWriter.grab_frame
+    monkeypatch.setattr(PillowWriter, "grab_frame", noted)
+    words = "A title that fills its line so well that the time of a later state needs a line of"
+    for kind in ("shape", None):
+        with open_results(mechanism(tmp_path / "a.h5")) as results:
+            animate(results, tmp_path / "a.gif", kind, length=4, title=words)
+        assert len(seen) == 4
+        np.testing.assert_allclose(seen, [seen[0]] * 4, rtol=0, atol=1e-12)
+        seen.clear()
 
 
 def test_labels_are_not_cut(tmp_path: Path) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
-from synthetic import bent_beam, mechanism
+from synthetic import HEADER, bent_beam, coordinates, mechanism, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import draw
 from ancf2d.plot.kinds import build
 from ancf2d.results import Results, ResultWriter, open_results
+from ancf2d.study.fields_of_states import StatesWithFields
 from ancf2d.study.run import load_case, run_case, vocabulary
 
 L, H, B, F = 2.0, 0.4, 0.1, -1000.0
@@ -43,6 +44,54 @@ def bent(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
         yield results
 
 
+# ---------------------------------------------------------------------- symbols
+
+
+def test_supports_and_loads_stand_where_they_act(bent: Results) -> None:
+    """The clamp where the beam begins, the force at its moved tip, pointing down."""
+    clamp, force = build(bent, "shape", scale=100).symbols
+    tip = bent.displacement("beam", np.array([1.0]))[0]
+    assert (clamp.kind, force.kind) == ("clamp", "force")
+    np.testing.assert_allclose(clamp.points, [[0, 0]], atol=1e-12)
+    np.testing.assert_allclose(force.points, [[2, 0] + 100 * tip], atol=1e-12)
+    assert (clamp.angle, force.angle) == pytest.approx((0, -np.pi / 2), abs=0.2)
+    assert build(bent, "shape", symbols=False).symbols == []
+    marks = [line for line in draw(bent, "shape", scale=100).axes[0].lines if line.get_clip_on() is False]
+    assert len(marks) == 2
+
+
+EVERYTHING = """
+bodies:
+  a: {geometry: {type: line, start: [0, 0], end: [2, 0]}}
+boundary_conditions: [{type: pin, at: a@0}, {type: roller, fixed: x, at: a@1}, {type: clamp, at: a@1}]
+joints: [{type: pin, between: [a@0.5, b@0]}, {type: weld, between: [a@0.5, b@0]},
+         {type: slider, at: a@0.5, through: [0, 0], along: [0, 1]}]
+springs: [{type: translational, between: [a@1, [2, 1]], stiffness: 1}, {type: rotational, between: [a@1, [0, 0]]}]
+masses: [{at: a@0.25, mass: 1}]
+loads: [{type: force, at: a@1, value: [3e7, 0]}, {type: moment, at: a@1, value: -2},
+        {type: distributed, on: a, value: [0, -1], from: 0.5}, {type: gravity, value: [0, -9.81]},
+        {type: force, at: a@1, value: [0, t]}, {type: force, at: nobody@1, value: [1, 0]}]
+"""
+
+
+def test_everything_of_a_case_has_its_symbol(tmp_path: Path) -> None:
+    body = tangent_body("a", 1, 2.0, 0.1)
+    e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
+    with ResultWriter(tmp_path / "a.h5", {**HEADER, "case_completed": EVERYTHING}, [body], e0) as w:
+        w.append(0.0, 0 * e0, {}, {})
+        w.finish({"status": "converged"})
+    with open_results(tmp_path / "a.h5") as results:
+        found = build(results, "shape").symbols
+        draw(results, "shape")
+    assert [s.kind for s in found] == ["pin", "roller", "clamp", "spring", "coil", "hinge", "slider", "mass", "force",
+                                       "moment back", *["small force"] * 9]
+    angles = {s.kind: s.angle % (2 * np.pi) for s in found}
+    expected = {"roller": 1.5 * np.pi, "clamp": np.pi, "slider": np.pi / 2, "force": 0.0, "small force": 1.5 * np.pi}
+    assert {k: angles[k] for k in expected} == pytest.approx(expected, abs=1e-6)
+    np.testing.assert_allclose([s.points[0, 0] for s in found if s.kind == "small force"], np.linspace(1, 2, 9))
+    np.testing.assert_allclose(next(s.points for s in found if s.kind == "spring"), [[2, 0], [2, 1]])
+
+
 # ---------------------------------------------------------------------- fields
 
 
@@ -55,6 +104,17 @@ def test_colours_are_the_bending_stress_at_each_point(bent: Results) -> None:
     np.testing.assert_allclose(surface.points[..., 1], np.broadcast_to(y, surface.values.shape), atol=1e-4)
     top = abs(F) * L * H / 2 / I
     np.testing.assert_allclose(picture.range(), (-top, top), rtol=1e-6)
+
+
+def test_signed_fields_are_white_at_zero_and_others_are_not(bent: Results) -> None:
+    signed, positive = (draw(bent, "fields", **options).axes[0].collections[0]
+                        for options in ({"component": "xx"}, {"component": "mises"}))
+    assert signed.norm(0.0) == pytest.approx(0.5)
+    np.testing.assert_allclose(signed.cmap(0.5)[:3], 1.0, atol=0.04)
+    ends = np.array(signed.cmap([0.1, 0.9]))
+    assert ends[0, 2] > ends[0, 0]  # blue
+    assert ends[1, 0] > ends[1, 2]  # red
+    assert positive.cmap.name == "cividis"
 
 
 def test_the_parabola_of_shear_is_drawn_between_its_stations(bent: Results) -> None:
@@ -72,7 +132,7 @@ def test_von_mises_stress_on_the_axis_is_that_of_shear(bent: Results) -> None:
 def test_a_field_is_labelled_with_its_units(bent: Results, options: dict[str, bool], y_label: str) -> None:
     figure = draw(bent, "fields", **options)
     axes, bar = figure.axes
-    assert bar.get_xlabel() == "stress along the axis, σ_xx [N/m²]"
+    assert bar.get_xlabel() == "stress along the axis, σ_xx [Pa]"
     assert axes.get_ylabel() == y_label
     (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
     assert mesh.get_array().shape == (4 * 21, 9)
@@ -102,6 +162,30 @@ def test_a_file_without_fields_says_how_to_store_them(tmp_path: Path) -> None:
                 build(results, kind)
 
 
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_fields_that_are_not_stored_are_computed_from_the_states(tmp_path: Path, solver: str) -> None:
+    """They are what the run would have stored, in every state."""
+    stored = CASE.replace("linear_static", solver)
+    for name, text in (("stored", stored), ("bare", stored.replace("output: {fields: [energy, stress, N, Q, M]}", ""))):
+        (tmp_path / f"{name}.yaml").write_text(text)
+        run_case(load_case(tmp_path / f"{name}.yaml", (), vocabulary()), str(tmp_path / f"{name}.h5"))
+    with open_results(tmp_path / "stored.h5") as a, StatesWithFields(tmp_path / "bare.h5") as b:
+        assert not open_results(tmp_path / "bare.h5").fields
+        assert set(b.fields["beam"]) == {*a.fields["beam"], "strain"}
+        for name, record in a.fields["beam"].items():
+            assert b.fields["beam"][name].units == record.units
+            top = max(np.abs(a.field("beam", name, i)).max() for i in range(a.nt))
+            for i in range(a.nt):
+                np.testing.assert_allclose(b.field("beam", name, i), a.field("beam", name, i), rtol=0, atol=1e-9 * top)
+        assert draw(b, "fields").axes[-1].get_xlabel() == "stress along the axis, σ_xx [Pa]"
+        assert len(build(b, "section_forces").panels) == 3
+
+
+def test_what_states_do_not_tell_is_not_offered(tmp_path: Path) -> None:
+    with StatesWithFields(mechanism(tmp_path / "a.h5")) as results:
+        assert results.fields == {}  # its case cannot be read
+
+
 # ---------------------------------------------------------------------- section forces
 
 
@@ -118,6 +202,44 @@ def test_section_forces_of_a_cantilever_and_no_noise(bent: Results) -> None:
         build(bent, "section_forces", quantity="T")
 
 
+BRACKET = """
+title: Bracket
+bodies:
+  column: {geometry: {type: line, start: [0, 0], end: [0, 2]}, section: {height: 0.1, width: 0.1},
+           material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
+  arm: {geometry: {type: line, start: [0, 2], end: [1, 2]}, section: {height: 0.1, width: 0.1},
+        material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
+boundary_conditions: [{type: clamp, at: column@0}]
+joints: [{type: weld, between: [column@1, arm@0]}]
+loads: [{type: force, at: arm@1, value: [0, -1000]}]
+solver: {type: linear_static}
+output: {fields: [N, Q, M]}
+"""
+
+
+def test_section_forces_are_drawn_on_the_bodies(tmp_path: Path) -> None:
+    """A bracket under a force down at its tip: the arm is in tension above, the column on its left."""
+    (tmp_path / "a.yaml").write_text(BRACKET)
+    run_case(load_case(tmp_path / "a.yaml", (), vocabulary()), str(tmp_path / "a.h5"))
+    with open_results(tmp_path / "a.h5") as results:
+        picture = build(results, "section_forces")
+        unrolled = build(results, "section_forces", unrolled=True).panels[2]
+        figure = draw(results, "section_forces")
+    column, arm = picture.found["M", "N*m"]
+    np.testing.assert_allclose(column.values, -1000.0, rtol=1e-6)
+    np.testing.assert_allclose(arm.values, -1000.0 * (1.0 - arm.s), atol=1e-3)
+    np.testing.assert_allclose(arm.axis, np.column_stack([arm.s, 2.0 + 0 * arm.s]), atol=1e-12)
+    side = -1.0  # of M, which is drawn where the tension is
+    assert (arm.line(1e-4 * side)[:-1, 1] > 2.0).all()
+    np.testing.assert_allclose(column.line(1e-4 * side)[:, 0], -0.1, rtol=1e-6)
+    texts = {t.get_text() for axes in figure.axes for t in axes.texts}
+    assert {"-1000"} <= texts
+    # the second body begins where the first has ended
+    first, second = unrolled.curves
+    assert (first.x.min(), first.x.max(), second.x.min(), second.x.max()) == pytest.approx((0, 2, 2, 3))
+    assert unrolled.bars == pytest.approx([2.0])
+
+
 # ---------------------------------------------------------------------- snapshots, phase, trajectory
 
 
@@ -131,6 +253,9 @@ def test_snapshots_are_the_nearest_states(tmp_path: Path) -> None:
         outlines = [p for p in draw(results, "snapshots", count=3).axes[0].patches if isinstance(p, Polygon)]
         shades = [sum(p.get_edgecolor()[:3]) for p in outlines[::2]]
         assert shades == sorted(shades, reverse=True)  # later is darker, also in grey
+        _, bar = draw(results, "snapshots", at="0, 0.25, 1").axes
+        assert [t.get_text() for t in bar.get_xticklabels()] == ["0", "0.25", "1"]
+        assert bar.get_xlabel() == "time [s]"
         with pytest.raises(ResultsError, match="states from 0 to 1, none at 2"):
             build(results, "snapshots", at="2")
         with pytest.raises(ResultsError, match="numbers separated by commas"):
@@ -154,19 +279,24 @@ def test_a_harmonic_motion_is_an_ellipse_in_its_phase_plane(tmp_path: Path) -> N
     with open_results(swinging(tmp_path / "a.h5")) as results:
         panels = build(results, "phase").panels
         assert [p.x[0] for p in panels] == ["displacement ux", "rotation"]  # uy does not move
-        curve, start = panels[0].curves
+        curve, start, end = panels[0].curves
         np.testing.assert_allclose(curve.x**2 + (curve.y / 3) ** 2, 1.0, rtol=1e-12)
         assert (start.x.tolist(), start.y.tolist()) == ([0.0], [3.0])
+        assert (end.x[0], end.y[0]) == (curve.x[-1], curve.y[-1])
         with pytest.raises(ResultsError, match="against their rates, not 'x'"):
             build(results, "phase", quantity="x")
         figure = draw(results, "phase")
-        assert [t.get_text() for t in figure.legends[0].get_texts()] == ["p"]
+        assert [t.get_text() for t in figure.legends[0].get_texts()] == ["p", "start", "end"]
 
 
 def test_a_trajectory_has_one_scale_in_both_directions(tmp_path: Path) -> None:
     with open_results(swinging(tmp_path / "a.h5")) as results:
         curve = build(results, "trajectory").panels[0].curves[0]
         np.testing.assert_allclose(curve.y, 2 * curve.x)
+        path, start, end = build(results, "trajectory").panels[0].curves
+        assert (start.x[0], end.x[0]) == (path.x[0], path.x[-1])
+        shown = draw(results, "trajectory").legends[0].get_texts()
+        assert [t.get_text() for t in shown] == ["p", "start", "end"]
         assert draw(results, "trajectory").axes[0].get_aspect() == 1.0
 
 
@@ -182,6 +312,7 @@ def test_limit_points_are_marked_on_the_path(tmp_path: Path) -> None:
     with open_results(tmp_path / "a.h5") as results:
         (panel,) = build(results, "load_deflection").panels
         assert [c.name for c in panel.curves] == ["p uy", "limit points"]
+        assert panel.curves[1].texts == ["1"]
         assert (panel.curves[1].x.tolist(), panel.curves[1].y.tolist()) == ([-0.3], [2.5])
 
 
@@ -203,7 +334,7 @@ def test_work_and_precision_of_a_convergence_table(tmp_path: Path) -> None:
         assert [c.name for c in picture.panels[0].curves] == ["2d2n", "reissner3", "best for their time"]
         assert picture.panels[0].curves[2].y.tolist() == [0.5 * 16.0**-4]
         axes = draw(results, "work_precision").axes[0]
-        assert (axes.get_xscale(), axes.get_yscale(), axes.get_xlabel()) == ("log", "log", "wall time [s]")
+        assert (axes.get_xscale(), axes.get_yscale(), axes.get_xlabel()) == ("log", "log", "wall time [ms]")
 
 
 def test_an_energy_density_is_never_drawn_negative(bent: Results) -> None:

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from synthetic import HEADER, bent_beam, mechanism, table_file, tangent_body
+from PIL import Image
+from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot import KINDS, default_kind, draw, list_kinds
+from ancf2d.plot import (
+    KINDS,
+    Curve,
+    Curves,
+    Look,
+    Panel,
+    Source,
+    animate,
+    default_kind,
+    draw,
+    list_kinds,
+    rendered,
+    save,
+)
 from ancf2d.plot.body import nice
 from ancf2d.plot.convergence import observed_order
 from ancf2d.results import Results, ResultWriter, open_results
@@ -310,7 +326,7 @@ def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
     assert found["shape"].missing == found["history"].missing == ""
     assert "without a load factor" in found["load_deflection"].missing
     assert "no convergence table" in found["convergence"].missing
-    assert found["shape"].options == ("scale", "state")
+    assert found["shape"].options == ("scale", "state", "symbols")
     assert all(k.doc for k in found.values())
 
 
@@ -347,3 +363,79 @@ def test_a_title_with_dollar_signs_and_braces_is_shown_as_it_is(tmp_path: Path) 
     figure = draw({"$x_{$": results, "b": results}, "shape")
     figure.draw_without_rendering()
     assert figure.axes[0].get_title(loc="left").startswith(text)
+
+
+# ---------------------------------------------------------------------- looks
+
+
+def test_triangles_show_the_order_and_what_is_not_asymptotic_says_so(tmp_path: Path) -> None:
+    """The long side of a triangle is parallel to the line above it: its errors fall with that power."""
+    table_file(tmp_path / "a.h5", {"2d2n": 2, "reissner3": 4})
+    with opened(tmp_path / "a.h5") as results:
+        (panel,) = KINDS["convergence"].build([Source("", results)]).panels
+        figure = draw(results, "convergence")
+    assert [t.order for t in panel.triangles] == [2, 4]
+    for triangle, curve in zip(panel.triangles, panel.curves, strict=True):
+        assert triangle.x == (curve.x[-2], curve.x[-1])
+        assert triangle.y == curve.y[-2]
+    corner, right = figure.axes[0].patches[1].get_xy()[:2]
+    assert np.log(corner[1] / right[1]) / np.log(right[0] / corner[0]) == pytest.approx(4)
+    with h5py.File(tmp_path / "a.h5", "r+") as f:
+        summary = json.loads(f["summary"][()])
+        summary["elements"] = [{"element": "2d2n", "formulation": "default", "asymptotic": False},
+                               {"element": "reissner3", "formulation": "default", "asymptotic": True}]
+        del f["summary"]
+        f["summary"] = np.bytes_(json.dumps(summary))
+    assert legend_texts(draw(opened(tmp_path / "a.h5"), "convergence")) == [
+        "2d2n, order 2.0, not asymptotic", "reissner3, order 4.0"]
+
+
+@pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6)])
+def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, factor: float) -> None:
+    times = np.linspace(0, last, 5)
+    figure = rendered(Curves("", "", [Panel(("time", "s"), ("uy", "m"), [Curve("a", times, times)])]))
+    axes = figure.axes[0]
+    assert axes.get_xlabel() == f"time [{unit}]"
+    assert axes.get_ylabel() == "uy [m]"
+    if factor == 1:
+        return
+    ticks = [(v, t.get_text()) for v, t in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)]
+    assert [float(text) for _, text in ticks] == pytest.approx([v * factor for v, _ in ticks])
+    assert max(abs(float(text)) for _, text in ticks) >= 1
+
+
+def test_long_lines_keep_a_few_markers() -> None:
+    """So that they can be told apart in grey too; each begins with another point."""
+    t = np.linspace(0, 1, 1000)
+    lines = rendered(Curves("", "", [Panel(("x", ""), ("y", ""), [Curve("a", t, t), Curve("b", t, t)])])).axes[0].lines
+    marked = [line.get_markevery() for line in lines]
+    assert [len(t[first::each]) for first, each in marked] == [pytest.approx(12, abs=1)] * 2
+    assert marked[0] != marked[1]
+
+
+def test_more_than_seven_bodies_differ(tmp_path: Path) -> None:
+    bodies = [tangent_body(f"b{k}", 1, 1.0, 0.1, first=8 * k) for k in range(10)]
+    e0 = np.concatenate([coordinates("tangent", np.array([k, k + 1.0]), 0.0) for k in range(10)])
+    with ResultWriter(tmp_path / "a.h5", HEADER, bodies, e0) as w:
+        w.append(0.0, 0 * e0, {}, {})
+        w.finish({"status": "converged"})
+    drawn = [p for p in draw(opened(tmp_path / "a.h5"), "shape").axes[0].patches if p.get_label() in
+             {f"b{k}" for k in range(10)}]
+    looks = {(p.get_edgecolor(), p.get_hatch(), str(p.get_linestyle())) for p in drawn}
+    assert len(drawn) == len(looks) == 10
+
+
+def test_size_letters_and_dots_are_those_asked_for(tmp_path: Path) -> None:
+    sheet = tmp_path / "mine.mplstyle"
+    sheet.write_text("axes.facecolor: 123456\n")
+    look = Look(size=(5.0, 3.0), font_size=14, dpi=50, sheet=str(sheet))
+    with opened(bent_beam(tmp_path / "a.h5")) as results:
+        figure = draw(results, "history", look=look)
+        assert figure.axes[0].get_facecolor()[:3] == pytest.approx((0x12 / 255, 0x34 / 255, 0x56 / 255))
+        assert figure.axes[0].xaxis.label.get_fontsize() == 14
+        with Image.open(save(figure, tmp_path / "a.png", look=look)) as image:
+            assert image.size == (250, 150)
+        with pytest.raises(ResultsError, match="neither a style file"):
+            draw(results, "history", look=Look(sheet="none.mplstyle"))
+        with Image.open(animate(results, tmp_path / "a.gif", "shape", length=2, look=look)) as image:
+            assert image.size == (250, 150)

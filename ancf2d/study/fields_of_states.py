@@ -1,0 +1,104 @@
+"""Fields over the bodies of a result file, computed from its states where they are not stored."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..case import Dynamic, LinearStatic, Static, Stiffness, load_case_text
+from ..errors import Ancf2dError
+from ..results import FieldRecord, Results
+from ..solve.fields import FIELDS, FieldReader
+from .run import field_records, vocabulary
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+    from ..solve.state import State
+
+
+class StatesWithFields(Results):
+    """An open result file that has every field that its states tell, stored or not."""
+
+    @cached_property
+    def _model(self) -> Model | None:
+        """The model of the case, with the fields that are to be computed; None where its states do not tell any."""
+        from ..model.build import build_model
+
+        name = str(self.attrs.get("case_name", ""))
+        try:
+            def built(fields: list[str]) -> Model:
+                loaded = load_case_text(self.case_completed, name, [f"output.fields=[{', '.join(fields)}]"],
+                                        vocabulary(), os.path.dirname(name))
+                return build_model(loaded)
+
+            model = built([])
+            fields = _told(model)
+            found = built(fields) if fields else None
+        except Ancf2dError:
+            return None
+        same = found is not None and found.n_q == self.nq and np.array_equal(found.e0, self.e0)
+        return found if same else None
+
+    @cached_property
+    def _reader(self) -> FieldReader | None:
+        return None if self._model is None else FieldReader(self._model)
+
+    @cached_property
+    def fields(self) -> dict[str, dict[str, FieldRecord]]:
+        """The fields over the bodies, those that are stored and those that can be computed."""
+        found: dict[str, dict[str, FieldRecord]] = {}
+        labels = {"F": self.units.force, "L": self.units.length, "T": self.units.time}
+        for record in field_records(self._model) if self._model is not None and self.nt else ():
+            units = record.units.format(**labels)
+            found.setdefault(record.body, {})[record.name] = FieldRecord(
+                record.body, record.name, record.components, units, record.description, record.xi, record.eta)
+        for body, stored in self._stored_fields.items():
+            found.setdefault(body, {}).update({name: record for name, (record, _) in stored.items()})
+        return found
+
+    def field(self, body: str, name: str, i: int = -1) -> np.ndarray:
+        """Return the values (ne, nx, ny, components) of a field over a body in state i; see ``fields``."""
+        if name in self._stored_fields.get(body, {}) or self._reader is None:
+            return super().field(body, name, i)
+        number = self._number(i)
+        if self._last is None or self._last[0] != number:
+            self._last = number, self._reader.read(self._state(number))
+        return self._last[1][body, name]
+
+    _last: tuple[int, dict[tuple[str, str], Any]] | None = None
+
+    def _state(self, i: int) -> State:
+        """Return a stored state as its solver has yielded it."""
+        from ..solve.state import State
+        from ..solve.system import System
+        from .warmup import warm_up
+
+        model = self._model
+        assert model is not None
+        d = np.zeros(len(model.numbering.place))
+        d[:model.n_q] = self.d(i)
+        t, turned = float(self.t[i]), self.turned(i)
+        if not isinstance(model.case.solver, LinearStatic | Static):
+            v = self.v(i) if self.holds("v") else None
+            return State(t, d, np.zeros_like(d), np.zeros_like(d), 0.0, turned, v=v)
+        warm_up(model)
+        system = System(model)
+        linear = isinstance(model.case.solver, LinearStatic)
+        balance = system.forces(np.zeros_like(d) if linear else d, t)
+        Q = balance.Q + system.action(np.zeros_like(d), d, t, linear=True) if linear else balance.Q
+        return State(t, d, np.array(Q), np.array(balance.F), 0.0, turned, linear=linear)
+
+
+def _told(model: Model) -> list[str]:
+    """Return the fields that stored states tell.
+
+    Sections given by their stiffnesses have no stress. N, Q and M follow from equilibrium: of motions it needs
+    accelerations, and where supports and joints have multipliers those, neither of which is stored.
+    """
+    solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
+                for name, body in model.case.bodies.items())
+    balanced = not (isinstance(model.case.solver, Dynamic) or model.constraints)
+    return [f.name for f in FIELDS.values() if (solid if f.over else balanced)]
