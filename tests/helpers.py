@@ -13,6 +13,7 @@ from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
 from ancf2d.model.build import build_model
+from ancf2d.model.interactions import Batch, batches
 from ancf2d.model.model import Model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.rotation import Rotation
@@ -203,6 +204,23 @@ def random_state(model: Model, size: float, seed: int = 0) -> np.ndarray:
     d = np.zeros(len(model.numbering.place))
     d[: model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
     return d
+
+
+def patch_at(model: Model, patch: Any, d: np.ndarray, t: float) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Return energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of a spring or a load at d (n_q,)."""
+    (one,) = batches([patch])
+    full = np.zeros(len(model.numbering.place))
+    full[:len(d)] = d
+    return (*one.evaluate(model.e0 + d[:model.n_q], full, t), one.dofs)
+
+
+def constraint_at(constraint: Any, d: np.ndarray, t: float) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return g, its gradient (n,) and Hessian (n, n) along the coordinates of a point constraint at d (n_q,)."""
+    coords = constraint.coordinates
+    full = np.append(d, np.zeros(max(int(coords.max()) + 1 - len(d), 1)))
+    full[coords[-1]] = 1.0
+    _, Q, K, _ = Batch([constraint]).matrices(full, t)
+    return float(Q[0, -1]), Q[0, :-1], K[0, :-1, :-1]
 
 
 def dense(target: Any, n: int) -> np.ndarray:

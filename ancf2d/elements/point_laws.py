@@ -338,24 +338,27 @@ def count_turns(p0, u, par, mem):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class PointLaw:
-    """A law: its forces, those of a step, whether H is symmetric, and whether its last field is a multiplier."""
+    """A law: its forces, those of a step (None: of any law that has a potential or none), and what it remembers.
+
+    ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
+    updates ``mem`` at an accepted state.
+    """
 
     name: str
     forces: Callable[..., Any]
     mean: Callable[..., Any]
     symmetric: bool = True
     constraint: bool = False
+    accept: Callable[..., Any] | None = None
 
 
-# in the order of their numbers, which kernels.points.apply and apply_mean dispatch on
 POINT_LAWS = (
     PointLaw("translational", translational, translational_mean),
-    PointLaw("rotational", rotational, rotational_mean),
+    PointLaw("rotational", rotational, rotational_mean, accept=count_turns),
     PointLaw("follower", follower, follower_mean, symmetric=False),
     PointLaw("moment", moment, moment_mean),
     PointLaw("at_angle", at_angle, at_angle_mean, constraint=True),
     PointLaw("aligned", aligned, aligned_mean, constraint=True),
     PointLaw("fixed_length", fixed_length, fixed_length_mean, constraint=True),
 )
-ROTATIONAL = 1
-HELPERS = (turn, over_sine, half_sine, turn_hessian, with_multiplier, stretch_of, relative_gradient, count_turns)
+HELPERS = (turn, over_sine, half_sine, turn_hessian, with_multiplier, stretch_of, relative_gradient)

@@ -2,37 +2,43 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
+from numba import types
 from numba.extending import register_jitable
 
 from ..elements import point_laws
-from ..elements.point_laws import MAX_FIELDS, ROTATIONAL, count_turns, turn
-from .jit import inlined, kernel
+from ..elements.point_laws import MAX_FIELDS, PointLaw, turn
+from .jit import addressed, inlined, inner, kernel
+from .lanes import array_at
 from .matrix import scatter
+from .pointers import address_of, caller
 from .stack_arrays import array, vector
 
 for _helper in point_laws.HELPERS:
     register_jitable(_helper)
-_translational, _translational_mean = kernel(point_laws.translational), kernel(point_laws.translational_mean)
-_rotational, _rotational_mean = kernel(point_laws.rotational), kernel(point_laws.rotational_mean)
-_follower, _follower_mean = kernel(point_laws.follower), kernel(point_laws.follower_mean)
-_moment, _moment_mean = kernel(point_laws.moment), kernel(point_laws.moment_mean)
-_at_angle, _at_angle_mean = kernel(point_laws.at_angle), kernel(point_laws.at_angle_mean)
-_aligned, _aligned_mean = kernel(point_laws.aligned), kernel(point_laws.aligned_mean)
-_length, _length_mean = kernel(point_laws.fixed_length), kernel(point_laws.fixed_length_mean)
+
+_v, _m = types.float64[::1], types.float64[:, ::1]
+_FORCES = types.float64(_v, _v, _v, _v, _v, _v, _v, _m, _m)
+_MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
+_ACCEPT = types.void(_v, _v, _v, _v)
+_forces, _mean, _accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
 
 
 class Points(NamedTuple):
     """Items of point laws. Item i has fields p0 + G d[dofs] and coordinates dofs.
 
-    law : (n,) number in POINT_LAWS; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of
-    item i begin in p0, dofs and G (rows of G one after another); par : (n, MAX_PAR); mem : (n, MAX_MEM) last angles;
+    forces, mean, accept : (n,) addresses of the law's functions, 0 for what it has not or nobody asks for; field, dof,
+    entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (rows of G one
+    after another); par : (n, MAX_PAR); mem : (n, MAX_MEM) last angles;
     signal : (n,) row of the amplitudes, -1 for a constant 1; fed : (n,) field that the signal prescribes, or -1;
     multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms.
     """
 
-    law: Any
+    forces: Any
+    mean: Any
+    accept: Any
     field: Any
     dof: Any
     entry: Any
@@ -61,40 +67,32 @@ class Turning(NamedTuple):
     length: Any
 
 
-@kernel
-def apply(law, p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Fill f, H, C of law number ``law``; return its energy."""
-    if law == 0:
-        return _translational(p0, u, w, par, a, mem, f, H, C)
-    if law == 1:
-        return _rotational(p0, u, w, par, a, mem, f, H, C)
-    if law == 2:
-        return _follower(p0, u, w, par, a, mem, f, H, C)
-    if law == 3:
-        return _moment(p0, u, w, par, a, mem, f, H, C)
-    if law == 4:
-        return _at_angle(p0, u, w, par, a, mem, f, H, C)
-    if law == 5:
-        return _aligned(p0, u, w, par, a, mem, f, H, C)
-    return _length(p0, u, w, par, a, mem, f, H, C)
+@cache
+def _compiled(law: PointLaw, what: str) -> tuple[Any, int]:
+    """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
+    law_of = inlined(getattr(law, what))
+
+    def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+        return float(law_of(p0, u, w, par, a, mem, f, H, C))
+
+    def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+        energy, power = law_of(p0, u0, u1, w, par, a0, a1, mem, f)
+        return float(energy), float(power)
+
+    def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
+        law_of(p0, u, par, mem)
+
+    function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
+    # the cache knows it by this name
+    function.__qualname__ = f"{what}_{law.name}"
+    compiled = addressed(function)
+    return compiled, address_of(compiled, signature)
 
 
-@kernel
-def apply_mean(law, p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """Fill the forces f of a step; return (energy at its end, dissipated power)."""
-    if law == 0:
-        return _translational_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    if law == 1:
-        return _rotational_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    if law == 2:
-        return _follower_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    if law == 3:
-        return _moment_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    if law == 4:
-        return _at_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    if law == 5:
-        return _aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f)
-    return _length_mean(p0, u0, u1, w, par, a0, a1, mem, f)
+def law_addresses(law: PointLaw, steps: bool) -> tuple[int, int, int]:
+    """Return the addresses of a law's functions; with ``steps`` that of its forces over a step too."""
+    return (_compiled(law, "forces")[1], _compiled(law, "mean")[1] if steps else 0,
+            0 if law.accept is None else _compiled(law, "accept")[1])
 
 
 @kernel
@@ -145,28 +143,34 @@ def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyp
 @kernel
 def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Do as ``_evaluate`` does with the rates in w."""
-    b, m = points.field[i], points.field[i + 1] - points.field[i]
     _fields(points, i, d, u)
     _amplitude(points, i, amps, u, w, a)
+    return _law(points, i, u, w, a, f, H, C)
+
+
+@kernel
+def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+    """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude; return its energy."""
+    b, m = points.field[i], points.field[i + 1] - points.field[i]
     f[:m] = 0.0
-    H[:m, :m] = 0.0
-    C[:m, :m] = 0.0
-    return apply(points.law[i], points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H[:m, :m],
-                 C[:m, :m])
+    H[:m * m] = 0.0
+    C[:m * m] = 0.0
+    return _forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m],
+                                      array_at(H, 0, (m, m)), array_at(C, 0, (m, m))))
 
 
 @inlined
 def _work_arrays():  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
     n = MAX_FIELDS
-    return vector(n), vector(n), vector(3), vector(n), array(n, n), array(n, n)
+    return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
 
 
 @inlined
 def _most_coordinates(points):  # type: ignore[no-untyped-def]
     """Return how many coordinates an item touches at most."""
     most = 0
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         most = max(most, points.dof[i + 1] - points.dof[i])
     return most
 
@@ -178,48 +182,84 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
     ``amps`` (signals, 3) are the values of the signals with their first and second time derivatives.
     """
     energy, power = 0.0, 0.0
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return energy, power
     u, w, a, f, H, C = _work_arrays()
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
         _add(points, i, f, Q)
         m = points.field[i + 1] - points.field[i]
         for p in range(m):
             for q in range(m):
-                power += w[p] * C[p, q] * w[q]
+                power += w[p] * C[p * m + q] * w[q]
     return energy, power
+
+
+@inner
+def _along(points, i, H, C, h, c, symmetric, K):  # type: ignore[no-untyped-def]
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part."""
+    m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
+    at = points.entry[i]
+    K[:] = 0.0
+    for p in range(m):
+        for q in range(m):
+            x = h * H[p * m + q] + c * C[p * m + q]
+            if symmetric:
+                x = 0.5 * (x + h * H[q * m + p] + c * C[q * m + p])
+            if x != 0.0:
+                for r in range(n):
+                    g = x * points.G[at + p * n + r]
+                    if g != 0.0:
+                        for s in range(n):
+                            K[r, s] += g * points.G[at + q * n + s]
 
 
 @kernel
 def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
     energy = 0.0
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return energy
     u, w, a, f, H, C = _work_arrays()
     most = _most_coordinates(points)
     entries = vector(most * most)
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
         _add(points, i, f, Q)
-        first, m = points.dof[i], points.field[i + 1] - points.field[i]
-        n = points.dof[i + 1] - first
-        at = points.entry[i]
-        K = entries[:n * n].reshape((n, n))
-        K[:] = 0.0
-        for p in range(m):
-            for q in range(m):
-                h = 0.5 * (H[p, q] + H[q, p] + c * (C[p, q] + C[q, p]))
-                if h != 0.0:
-                    for r in range(n):
-                        g = h * points.G[at + p * n + r]
-                        if g != 0.0:
-                            for s in range(n):
-                                K[r, s] += g * points.G[at + q * n + s]
+        first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
+        K = array_at(entries, 0, (n, n))
+        _along(points, i, H, C, 1.0, c, True, K)
         dofs = points.dofs[first:first + n].reshape((1, n))
         scatter(matrix, K, dofs, 0, place, indptr, index, value)
     return energy
+
+
+@kernel
+def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore[no-untyped-def]
+    """Fill energies (n,), forces Q (n, k), stiffness K and damping C (n, k, k) of items with k coordinates each.
+
+    ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
+    """
+    u, w, a, f, H, D = _work_arrays()
+    for i in range(len(points.forces)):
+        m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i]
+        _fields(points, i, d, u)
+        _fields(points, i, v, w)
+        if linear and fed >= 0:
+            held = u[fed]
+            _amplitude(points, i, amps, u, w, a)
+            u[fed] = held
+            energy[i] = _law(points, i, u, w, a, f, H, D)
+            f[m - 1] += H[fed * m + m - 1] * a[0]
+        else:
+            _amplitude(points, i, amps, u, w, a)
+            energy[i] = _law(points, i, u, w, a, f, H, D)
+        Q[i] = 0.0
+        for p in range(m):
+            for c in range(n):
+                Q[i, c] += points.G[at + p * n + c] * f[p]
+        _along(points, i, H, D, 1.0, 0.0, False, K[i])
+        _along(points, i, H, D, 0.0, 1.0, False, C[i])
 
 
 @kernel
@@ -230,11 +270,11 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     (``lam_from_d1``) or else the mean of both.
     """
     energy, power = 0.0, 0.0
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return energy, power
     u0, w, a0, f, _, _ = _work_arrays()
     u1, a1 = vector(MAX_FIELDS), vector(3)
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         _fields(points, i, d0, u0)
         _fields(points, i, d1, u1)
@@ -244,8 +284,8 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         if points.multiplier[i] >= 0 and not lam_from_d1:
             u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
-        U, lost = apply_mean(points.law[i], points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
-                             points.mem[i], f[:m])
+        U, lost = _mean(points.mean[i], (points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
+                                         points.mem[i], f[:m]))
         energy += U
         power += lost
         _add(points, i, f, Q)
@@ -258,28 +298,25 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
 
     Rates and accelerations that keep it obey g_q v = -g_t and g_q v' = -(the second).
     """
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return
     u, w, a, f, H, C = _work_arrays()
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         if points.multiplier[i] < 0:
             continue
-        b, m = points.field[i], points.field[i + 1] - points.field[i]
+        m = points.field[i + 1] - points.field[i]
         _fields(points, i, d, u)
         _fields(points, i, v, w)
         _amplitude(points, i, amps, u, w, a)
         u[m - 1] = 1.0
-        f[:m] = 0.0
-        H[:m, :m] = 0.0
-        apply(points.law[i], points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H[:m, :m],
-              C[:m, :m])
+        _law(points, i, u, w, a, f, H, C)
         velocity, acceleration = 0.0, 0.0
         if points.fed[i] >= 0:
             velocity = f[points.fed[i]] * a[1]
             acceleration = f[points.fed[i]] * a[2]
         for p in range(m - 1):
             for q in range(m - 1):
-                acceleration += w[p] * H[p, q] * w[q]
+                acceleration += w[p] * H[p * m + q] * w[q]
         out_velocity[points.multiplier[i]] = velocity
         out_acceleration[points.multiplier[i]] = acceleration
 
@@ -288,10 +325,10 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
 def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest |g| of the constraints, each beside the size of its terms."""
     worst = 0.0
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return worst
     u, w, a, f, H, C = _work_arrays()
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         if points.multiplier[i] >= 0:
             _evaluate(points, i, d, d, amps, u, w, a, f, H, C)
             g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
@@ -302,15 +339,15 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
 
 @kernel
 def point_accept(points, d):  # type: ignore[no-untyped-def]
-    """Count the turns of directions from the accepted state d on."""
-    if len(points.law) == 0:
+    """Let laws remember the accepted state d."""
+    if len(points.forces) == 0:
         return
     u = vector(MAX_FIELDS)
-    for i in range(len(points.law)):
-        if points.law[i] == ROTATIONAL:
+    for i in range(len(points.forces)):
+        if points.accept[i] != 0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
             _fields(points, i, d, u)
-            count_turns(points.p0[b:b + m], u[:m], points.par[i], points.mem[i])
+            _accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
 
 
 @kernel
@@ -336,7 +373,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 
     Signals count as 1: at rates of zero, to within the size of an amplitude.
     """
-    if len(points.law) == 0:
+    if len(points.forces) == 0:
         return
     u, w, a, f, H, C = _work_arrays()
     signals = 0
@@ -344,7 +381,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
         signals = max(signals, signal + 1)
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
-    for i in range(len(points.law)):
+    for i in range(len(points.forces)):
         w[:] = 0.0
         _evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
         first, m = points.dof[i], points.field[i + 1] - points.field[i]
@@ -357,6 +394,6 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
         for p in range(m):
             s = abs(f[p])
             for q in range(m):
-                s += abs(H[p, q]) * w[q]
+                s += abs(H[p * m + q]) * w[q]
             for c in range(n):
                 out[points.dofs[first + c]] += abs(points.G[at + p * n + c]) * s

@@ -68,17 +68,44 @@ def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    k, multiplier = _size(table, i), d[table.multiplier[i]]
-    dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
+def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
+    """Fill coordinates and rows as ``_linearise`` does, and the stiffness K (k + 1, k + 1); return g."""
+    k, multiplier = rows.shape[1], d[table.multiplier[i]]
     g, tx, ty, bend = _linearise(table, i, d, dofs, rows)
-    _add(table, i, g, dofs, rows[0], multiplier, Q)
     _second(g, tx, ty, bend, rows, K)
     for a in range(k):
         for b in range(k):
             K[a, b] *= multiplier
         K[k, a] = K[a, k] = rows[0, a]
+    K[k, k] = 0.0
+    return g
+
+
+@kernel
+def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    k = _size(table, i)
+    dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
+    g = _fill(table, i, d, dofs, rows, K)
+    _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
     scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
+
+
+@kernel
+def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
+    """Fill coordinates, forces (k + 1,) and stiffness (k + 1, k + 1) of joint i, and begin the next search here.
+
+    Returns whether the point is above the body.
+    """
+    rows = array(3, len(Q) - 1)
+    m, z, at = _foot(table, i, d)
+    if math.isnan(at[0]):
+        return False
+    g = _fill(table, i, d, dofs, rows, K)
+    for a in range(len(Q) - 1):
+        Q[a] = d[table.multiplier[i]] * rows[0, a]
+    Q[len(Q) - 1] = g - table.gap[i]
+    table.memory[i, 0], table.memory[i, 1] = m, z
+    return True
 
 
 @kernel

@@ -47,20 +47,12 @@ class Constraint(Protocol):
     dofs: Index
     multiplier: int
 
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""
-        ...
-
     def reference_gradient(self) -> Array:
         """Return the gradient (n,) in the reference, where nothing is prescribed yet."""
         ...
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
         """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
-        ...
-
-    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
-        """Return g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v (n_full,)."""
         ...
 
 

@@ -10,12 +10,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..case import Distributed, FollowerForce, Force, Gravity, Moment
+from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
 from .mesh import BodyMesh, Index, volume_weights
-from .point_patch import PointPatch, position_fields, turn_fields
+from .point_patch import LAWS, Items, PointPatch, position_fields, turn_fields
 from .points import PointRef
 
 Amplitude = Callable[[float], float]
+# the derivative of r (or theta itself) that a section turns with
+_TURNS_WITH = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}
 
 
 @dataclass
@@ -30,18 +33,13 @@ class DeadLoad:
 
 
 class Patch(Protocol):
-    """Forces that depend on the configuration: (m, n) coordinates with (m, n) forces and (m, n, n) stiffness.
+    """Forces that depend on the configuration, along coordinates ``dofs`` (m, n): point laws, centrifugal forces.
 
-    The elastic sign: ``evaluate`` returns (energy, Q, K) as if the patch were an element, so a load returns
-    -Q_k. ``symmetric`` tells whether K is.
+    ``symmetric`` tells whether their stiffness is.
     """
 
     dofs: Index
     symmetric: bool
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, Q and K."""
-        ...
 
 
 @dataclass
@@ -63,7 +61,10 @@ class LoadContext:
 
 
 class FollowerLine:
-    """A line load (tangential, normal) per reference length along the turning sections of many elements."""
+    """A line load (tangential, normal) per reference length: a force that turns at each of its quadrature points.
+
+    ``dofs`` (elements, n) are its coordinates.
+    """
 
     symmetric = False
 
@@ -71,69 +72,37 @@ class FollowerLine:
                  amplitude: Amplitude) -> None:
         self.mesh, self.cover, self.value, self.amplitude = mesh, cover, value, amplitude
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
-        element = mesh.plan.element
-        self.nc = element.components
-        self.tables = []
-        for elements, xi, w in cover:
-            shape = mesh.classes[mesh.cls[elements[0]]].shape
-            zero = np.zeros_like(xi)
-            order = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}[element.section_kind]
-            self.tables.append((elements, shape(xi, zero), shape(xi, zero, *order), w))
 
-    def points(self) -> list[PointPatch]:
-        """Return the load as forces at its quadrature points, which moving models take."""
-        mesh, out = self.mesh, []
-        for elements, xi, w in self.cover:
-            for ie in elements.tolist():
-                start, l, angle, kappa = (float(a[ie]) for a in
-                                          (mesh.starts, mesh.lengths, mesh.angles, mesh.curvatures))
-                for x, weight in zip(xi.tolist(), w.tolist(), strict=True):
-                    point = PointRef(mesh, (start + l * x) / mesh.plan.length, ie, x, angle + kappa * l * x, None)
-                    ft, fn = weight * self.value
-                    out.append(follower_force(point, (ft, fn), self.amplitude, angle=self._angle(point)))
-        return out
+    def items(self) -> Items:
+        """Return the forces at the quadrature points, element by element, as tables have them."""
+        parts = [self._of(*part) for part in self.cover]
+        dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Items(LAWS["follower"], dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
 
-    def _angle(self, point: PointRef) -> float:
-        """Return the angle of the interpolated section's tangent in the reference."""
-        if self.nc == 3:
-            coords, weights = point.theta()
-            return float(weights @ self.mesh.e0[coords - self.mesh.first_dof])
-        across = self.mesh.plan.element.section_kind == "interpolated"
-        return point.director()[1] - (0.5 * math.pi if across else 0.0)
-
-    def _axes(self, D: Array, local: Array) -> tuple[Array, Array]:
-        """Return the unit tangents (m, p, 2) of the sections and dtheta/de (m, p, n)."""
-        nc, (m, n) = self.nc, local.shape
-        g = np.zeros((m, len(D), n))
-        if nc == 3:
+    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
+        """Return dofs, G, p0 and par of the points xi of some elements of one class."""
+        mesh, element = self.mesh, self.mesh.plan.element
+        nc, dofs = element.components, mesh.dofs[elements]
+        shape, zero = mesh.classes[mesh.cls[elements[0]]].shape, np.zeros_like(xi)
+        S, D = shape(xi, zero), shape(xi, zero, *_TURNS_WITH[element.section_kind])
+        local, theta = mesh.e0[dofs - mesh.first_dof], nc == 3
+        m, p, n = len(elements), len(xi), dofs.shape[1]
+        G, p0 = np.zeros((m, p, 3 if theta else 4, n)), np.zeros((m, p, 3 if theta else 4))
+        G[:, :, 0, 0::nc], G[:, :, 1, 1::nc] = S, S
+        if theta:
             angle = local[:, 2::3] @ D.T
-            g[:, :, 2::3] = D
-            return np.stack([np.cos(angle), np.sin(angle)], axis=-1), g
-        vx, vy = local[:, 0::2] @ D.T, local[:, 1::2] @ D.T
-        LL = vx**2 + vy**2
-        g[:, :, 0::2] = -(vy / LL)[:, :, None] * D
-        g[:, :, 1::2] = (vx / LL)[:, :, None] * D
-        L = np.sqrt(LL)
-        across = self.mesh.plan.element.section_kind == "interpolated"
-        t = (vy / L, -vx / L) if across else (vx / L, vy / L)
-        return np.stack(t, axis=-1), g
-
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return -Q_k and its derivative, element by element."""
-        ft, fn = self.value * self.amplitude(t)
-        Qs, Ks = [], []
-        for elements, S, D, w in self.tables:
-            dofs = self.mesh.dofs[elements]
-            tangent, g = self._axes(D, e[dofs])
-            fx = ft * tangent[..., 0] - fn * tangent[..., 1]
-            fy = ft * tangent[..., 1] + fn * tangent[..., 0]
-            Q, K = np.zeros(dofs.shape), np.zeros((*dofs.shape, dofs.shape[1]))
-            for c, (f, slope) in enumerate(((fx, -fy), (fy, fx))):
-                Q[:, c::self.nc] = -(f * w) @ S
-                K[:, c::self.nc, :] = -np.einsum("mp,pk,mpn->mkn", slope * w, S, g)
-            Qs.append(Q)
-            Ks.append(K)
-        return 0.0, np.concatenate(Qs), np.concatenate(Ks)
+            G[:, :, 2, 2::3] = D
+        else:
+            x, y = local[:, 0::2] @ D.T, local[:, 1::2] @ D.T
+            p0[:, :, 2] = length = np.hypot(x, y)
+            c, s = x / length, y / length
+            G[:, :, 2, 0::2], G[:, :, 2, 1::2] = c[..., None] * D, s[..., None] * D
+            G[:, :, 3, 0::2], G[:, :, 3, 1::2] = -s[..., None] * D, c[..., None] * D
+            angle = np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
+        (ft, fn), c, s = self.value, np.cos(angle), np.sin(angle)
+        kind = np.full((m, p), THETA if theta else DIRECTION)
+        par = np.stack([w * (c * ft - s * fn), w * (s * ft + c * fn), kind], axis=-1)
+        return np.repeat(dofs, p, axis=0), G.reshape(m * p, -1, n), p0.reshape(m * p, -1), par.reshape(m * p, 3)
 
 
 def _force(load: Force, context: LoadContext, out: LoadSet) -> None:
@@ -143,14 +112,10 @@ def _force(load: Force, context: LoadContext, out: LoadSet) -> None:
 
 
 def follower_force(point: PointRef, value: tuple[float, float], amplitude: Amplitude,
-                   spread: str | None = None, angle: float | None = None) -> PointPatch:
-    """Return a force (tangential, normal) along the axes of its section as it turns.
-
-    ``angle`` is that of the section's tangent in the reference: the body's own unless given.
-    """
+                   spread: str | None = None) -> PointPatch:
+    """Return a force (tangential, normal) along the axes of its section as it turns."""
     kind, fields = turn_fields(point)
-    angle = point.angle if angle is None else angle
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = math.cos(point.angle), math.sin(point.angle)
     reference = (c * value[0] - s * value[1], s * value[0] + c * value[1])
     return PointPatch("follower", [*position_fields(point, spread), *fields], [*reference, kind], amplitude)
 

@@ -32,12 +32,10 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
     """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""
     first = np.array([m.first_dof for m in meshes])
-    zero = np.zeros_like(e0)
     found = [(r.coords, r.coefs) for r in rows]
-    found += [(c.dofs, c.evaluate(e0, zero, 0.0)[1]) for c in constraints]
+    found += [(c.dofs, c.reference_gradient()) for c in constraints]
     for spring in springs:
-        _, _, K = spring.evaluate(e0, zero, 0.0)
-        values, vectors = np.linalg.eigh(K[0])
+        values, vectors = np.linalg.eigh(spring.reference_stiffness())
         keep = values > 1e-9 * _stiffness(spring)
         found += [(spring.dofs[0], v) for v in vectors.T[keep]]
     out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
@@ -57,8 +55,7 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
 
 def _stiffness(spring: Spring) -> float:
     """Return how stiff a spring's law is beside its coordinates; one within a rigid body has round-off of it."""
-    still = np.zeros(len(spring.G))
-    H = spring.forces(still, 0.0, still)[2]
+    _, H, _ = spring.forces(np.zeros(len(spring.G)), 0.0)
     return max(float(np.abs(H).max() * np.abs(spring.G).max() ** 2), 1e-300)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from .points import PointRef, point_ref
 from .rotation import Turns
 from .springs import Spring
 from .timing import Timing
+
+if TYPE_CHECKING:
+    from .interactions import Interactions
 
 
 @dataclass(frozen=True)
@@ -226,6 +229,13 @@ class Model:
         """Return the name of the multiplier of constraint ``number``."""
         constraint = self.constraints[number]
         return f"the multiplier of {constraint.owner} ({constraint.holds})"
+
+    @cached_property
+    def interactions(self) -> Interactions:
+        """Springs, loads that turn or move and constraints as the kernels take them (imports numba)."""
+        from .interactions import Interactions
+
+        return Interactions(self.springs, self.loads.patches, self.constraints, self.e0)
 
     @property
     def patches(self) -> list[Patch]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA
+from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .mesh import Index
 from .points import PointRef, dot
-from .signals import rates_of
 
 LAWS = {law.name: law for law in POINT_LAWS}
 
@@ -59,6 +59,25 @@ def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
     return coords, G, np.array([f.p0 for f in fields])
 
 
+class Items(NamedTuple):
+    """A law over m sets of n coordinates each, as tables have it.
+
+    dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, MAX_MEM); what they follow, the
+    field that it prescribes, their multiplier and the size of their terms (``PointPatch``).
+    """
+
+    law: PointLaw
+    dofs: Index
+    G: Array
+    p0: Array
+    par: Array
+    mem: Array
+    signal: Any = None
+    fed: int = -1
+    multiplier: int = -1
+    scale: float = 1.0
+
+
 class PointPatch:
     """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
 
@@ -89,30 +108,31 @@ class PointPatch:
         """The matrix that gives the fields from the coordinates."""
         return self.G
 
-    def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[float, Array, Array]:
-        """Return energy, f and H at fields p0 + u (m,) and their rates, at rest without; ``u`` gets the field that is
+    def items(self) -> Items:
+        """Return the law as tables have it."""
+        return Items(self.law, self.coordinates[None], self.rows[None], self.p0[None], self.par[None], self.mem[None],
+                     self.signal, self.fed, self.multiplier, self.scale)
+
+    def keep_in(self, par: Array, mem: Array) -> None:
+        """Keep constants and last angles in rows of a table."""
+        self.par, self.mem = par, mem
+
+    def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[Array, Array, Array]:
+        """Return f, H and C at fields p0 + u (m,) and their rates, at rest without; ``u`` gets the field that is
         prescribed."""
         m = len(self.p0)
         a = np.array([1.0 if self.signal is None else self.signal(t), 0.0, 0.0])
         if self.fed >= 0:
             u[self.fed] = a[0]
-        f, H = np.zeros(m), np.zeros((m, m))
+        f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
         v = np.zeros(m) if rates is None else rates
-        U = self.law.forces(self.p0, u, v, self.par, a, self.mem, f, H, np.zeros((m, m)))
-        return float(U), f, H
+        self.law.forces(self.p0, u, v, self.par, a, self.mem, f, H, C)
+        return f, H, C
 
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, Q (1, n) and K (1, n, n)."""
-        U, f, H = self.forces(self.G @ d[self.dofs[0]], t)
-        return U, (self.G.T @ f)[None], (self.G.T @ H @ self.G)[None]
-
-    def damping(self, d: Array) -> Array:
-        """Return the matrix (n, n) of the forces that rates exert along the coordinates, at d (n_full,)."""
-        u, m = self.G @ d[self.dofs[0]], len(self.p0)
-        C = np.zeros((m, m))
-        self.law.forces(self.p0, u, np.zeros(m), self.par, np.array([1.0, 0.0, 0.0]), self.mem, np.zeros(m),
-                        np.zeros((m, m)), C)
-        return np.asarray(self.G.T @ C @ self.G)
+    def reference_stiffness(self) -> Array:
+        """Return the stiffness (n, n) along the coordinates in the reference."""
+        _, H, _ = self.forces(np.zeros(len(self.p0)), 0.0)
+        return np.asarray(self.G.T @ H @ self.G)
 
 
 class PointConstraint(PointPatch):
@@ -156,25 +176,6 @@ class PointConstraint(PointPatch):
             p[self.fed] = self.signal(t)
         return self.facing is not None and self.facing(p) < 0.0
 
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``."""
-        u = self.G @ d[self.dofs]
-        u[-1] = 1.0
-        _, f, H = self.forces(u, t)
-        g, f[-1] = float(f[-1]), 0.0
-        H[-1], H[:, -1] = 0.0, 0.0
-        return g, self.G.T @ f, self.G.T @ H @ self.G
-
-    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
-        """Return g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v (n_full,)."""
-        u, w = self.G @ d[self.dofs], self.G @ v[self.dofs]
-        u[-1], w[-1], fed = 1.0, 0.0, (0.0, 0.0)
-        _, f, H = self.forces(u, t)
-        if self.fed >= 0:
-            fed = rates_of(self.signal, t)
-            w[self.fed] = fed[0]
-        return float(f[self.fed] * fed[0]), float(f[self.fed] * fed[1] + w @ H @ w)
-
     def slopes(self) -> Array:
         """Return dg/dp (m,) for the fields p in the reference, where nothing is prescribed yet."""
         u = np.zeros(len(self.p0))
@@ -188,43 +189,6 @@ class PointConstraint(PointPatch):
         """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""
         gradient: Array = self.G.T @ self.slopes()
         return gradient
-
-
-class ConstraintBatch:
-    """Constraints of one law over as many coordinates each, evaluated together."""
-
-    def __init__(self, constraints: Sequence[PointConstraint]) -> None:
-        self.law = constraints[0].law
-        self.dofs: Index = np.stack([c.coordinates for c in constraints])
-        self.G = np.stack([c.rows for c in constraints])
-        self.p0 = np.stack([c.p0 for c in constraints], axis=1)
-        self.par = np.stack([c.par for c in constraints], axis=1)
-        self.fed = [(c.fed, k, c.signal) for k, c in enumerate(constraints) if c.signal is not None]
-
-    def evaluate(self, d: Array, t: float, linear: bool = False) -> tuple[Array, Array]:
-        """Return Q (m, n) and K (m, n, n) of lambda g along ``dofs`` (m, n), the multiplier last.
-
-        ``linear``: g is that of linear theory, also in what is prescribed.
-        """
-        u = np.einsum("mfn,mn->fm", self.G, d[self.dofs])
-        for field, k, signal in [] if linear else self.fed:
-            u[field, k] = signal(t)
-        f, H = np.zeros_like(u), np.zeros((len(u), *u.shape))
-        self.law.forces(self.p0, u, np.zeros_like(u), self.par, np.zeros(3), np.zeros(MAX_MEM), f, H,
-                        np.zeros_like(H))
-        for field, k, signal in self.fed if linear else []:
-            f[-1, k] += H[field, -1, k] * signal(t)
-        Gt = self.G.transpose(0, 2, 1)
-        return (Gt @ f.T[:, :, None])[:, :, 0], Gt @ H.transpose(2, 0, 1) @ self.G
-
-
-def batches(constraints: Iterable[object]) -> list[ConstraintBatch]:
-    """Return the constraints that are laws of points, those that are alike together."""
-    alike: dict[tuple[str, tuple[int, ...]], list[PointConstraint]] = {}
-    for c in constraints:
-        if isinstance(c, PointConstraint):
-            alike.setdefault((c.law.name, c.G.shape), []).append(c)
-    return [ConstraintBatch(group) for group in alike.values()]
 
 
 def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:

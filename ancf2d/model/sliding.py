@@ -78,8 +78,8 @@ def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
 class OnAxis:
     """A point stays on the axis of a body: its distance from there remains what it is in the reference.
 
-    ``dofs`` (n,): every coordinate of the body and those of the point. Statics follow the foot point from one
-    evaluation to the next. ``multiplier`` is its full coordinate, known once a model is numbered.
+    ``dofs`` (n,): every coordinate of the body and those of the point. ``multiplier`` is its full coordinate, known
+    once a model is numbered.
     """
 
     multiplier = -1
@@ -116,26 +116,10 @@ class OnAxis:
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
             raise self.lost()
 
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return g, its gradient (n,) and Hessian (n, n) along ``dofs``; raises ComputationError off the end."""
-        m, z, (g, nx, ny, tx, ty, c) = self._foot(d)
-        if math.isnan(g):
-            raise self.lost()
-        self.table.memory[0] = m, z
-        k = 2 * int(self.table.points[0] + self.table.shapes[0])
-        touched, rows, H = np.zeros(k, dtype=np.int64), np.zeros((3, k)), np.zeros((k, k))
-        sliding.rows_at(self.table, 0, m, z, nx, ny, tx, ty, touched, rows)
-        sliding.second(g, tx, ty, c, rows, H)
-        n = len(self.dofs)
-        at, G, full = np.searchsorted(self.dofs, touched), np.zeros(n), np.zeros((n, n))
-        G[at] = rows[0]
-        full[np.ix_(at, at)] = H
-        return g - float(self.table.gap[0]), G, full
-
-    def rates(self, e: Array, d: Array, v: Array, t: float) -> tuple[float, float]:
-        """Return 0, as nothing is prescribed, and v^T g_qq v at d with rates v (n_full,)."""
-        _, _, H = self.evaluate(e, d, t)
-        return 0.0, float(v[self.dofs] @ H @ v[self.dofs])
+    @property
+    def touched(self) -> int:
+        """The number of coordinates that the joint touches at a time, without the multiplier."""
+        return 2 * int(self.table.points[0] + self.table.shapes[0])
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
         """Return that no rotation is prescribed."""
@@ -143,8 +127,12 @@ class OnAxis:
 
     def reference_gradient(self) -> Array:
         """Return the gradient (n,) of g in the reference."""
-        none = np.zeros(len(self.table.e0))
-        return self.evaluate(none, none, 0.0)[1]
+        m, z, (_, nx, ny, tx, ty, _) = self._foot(np.zeros(len(self.table.e0)))
+        dofs, rows = np.zeros(self.touched, dtype=np.int64), np.zeros((3, self.touched))
+        sliding.rows_at(self.table, 0, m, z, nx, ny, tx, ty, dofs, rows)
+        gradient = np.zeros(len(self.dofs))
+        gradient[np.searchsorted(self.dofs, dofs)] = rows[0]
+        return gradient
 
 
 def check_ends(constraints: Iterable[object], d: Array) -> None:

@@ -90,7 +90,7 @@ def end_forces(spring: Any, ends: list[End], patch: PointPatch, d: Array, v: Arr
     """
     u = patch.G @ d[patch.coordinates]
     rates = np.zeros_like(u) if v is None else patch.G @ v[patch.coordinates]
-    f, H = patch.forces(np.zeros_like(u) if linear else u, t, rates)[1:]
+    f, H, _ = patch.forces(np.zeros_like(u) if linear else u, t, rates)
     if linear:
         f = f + H @ u
     out = []

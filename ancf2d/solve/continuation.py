@@ -198,17 +198,16 @@ class Curve:
 
     def load_rate(self, d: Array, t: float) -> Array:
         """Return dR/dt at fixed unknowns (n_unknowns,): loads that scale, and motion that scales."""
-        model, n_q = self.model, self.model.n_q
-        out, e = -self.dead, model.e0 + d[:n_q]
-        for patch in model.loads.patches:
-            np.add.at(out, patch.dofs, patch.evaluate(e, d, 1.0)[1] - patch.evaluate(e, d, 0.0)[1])
+        model = self.model
+        out, e = -self.dead, model.e0 + d[:model.n_q]
+        for load in model.interactions.loads:
+            np.add.at(out, load.dofs, load.evaluate(e, d, 1.0)[1] - load.evaluate(e, d, 0.0)[1])
             if model.moves:
-                K = patch.evaluate(e, d, t)[2]
-                np.add.at(out, patch.dofs, np.einsum("mij,mj->mi", K, self.motion[patch.dofs]))
-        for k, constraint in enumerate(model.constraints):
-            (g1, G1, _), (g0, G0, _) = (constraint.evaluate(e, d, t + h) for h in (SMALL, -SMALL))
-            np.add.at(out, constraint.dofs, d[n_q + k] * (G1 - G0) / (2 * SMALL))
-            out[n_q + k] += (g1 - g0) / (2 * SMALL)
+                K = load.evaluate(e, d, t)[2]
+                np.add.at(out, load.dofs, np.einsum("mij,mj->mi", K, self.motion[load.dofs]))
+        for side in (1.0, -1.0):
+            for _, Q, _, dofs in model.interactions.constraints(d, t + side * SMALL):
+                np.add.at(out, dofs, side * Q / (2 * SMALL))
         if model.moves:
             out += self.system.action(d, self.motion, t)
         return model.numbering.reduce(out)

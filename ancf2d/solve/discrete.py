@@ -59,7 +59,7 @@ class DiscreteModel:
         self._alpha = damping.rayleigh.alpha if damping else 0.0
         self._gyroscope = Gyroscope(model, rotation.omega) if rotation else None
         self._viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
-        self._dampers = [p for s, p in zip(model.case.springs, model.springs, strict=True) if s.damping > 0.0]
+        self._damped = any(spring.damping > 0.0 for spring in model.case.springs)
 
     def __repr__(self) -> str:
         title, m = self._model.case.title, self._model.numbering.n_multipliers
@@ -168,8 +168,8 @@ class DiscreteModel:
         d = self._reference if self._linear else d
         for tau, group in self._viscous:
             viscous_force(group, tau, d, v, out)
-        for damper in self._dampers:
-            out[damper.coordinates] += damper.damping(d) @ v[damper.coordinates]
+        for C, dofs in self._model.interactions.damping(d, 0.0) if self._damped else ():
+            np.add.at(out, dofs, np.einsum("mij,mj->mi", C, v[dofs]))
         if self._gyroscope is not None:
             out += self._gyroscope.forces(v)
         if self._alpha:
@@ -197,7 +197,7 @@ class DiscreteModel:
         full, num = self._full(self._unknowns(d, "d", t), t), self._model.numbering
         i, j = self._entries
         values, colour_of = np.zeros(len(i)), self._colours[j]
-        acts = self._viscous or self._dampers or self._alpha or self._gyroscope
+        acts = self._viscous or self._damped or self._alpha or self._gyroscope
         for colour in range(int(self._colours.max(initial=-1)) + 1) if acts else ():
             seed, v = np.zeros(self.n), np.zeros(len(full))
             seed[self._order] = self._colours == colour
@@ -295,13 +295,15 @@ class DiscreteModel:
 
         These are g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v, each with G ``driven`` (all (n_full,)) added.
         """
-        constraints, e = self._model.constraints, self._model.e0 + d[:self._model.n_q]
-        G, rates = np.zeros((len(constraints), self.n)), np.zeros((2, len(constraints)))
-        for k, constraint in enumerate(constraints):
+        m, found = len(self._model.constraints), self._model.interactions
+        if not m:
+            return np.zeros((0, self.n)), np.zeros((2, 0))
+        G, rates = np.zeros((m, self.n)), found.constraint_rates(d, v, t)
+        for k, (_, dofs, row) in enumerate(found.gradients(d, t)):
             gradient = np.zeros(len(d))
-            gradient[constraint.dofs] = constraint.evaluate(e, d, t)[1]
+            gradient[dofs] = row
             G[k] = self._model.numbering.reduce(gradient)[self._order]
-            rates[:, k] = np.array(constraint.rates(e, d, v, t)) + gradient @ driven
+            rates[:, k] += gradient @ driven
         return G, rates
 
     def _with_constraints(self, forces: Array, G: Array, rates: Array) -> tuple[Array, Array]:

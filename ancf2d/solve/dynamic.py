@@ -66,10 +66,9 @@ class Balance:
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
         model, d_q = self.model, d[:self.model.n_q]
-        e = model.e0 + d_q
-        model.turns.recall(model.springs, e, d_q, model.turns.at(d, row.turned))
+        model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
-        springs = sum(float(s.evaluate(e, d, row.side)[0]) for s in model.springs)
+        springs = model.interactions.energy(d, row.side)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
         potential = self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain

@@ -77,9 +77,8 @@ class Energies:
         from ..kernels.elements import force
 
         Q = np.zeros(len(d))
-        e = self.model.e0 + d[:self.model.n_q]
         energy = sum(float(force(group, d, Q)) for group in self.model.groups)
-        return energy + sum(float(spring.evaluate(e, d, t)[0]) for spring in self.model.springs)
+        return energy + self.model.interactions.energy(d, t)
 
     def potential(self, d: Array) -> float:
         """Return the potential of gravity that is constant, measured from the reference."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..case import GroundPoint, Point
 from ..elements.shape import Array
+from ..model.interactions import batches
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
@@ -70,6 +71,19 @@ def _sparse_least_squares(data: Array, index: Index, owner: NDArray[np.integer],
     return lsmr(csr_matrix((data, (index, owner)), shape=shape), b, atol=1e-14, btol=1e-14)[0]
 
 
+def constraint_forces(model: Model, state: State) -> list[tuple[Index, Array]]:
+    """Return the coordinates of each constraint and the forces that it exerts along them."""
+    if not model.constraints:
+        return []
+    d, out = state.d.copy(), {}
+    if state.linear:
+        d[:model.n_q] = 0.0
+    for _, Q, _, dofs in model.interactions.constraints(d, state.side, state.linear):
+        for q, coords in zip(Q, dofs, strict=True):
+            out[int(coords[-1]) - model.n_q] = coords[:-1], -q[:-1]
+    return [out[k] for k in range(len(model.constraints))]
+
+
 def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
     """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
     return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state)]
@@ -86,7 +100,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
-        for patch in out.patches:
+        for patch in batches(out.patches):
             np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
         yield _at(point, full)
 
@@ -118,16 +132,15 @@ def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     if not places:
         return
     lam, _ = equilibrium_rows(model, state)
+    held = constraint_forces(model, state)
     for owner, ie, xi in places:
         full = np.zeros(model.n_q)
         for row, value in zip(model.rows, lam, strict=True):
             if row.owner == owner:
                 np.add.at(full, row.coords, value * row.coefs)
-        for k, constraint in enumerate(model.constraints):
+        for constraint, (dofs, forces) in zip(model.constraints, held, strict=True):
             if constraint.owner == owner:
-                G = (constraint.reference_gradient() if state.linear
-                     else constraint.evaluate(model.e0 + d, d, state.side)[1])
-                np.subtract.at(full, constraint.dofs, state.d[model.n_q + k] * G)
+                np.add.at(full, dofs, forces)
         yield Inside(ie, xi, full[mesh.dofs[ie]])
 
 

@@ -11,7 +11,7 @@ from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
 from .energy import Energies
-from .inside import equilibrium_rows
+from .inside import constraint_forces, equilibrium_rows
 from .section_forces import has_section_forces, section_forces
 from .state import State
 
@@ -98,17 +98,16 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
     lam, _ = equilibrium_rows(model, state)
     d = state.d[:model.n_q]
     e = model.e0 if state.linear else model.e0 + d
-    out = {}
+    out, held = {}, constraint_forces(model, state)
     for name, point in model.supports:
         centre = np.array([dot(c, e) for c in point.position()])
         total = np.zeros(3)
         for row, value in zip(model.rows, lam, strict=True):
             if row.owner == name:
                 total += value * (row.coefs @ rigid_motion(point.mesh, row.coords, e, centre))
-        for k, constraint in enumerate(model.constraints):
+        for constraint, (dofs, forces) in zip(model.constraints, held, strict=True):
             if constraint.owner == name:
-                G = constraint.reference_gradient() if state.linear else constraint.evaluate(e, d, state.side)[1]
-                total -= state.d[model.n_q + k] * (G @ rigid_motion(point.mesh, constraint.dofs, e, centre))
+                total += forces @ rigid_motion(point.mesh, dofs, e, centre)
         out[name] = dict(zip(("fx", "fy", "m"), (float(v) for v in total), strict=True))
     return out
 

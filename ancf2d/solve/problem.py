@@ -15,9 +15,9 @@ from ..kernels.points import Turning
 from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
+from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
-from ..model.point_table import point_table, points_of, turning_table
 from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
@@ -124,22 +124,27 @@ def _pairs(model: Model) -> tuple[Index, Index]:
 
 
 def _points(model: Model, signals: Signals) -> Any:
-    patches = points_of(model)
+    patches = model.interactions.points
     own: list[Any] = []
-    table = point_table(patches, own)
+    table = point_table(patches, own, steps=_conserves(model))
     rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal], dtype=np.int64)
     return table._replace(signal=rows)
 
 
+def _conserves(model: Model) -> bool:
+    """Return whether the motion's steps keep energy and momentum."""
+    return INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
+
+
 def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the kernels of a model's motion call by address (``kernels.calls``)."""
-    mean = INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
+    mean = _conserves(model)
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides = any(isinstance(c, OnAxis) for c in model.constraints)
     layout = nothing().layout
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, mean, layout),
-            **patch_functions(fronts, bool(points_of(model)), slides, mean, layout)}
+            **patch_functions(fronts, bool(model.interactions.points), slides, mean, layout)}
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,6 @@ from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
-from ..model.point_patch import ConstraintBatch, PointConstraint, batches
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
 from .threads import Crew
@@ -82,10 +81,6 @@ class System:
         return Balance(np.zeros(len(num.place)), np.zeros(0), np.zeros(num.n_unknowns), 0.0)
 
     @cached_property
-    def _batches(self) -> list[ConstraintBatch]:
-        return batches(self.model.constraints)
-
-    @cached_property
     def _sizes(self) -> Array:
         return np.zeros(len(self.model.numbering.place))
 
@@ -97,36 +92,17 @@ class System:
         return out.Q, out.R
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False
-                ) -> list[tuple[float, Array, Array, Index]]:
-        """Return (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move.
+                ) -> Iterator[tuple[float, Array, Array, Index]]:
+        """Yield (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move.
 
         ``linear``: constraints are those of linear theory about the reference.
         """
         model, n_q = self.model, self.model.n_q
-        out: list[tuple[float, Array, Array, Index]] = []
-        if not (model.springs or model.loads.patches or model.constraints):
-            return out
-        e = model.e0 + d[:n_q]
+        if not model.patches and not model.constraints:
+            return
         if model.winds:
-            model.turns.recall(model.springs, e, d[:n_q], self.count(d, t))
-        for spring in model.springs:
-            out.append((*spring.evaluate(e, d, t), spring.dofs))
-        for patch in [] if elastic else model.loads.patches:
-            out.append((*patch.evaluate(e, d, t), patch.dofs))
-        for batch in self._batches:
-            Q, K = batch.evaluate(d, t, linear)
-            out.append((0.0, Q, K, batch.dofs))
-        for k, constraint in enumerate(model.constraints):
-            if isinstance(constraint, PointConstraint):
-                continue
-            g, G, H = constraint.evaluate(e, d, t)
-            n, multiplier = len(G), d[n_q + k]
-            K = np.zeros((1, n + 1, n + 1))
-            K[0, :n, :n] = multiplier * H
-            K[0, n, :n] = K[0, :n, n] = G
-            Q = np.append(multiplier * G, g)[None, :]
-            out.append((0.0, Q, K, np.append(constraint.dofs, n_q + k)[None, :]))
-        return out
+            model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
+        yield from model.interactions.patches(d, t, elastic, linear)
 
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
         """Return the forces at d (n_full,), in arrays of ``out`` if given, and fill the tangent matrix.
@@ -141,7 +117,7 @@ class System:
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
-            scatter_patches(self.matrix.target, np.ascontiguousarray(K), np.ascontiguousarray(dofs), 0, len(dofs),
+            scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs),
                             *self.tables)
         if not load_stiffness:
             self.add_loads(Q, d, t)
@@ -198,8 +174,8 @@ class System:
     def add_loads(self, Q: Array, d: Array, t: float, sign: float = 1.0) -> None:
         """Add the forces of loads that turn or move at d and t to Q (n_full,), times ``sign``."""
         e = self.model.e0 + d[:self.model.n_q]
-        for patch in self.model.loads.patches:
-            np.add.at(Q, patch.dofs, sign * patch.evaluate(e, d, t)[1])
+        for load in self.model.interactions.loads if self.model.loads.patches else ():
+            np.add.at(Q, load.dofs, sign * load.evaluate(e, d, t)[1])
 
     def forces(self, d: Array, t: float, out: Balance | None = None) -> Balance:
         """Return the forces at d without a tangent, in arrays of ``out`` if given."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import helpers
 import numpy as np
@@ -18,8 +19,7 @@ from ancf2d.kernels.points import (
     point_tangent,
     point_violation,
 )
-from ancf2d.model.point_patch import PointConstraint
-from ancf2d.model.point_table import point_table, points_of
+from ancf2d.model.interactions import point_table
 
 WAVE = {"type": "sine", "frequency": 0.5}
 SPRINGS = [
@@ -58,8 +58,14 @@ def scene():
                 {"type": "pin", "between": ["a@1", "d@0"]}],
     )
     signals = []
-    patches = points_of(model)
-    return model, patches, point_table(patches, signals), signals
+    points = model.interactions.points
+    return model, [one for p in points for one in singles(p.items())], point_table(points, signals, steps=True), signals
+
+
+def singles(items):
+    """Return the items of a law one by one."""
+    return [SimpleNamespace(law=items.law, coordinates=items.dofs[k], rows=items.G[k], p0=items.p0[k], par=items.par[k],
+                            mem=items.mem[k], signal=items.signal, fed=items.fed) for k in range(len(items.p0))]
 
 
 def motion(seed, size=0.1):
@@ -127,24 +133,24 @@ def test_forces_and_tangent_are_those_of_the_laws():
     np.testing.assert_allclose(helpers.dense(SymBand(A), len(A)), 0.5 * T.T @ (full + full.T) @ T, atol=1e-11)
 
 
-def test_forces_in_statics_are_those_at_rest():
-    model, patches, table, signals = scene()
+def test_statics_have_the_same_forces_and_tangents():
+    """Item by item: f, H without their symmetric part alone, and C, of springs, loads and constraints."""
+    model, _, _, signals = scene()
     d, t = motion(4), 0.3
-    d[model.n_q:] = 1.0
     amps = np.array([[s(t), 0.0, 0.0] for s in signals])
-    Q, still = np.zeros(len(d)), np.zeros(len(d))
-    energy, _ = point_forces(table, d, still, amps, Q)
-    expected, total = np.zeros(len(d)), 0.0
-    for p in patches:
-        first, second, _ = p.evaluate(model.e0 + d[:model.n_q], d, t)
-        if isinstance(p, PointConstraint):
-            expected[p.dofs] += second
-            expected[p.multiplier] += first
-        else:
-            total += first
-            expected[p.dofs[0]] += second[0]
-    assert energy == pytest.approx(total, rel=1e-12)
-    np.testing.assert_allclose(Q, expected, atol=1e-12)
+    energy, _, Q, K, D = one_by_one(d, np.zeros(len(d)), amps)
+    found, P, A, C = 0.0, np.zeros_like(Q), np.zeros_like(K), np.zeros_like(D)
+    for batch in [*model.interactions.springs, *model.interactions.loads, *model.interactions.held]:
+        one, forces, stiffness, damping = batch.matrices(d, t)
+        found += one
+        for dofs, q, k, c in zip(batch.dofs, forces, stiffness, damping, strict=True):
+            P[dofs] += q
+            A[np.ix_(dofs, dofs)] += k
+            C[np.ix_(dofs, dofs)] += c
+    assert found == pytest.approx(energy, rel=1e-12)
+    for ours, theirs in ((P, Q), (A, K), (C, D)):
+        np.testing.assert_allclose(ours, theirs, atol=1e-11)
+    assert np.abs(A - A.T).max() > 0.1
 
 
 @pytest.mark.parametrize("at_end", [True, False])
@@ -218,7 +224,7 @@ def test_violation_is_the_largest_beside_the_size_of_the_terms():
 def test_turns_of_torsion_springs_are_counted_from_accepted_states():
     model = helpers.build({"a": bodies()["a"]}, DYNAMIC, bc=[{"type": "pin", "at": "a@0"}],
                           springs=[{"type": "rotational", "between": ["a@1", [0, 0]], "stiffness": 3.0}])
-    table, no_amps = point_table(points_of(model)), np.zeros((0, 3))
+    table, no_amps = point_table(model.interactions.points), np.zeros((0, 3))
     for angle in np.linspace(0, 15, 9):
         d = helpers.rotate(np.zeros(model.n_q), model, angle)
         for _ in range(2):

@@ -6,7 +6,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Equations, align, prescribe_rotation
-from ancf2d.model.point_patch import batches
+from ancf2d.model.interactions import batches
 from ancf2d.model.points import point_ref
 
 TURN = 0.7
@@ -52,13 +52,13 @@ def test_gradient_and_hessian_are_derivatives(case):
     model = CASES[case]()
     (constraint,) = model.constraints
     d, t, h = helpers.random_state(model, 0.1)[: model.n_q], 0.7, 1e-6
-    _, G, H = constraint.evaluate(model.e0 + d, d, t)
+    _, G, H = helpers.constraint_at(constraint, d, t)
     np.testing.assert_allclose(H, H.T, atol=1e-15)
     assert G.any()
     for k, c in enumerate(constraint.dofs):
         step = np.zeros(model.n_q)
         step[c] = h
-        up, down = (constraint.evaluate(model.e0 + x, x, t) for x in (d + step, d - step))
+        up, down = (helpers.constraint_at(constraint, x, t) for x in (d + step, d - step))
         assert G[k] == pytest.approx((up[0] - down[0]) / (2 * h), abs=1e-8)
         np.testing.assert_allclose(H[:, k], (up[1] - down[1]) / (2 * h), atol=1e-8)
 
@@ -70,9 +70,9 @@ def test_constraints_that_are_evaluated_together_are_those_one_by_one(case):
     alike = [c for c in model.constraints if len(c.dofs) == len(model.constraints[0].dofs)] * 2
     d, t = 0.1 * rng.normal(size=model.n_q + len(model.constraints)), 0.7
     (batch,) = batches(alike)
-    Q, K = batch.evaluate(d, t)
+    _, Q, K, _ = batch.matrices(d, t)
     for c, q, k in zip(alike, Q, K, strict=True):
-        g, G, H = c.evaluate(model.e0 + d[:model.n_q], d, t)
+        g, G, H = helpers.constraint_at(c, d[:model.n_q], t)
         expected = d[c.multiplier] * np.block([[H, np.zeros((len(G), 1))], [np.zeros((1, len(G) + 1))]])
         expected[-1, :-1] = expected[:-1, -1] = G
         np.testing.assert_allclose(q, np.append(d[c.multiplier] * G, g), atol=1e-14)
@@ -86,7 +86,7 @@ def test_a_weld_is_met_in_the_reference_and_after_any_rigid_motion(case):
     assert constraint.holds == "relative rotation"
     for angle in (0.0, 1.0, -2.5, 8.0):
         d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
-        assert constraint.evaluate(model.e0 + d, d, 1.0)[0] == pytest.approx(0, abs=1e-14)
+        assert helpers.constraint_at(constraint, d, 1.0)[0] == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.parametrize("case", [c for c in CASES if "prescribed" in c])
@@ -96,8 +96,8 @@ def test_a_prescribed_angle_is_met_by_the_turned_body(case):
     assert constraint.holds == "rotation"
     for t in (0.0, 0.3, 1.0):
         d = helpers.rotate(np.zeros(model.n_q), model, 0.9 * t)
-        assert constraint.evaluate(model.e0 + d, d, t)[0] == pytest.approx(0, abs=1e-14)
-    assert abs(constraint.evaluate(model.e0, np.zeros(model.n_q), 1.0)[0]) > 0.5
+        assert helpers.constraint_at(constraint, d, t)[0] == pytest.approx(0, abs=1e-14)
+    assert abs(helpers.constraint_at(constraint, np.zeros(model.n_q), 1.0)[0]) > 0.5
 
 
 @pytest.mark.parametrize("at", [0.0, 0.31, 0.5, 1.0])
@@ -114,7 +114,7 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
         align(a, b, "weld", out)
         prescribe_rotation(a, lambda t: t, "turn", out)
         for constraint in out.constraints:
-            assert constraint.evaluate(reference.e0, np.zeros(reference.n_q), 0.0)[0] == pytest.approx(0, abs=1e-14)
+            assert helpers.constraint_at(constraint, np.zeros(reference.n_q), 0.0)[0] == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
@@ -136,7 +136,7 @@ def test_corners_and_welds_go_along_with_rigid_motion(name, angle):
     for row in at_corner + shared:
         assert row.coefs @ d[row.coords] == pytest.approx(0, abs=1e-13)
     for c in model.constraints:
-        assert c.evaluate(model.e0 + d, d, 0.0)[0] == pytest.approx(0, abs=1e-13)
+        assert helpers.constraint_at(c, d, 0.0)[0] == pytest.approx(0, abs=1e-13)
 
 
 def multipliers(first, second, *more):

@@ -1,0 +1,189 @@
+"""Springs, loads that turn or move and constraints of a model in tables, which the kernels evaluate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..elements.point_laws import MAX_MEM, MAX_PAR
+from ..elements.shape import Array
+from ..kernels.points import (
+    Points,
+    Turning,
+    law_addresses,
+    point_constraint_rates,
+    point_matrices,
+)
+from ..kernels.sliding import sliding_constraint_rates, sliding_matrix
+from .constraints import Constraint
+from .loads import FollowerLine, Patch
+from .mesh import Index
+from .point_patch import PointConstraint, PointPatch
+from .rotation import Turns
+from .signals import rates_of
+from .sliding import OnAxis, sliding_table
+
+# energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m things with n coordinates each
+Evaluated = tuple[float, Array, Array, Index]
+
+
+def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
+    """Return where each part begins (n + 1,), and all parts one after another."""
+    starts = np.zeros(len(parts) + 1, dtype=np.int64)
+    starts[1:] = np.cumsum([p.size for p in parts])
+    return starts, np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
+
+
+def point_table(patches: Sequence[PointPatch | FollowerLine], signals: list[Any] | None = None,
+                steps: bool = False) -> Points:
+    """Return the table of point laws; with ``steps`` it also knows their forces over a step.
+
+    What they follow is appended to ``signals``, whose rows they refer to; what is there already is not repeated.
+    """
+    signals = [] if signals is None else signals
+    known = {id(s): k for k, s in enumerate(signals)}
+    items = [p.items() for p in patches]
+    each = [len(p.p0) for p in items]
+    dof, dofs = _joined([row for p in items for row in p.dofs], np.int64)
+    entry, G = _joined([row for p in items for row in p.G], np.float64)
+    field, p0 = _joined([row for p in items for row in p.p0], np.float64)
+    n, rows = sum(each), []
+    par, mem = np.zeros((n, MAX_PAR)), np.zeros((n, MAX_MEM))
+    at = 0
+    for p, count in zip(items, each, strict=True):
+        par[at:at + count, :p.par.shape[1]], mem[at:at + count] = p.par, p.mem
+        at += count
+        if p.signal is not None and id(p.signal) not in known:
+            known[id(p.signal)] = len(signals)
+            signals.append(p.signal)
+        rows.append(-1 if p.signal is None else known[id(p.signal)])
+    addresses = np.array([law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 3)
+
+    def column(values: list[Any], dtype: type) -> Any:
+        return np.repeat(np.array(values, dtype=dtype), each, axis=0)
+    forces, mean, accept = column(list(addresses), np.int64).reshape(-1, 3).T.copy()
+    return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, column(rows, np.int64),
+                  column([p.fed for p in items], np.int64), column([p.multiplier for p in items], np.int64),
+                  column([p.scale for p in items], np.float64))
+
+
+def turning_table(turns: Turns) -> Turning:
+    """Return the table of the sections whose turns are counted."""
+    return Turning(turns.begin, turns.dofs, turns.along, turns.across, turns.length)
+
+
+class Batch:
+    """Point laws that touch equally many coordinates each, evaluated together; ``dofs`` (m, n).
+
+    Constants and remembered angles of the laws are those of the table from now on.
+    """
+
+    def __init__(self, patches: Sequence[PointPatch | FollowerLine]) -> None:
+        self.signals: list[Any] = []
+        self.table = point_table(patches, self.signals)
+        m = len(self.table.forces)
+        self.dofs: Index = self.table.dofs.reshape(m, -1)
+        at = 0
+        for patch in patches:
+            count = len(patch.items().p0)
+            if isinstance(patch, PointPatch):
+                patch.keep_in(self.table.par[at], self.table.mem[at])
+            at += count
+        n = self.dofs.shape[1]
+        self._energy, self._shape = np.zeros(m), (m, n, n)
+
+    def amplitudes(self, t: float, rates: bool = False) -> Array:
+        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for."""
+        return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
+
+    def matrices(self, d: Array, t: float, linear: bool = False) -> tuple[float, Array, Array, Array]:
+        """Return energy, forces (m, n), stiffness and damping (m, n, n) at rest at d (n_full,).
+
+        ``linear``: constraints are those of linear theory about the reference.
+        """
+        Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
+        point_matrices(self.table, d, np.zeros_like(d), self.amplitudes(t), linear, self._energy, Q, K, C)
+        return float(self._energy.sum()), Q, K, C
+
+    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
+        """Return energy, forces (m, n) and stiffness (m, n, n) at rest at d (n_full,)."""
+        return self.matrices(d, t)[:3]
+
+
+def batches(patches: Iterable[Any]) -> list[Any]:
+    """Return point laws that are alike together, and what else there is as it is."""
+    alike: dict[int, list[Any]] = {}
+    others = []
+    for p in patches:
+        if isinstance(p, PointPatch | FollowerLine):
+            alike.setdefault(p.items().dofs.shape[1], []).append(p)
+        else:
+            others.append(p)
+    return [*map(Batch, alike.values()), *others]
+
+
+class Interactions:
+    """Everything of a model that exerts forces beside its elements and dead loads.
+
+    ``points`` are its point laws in the order springs, loads, constraints; ``e0`` (n_q,) its reference coordinates.
+    """
+
+    def __init__(self, springs: Sequence[PointPatch], loads: Sequence[Patch], constraints: Sequence[Constraint],
+                 e0: Array) -> None:
+        self.e0, self.number = e0, len(constraints)
+        self.points = [p for p in (*springs, *loads, *constraints) if isinstance(p, PointPatch | FollowerLine)]
+        self.springs: list[Batch] = batches(springs)
+        self.loads: list[Any] = batches(loads)
+        self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))
+        self.joints = [c for c in constraints if isinstance(c, OnAxis)]
+        self.sliding = sliding_table(self.joints, e0)
+
+    def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False) -> Iterator[Evaluated]:
+        """Yield energy, Q, K and coordinates of springs, constraints and, unless ``elastic``, of loads.
+
+        At rest at d (n_full,). ``linear``: constraints are those of linear theory about the reference. Raises
+        ComputationError where a point has left the body that it slides on.
+        """
+        e = self.e0 + d[:len(self.e0)]
+        for batch in [*self.springs, *([] if elastic else self.loads)]:
+            yield (*batch.evaluate(e, d, t), batch.dofs)
+        yield from self.constraints(d, t, linear)
+
+    def constraints(self, d: Array, t: float, linear: bool = False) -> Iterator[Evaluated]:
+        """Yield energy (none), Q, K and coordinates of constraints, the multiplier last, as ``patches`` does."""
+        for batch in self.held:
+            _, Q, K, _ = batch.matrices(d, t, linear)
+            yield 0.0, Q, K, batch.dofs
+        for i, joint in enumerate(self.joints):
+            n = joint.touched + 1
+            dofs, Q, K = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, n))
+            if not sliding_matrix(self.sliding, i, d, dofs, Q, K):
+                raise joint.lost()
+            yield 0.0, Q[None], K[None], dofs[None]
+
+    def gradients(self, d: Array, t: float) -> list[tuple[float, Index, Array]]:
+        """Return g, coordinates and dg/dd of each constraint of the model at d (n_full,)."""
+        n_q, out, found = len(self.e0), d.copy(), {}
+        out[n_q:] = 1.0
+        for _, Q, _, dofs in self.constraints(out, t):
+            for q, coords in zip(Q, dofs, strict=True):
+                found[int(coords[-1]) - n_q] = float(q[-1]), coords[:-1], q[:-1]
+        return [found[k] for k in range(self.number)]
+
+    def constraint_rates(self, d: Array, v: Array, t: float) -> Array:
+        """Return g_t and v^T g_qq v + 2 g_qt v + g_tt (2, m) of the constraints at d with rates v (n_full,)."""
+        out = np.zeros((2, len(d)))
+        for batch in self.held:
+            point_constraint_rates(batch.table, d, v, batch.amplitudes(t, rates=True), out[0], out[1])
+        sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
+        return out[:, len(self.e0):]
+
+    def energy(self, d: Array, t: float) -> float:
+        """Return the energy of the springs at d (n_full,) or (n_q,)."""
+        return sum(batch.matrices(d, t)[0] for batch in self.springs)
+
+    def damping(self, d: Array, t: float) -> list[tuple[Array, Index]]:
+        """Return the damping (m, n, n) of springs at d (n_full,), and their coordinates (m, n)."""
+        return [(batch.matrices(d, t)[3], batch.dofs) for batch in self.springs]
