@@ -67,6 +67,12 @@ class Ancf2dError(Exception):
     exit_code = 1
 
 
+class PluginError(Ancf2dError):
+    """A plugin cannot be loaded, or declares what cannot be."""
+
+    exit_code = 2
+
+
 class CaseError(Ancf2dError):
     """The case or the command line is wrong; ``problems`` lists everything that is wrong, in file order."""
 

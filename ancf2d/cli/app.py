@@ -15,7 +15,7 @@ import click
 from .. import __version__
 from ..interrupts import patient_interrupts, uninterrupted
 from .failures import FAILED, explain
-from .options import debug_option
+from .options import debug_option, plugin_option
 from .session import Session
 
 # the one place where a command is added: NAME in cli/NAME.py is its ``command``
@@ -37,6 +37,8 @@ COMMANDS = {
     "compile": "Compile all kernels now, not when the first runs need them.",
     "completion": "Let the shell complete commands, options and names.",
 }
+# those that read cases or element types, and so what plugins declare
+EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sweep", "elements", "audit", "schema")
 
 
 class App(click.Group):
@@ -52,6 +54,8 @@ class App(click.Group):
             return None
         command: click.Command = import_module(f"{__package__}.{cmd_name}").command
         command.short_help = COMMANDS[cmd_name]
+        if cmd_name in EXTENSIBLE and command.params[-1].name != "plugin":
+            command.params.append(plugin_option())
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

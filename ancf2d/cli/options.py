@@ -40,6 +40,23 @@ json_option = _switch("--json", attribute="json", help="Print one JSON object on
 quiet_option = _switch("-q", "--quiet", attribute="quiet", help="Print errors only.")
 verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe what was built and what was left out.")
 
+
+def _load_plugin(ctx: click.Context, parameter: click.Parameter, paths: tuple[str, ...]) -> None:
+    from ..extend.plugins import add_plugin, load_plugins
+
+    for path in paths:
+        add_plugin(path)
+    load_plugins()
+
+
+def plugin_option() -> click.Option:
+    """Return the option that loads plugins, before anything of a case is read."""
+    return click.Option(["--plugin"], multiple=True, metavar="FILE.py", is_eager=True, expose_value=False,
+                        callback=_load_plugin, type=click.Path(),
+                        help="Load springs, loads or formulations of your own from a Python file; may be given several "
+                             "times.")
+
+
 def complete_types(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return the element types that a list separated by commas may go on with, or else files."""
     from ..elements import registry

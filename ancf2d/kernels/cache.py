@@ -7,6 +7,7 @@ import os
 import shutil
 import time
 from pathlib import Path
+from typing import Any
 
 import llvmlite
 import numba
@@ -23,6 +24,36 @@ def source_hash() -> str:
         for path in sorted((_PACKAGE / room).rglob("*.py")):
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def fingerprint(function: Any) -> str:
+    """Return a hash of a function's code, of what it is closed over and, outside this package, of what it refers to.
+
+    Sources of the package are hashed as a whole; those of plugins are not.
+    """
+    digest, seen = hashlib.sha256(), set()
+
+    def add(value: Any) -> None:
+        value = getattr(value, "py_func", value)
+        code = getattr(value, "__code__", None)
+        if code is None:
+            digest.update(repr(value).encode() if isinstance(value, str | int | float | bool | tuple) else b"?")
+            return
+        digest.update(f"{value.__module__}.{value.__qualname__}".encode() + code.co_code)
+        if id(code) in seen:
+            return
+        seen.add(id(code))
+        for cell in value.__closure__ or ():
+            add(cell.cell_contents)
+        if not value.__module__.startswith(("ancf2d.", "numba", "numpy")):
+            for constant in code.co_consts:
+                digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
+            for name in code.co_names:
+                if name in value.__globals__:
+                    digest.update(name.encode())
+                    add(value.__globals__[name])
+    add(function)
+    return digest.hexdigest()
 
 
 def cache_folder() -> tuple[Path | None, str]:

@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from ..elements.formulations import FORMULATIONS
 from ..elements.formulations.base import PointLaw
 from .jit import addressed, inlined
 from .lanes import rows, slots, table
 from .pointers import address_of, caller
 
-# every law once, in the order of their numbers
-LAWS: tuple[PointLaw, ...] = tuple(dict.fromkeys(f.law for f in FORMULATIONS.values()))
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE = range(8)
 
@@ -27,10 +24,6 @@ def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
     # entries that are zero stay so for whatever is asked for next
     for l in range(lanes):
         J[0, 0, l] = np.nan
-
-
-# inlined, so that rows a constant distance apart are seen to be so
-_COMPILED = [tuple(inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean)) for law in LAWS]
 
 
 @inlined
@@ -75,9 +68,10 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
                 out[i, j, l] = v
 
 
-def _operations_of(number: int) -> Any:
-    NU, NS, NR = LAWS[number].fields, LAWS[number].strains, LAWS[number].references
-    strain, geometric, mean = _COMPILED[number]
+def _operations_of(law: PointLaw) -> Any:
+    NU, NS, NR = law.fields, law.strains, law.references
+    # inlined, so that rows a constant distance apart are seen to be so
+    strain, geometric, mean = (inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
 
     def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
         at = slots(NU, NS, NR)
@@ -104,7 +98,7 @@ def _operations_of(number: int) -> Any:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
 
     # the cache knows it by this name
-    operate.__qualname__ = f"operate_{number}"
+    operate.__qualname__ = f"operate_{law.strain.__module__.rpartition('.')[2]}_{law.strain.__name__}"
     return addressed(operate)
 
 
@@ -113,11 +107,11 @@ operate = caller(SIGNATURE)
 
 
 @cache
-def _compiled(number: int) -> tuple[Any, int]:
-    function = _operations_of(number)
+def _compiled(law: PointLaw) -> tuple[Any, int]:
+    function = _operations_of(law)
     return function, address_of(function, SIGNATURE)
 
 
 def law_address(law: PointLaw) -> int:
     """Return the address of a law's operations, compiled when first asked for."""
-    return _compiled(LAWS.index(law))[1]
+    return _compiled(law)[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import os
 import struct
@@ -17,7 +16,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.runtime import rtsys
 
-from .cache import cache_folder, is_private
+from .cache import cache_folder, fingerprint, is_private
 from .linked import LeanCompiler, LinkedCacheImpl, LinkedCompiler, OwnCompiler
 
 # where compiled kernels are kept; None, and why, where they cannot be
@@ -80,11 +79,8 @@ class KernelCache(FunctionCache):
             return None
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Return what a kernel is found by; functions that it is closed over by their names: pickles of them differ."""
-        function = self._py_func
-        held = [getattr(cell.cell_contents, "py_func", cell.cell_contents) for cell in function.__closure__ or ()]
-        names = [f"{x.__module__}.{x.__qualname__}" if callable(x) else repr(x) for x in held]
-        return sig, codegen.magic_tuple(), (hashlib.sha256(function.__code__.co_code).hexdigest(), *names)
+        """Return what a kernel is found by: its code and that of what it is closed over, whose pickles differ."""
+        return sig, codegen.magic_tuple(), fingerprint(self._py_func)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel where there is room; else it is compiled for this process alone."""

@@ -20,7 +20,7 @@ for _helper in point_laws.HELPERS:
     register_jitable(_helper)
 
 _v, _m = types.float64[::1], types.float64[:, ::1]
-_FORCES = types.float64(_v, _v, _v, _v, _v, _v, _v, _m, _m)
+_FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
 _MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
 _ACCEPT = types.void(_v, _v, _v, _v)
 _forces, _mean, _accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
@@ -70,10 +70,13 @@ class Turning(NamedTuple):
 @cache
 def _compiled(law: PointLaw, what: str) -> tuple[Any, int]:
     """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
+    for helper in law.helpers:
+        register_jitable(helper)
     law_of = inlined(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-        return float(law_of(p0, u, w, par, a, mem, f, H, C))
+        energy, power = law_of(p0, u, w, par, a, mem, f, H, C)
+        return float(energy), float(power)
 
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
         energy, power = law_of(p0, u0, u1, w, par, a0, a1, mem, f)
@@ -135,7 +138,7 @@ def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
 
 @kernel
 def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
-    """Fill fields, rates, amplitude and f, H, C of item i; return its energy."""
+    """Fill fields, rates, amplitude and f, H, C of item i; return (energy, dissipated power)."""
     _fields(points, i, v, w)
     return _evaluate_at(points, i, d, amps, u, w, a, f, H, C)
 
@@ -150,7 +153,10 @@ def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyp
 
 @kernel
 def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
-    """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude; return its energy."""
+    """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude.
+
+    Returns (energy, dissipated power).
+    """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     f[:m] = 0.0
     H[:m * m] = 0.0
@@ -186,12 +192,10 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
         return energy, power
     u, w, a, f, H, C = _work_arrays()
     for i in range(len(points.forces)):
-        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+        U, lost = _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+        energy += U
+        power += lost
         _add(points, i, f, Q)
-        m = points.field[i + 1] - points.field[i]
-        for p in range(m):
-            for q in range(m):
-                power += w[p] * C[p * m + q] * w[q]
     return energy, power
 
 
@@ -224,7 +228,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     most = _most_coordinates(points)
     entries = vector(most * most)
     for i in range(len(points.forces)):
-        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)[0]
         _add(points, i, f, Q)
         first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
         K = array_at(entries, 0, (n, n))
@@ -249,11 +253,11 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
             held = u[fed]
             _amplitude(points, i, amps, u, w, a)
             u[fed] = held
-            energy[i] = _law(points, i, u, w, a, f, H, D)
+            energy[i] = _law(points, i, u, w, a, f, H, D)[0]
             f[m - 1] += H[fed * m + m - 1] * a[0]
         else:
             _amplitude(points, i, amps, u, w, a)
-            energy[i] = _law(points, i, u, w, a, f, H, D)
+            energy[i] = _law(points, i, u, w, a, f, H, D)[0]
         Q[i] = 0.0
         for p in range(m):
             for c in range(n):

@@ -10,10 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..case import Distributed, FollowerForce, Force, Gravity, Moment
-from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
+from ..elements.point_laws import DIRECTION, LAWS, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
 from .mesh import BodyMesh, Index, volume_weights
-from .point_patch import LAWS, Items, PointPatch, position_fields, turn_fields
+from .point_patch import Items, PointPatch, position_fields, turn_fields
 from .points import PointRef
 
 Amplitude = Callable[[float], float]

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, PointLaw
+from ..elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .mesh import Index
 from .points import PointRef, dot
-
-LAWS = {law.name: law for law in POINT_LAWS}
 
 
 @dataclass(frozen=True)
@@ -89,10 +87,11 @@ class PointPatch:
     multiplier = -1
     scale = 1.0
 
-    def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float],
+    def __init__(self, law: str | PointLaw, fields: Sequence[Field], par: Sequence[float],
                  signal: Callable[[float], float] | None = None, fed: int = -1,
                  sections: Sequence[PointRef | None] = ()) -> None:
-        self.law, self.par, self.signal, self.fed = LAWS[law], np.array(par, dtype=float), signal, fed
+        self.law = LAWS[law] if isinstance(law, str) else law
+        self.par, self.signal, self.fed = np.array(par, dtype=float), signal, fed
         coords, self.G, self.p0 = table_of(fields)
         self.dofs: Index = coords[None, :]
         self.mem, self.sections = np.zeros(MAX_MEM), tuple(sections)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..case import GroundPoint, RotationalSpring, TranslationalSpring
-from ..elements.point_laws import DIRECTION
+from ..elements.point_laws import DIRECTION, PointLaw
 from ..elements.shape import Array
 from .point_patch import NOTHING, Field, PointPatch, position_fields, table_of, turns
 from .points import PointRef
@@ -24,16 +24,20 @@ def _place(end: End) -> list[Field]:
 
 
 class Spring(PointPatch):
-    """A spring and damper; ``slack`` is the length or angle of the reference, where it would not pull."""
+    """A spring and damper; ``slack`` is the length or angle of the reference, where it would not pull.
 
-    def __init__(self, law: str, fields: list[Field], stiffness: float, damping: float, rest: float, slack: float,
-                 *more: float, sections: Sequence[PointRef | None] = ()) -> None:
-        super().__init__(law, fields, [stiffness, damping, rest, *more], sections=sections)
-        self.rest, self.slack = rest, slack
+    ``par`` are the constants of its law behind ``rest``; ``damped`` tells whether rates make forces.
+    """
+
+    def __init__(self, law: str | PointLaw, fields: list[Field], rest: float, slack: float, par: Sequence[float],
+                 damped: bool, sections: Sequence[PointRef | None] = ()) -> None:
+        super().__init__(law, fields, [rest, *par], sections=sections)
+        self.rest, self.slack, self.damped = rest, slack, damped
+        self.angle = self.law.accept is not None
 
     def tighten(self, share: float) -> None:
         """Let it pull in the reference as by a share of the way from slack to its own free length or angle."""
-        self.par[2] = self.rest if share == 1.0 else self.slack + share * (self.rest - self.slack)
+        self.par[0] = self.rest if share == 1.0 else self.slack + share * (self.rest - self.slack)
 
 
 def _distance(ends: list[End]) -> list[list[Field]]:
@@ -44,12 +48,8 @@ def _distance(ends: list[End]) -> list[list[Field]]:
 
 def _turning(ends: list[End]) -> list[list[Field]]:
     """Return what each end has of the fields that tell how the two sections turn."""
-    own = [turns([end])[1] for end in _sections(ends)]
+    own = [turns([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
-
-
-def _sections(ends: list[End]) -> list[PointRef | None]:
-    return [end if isinstance(end, PointRef) else None for end in ends]
 
 
 def _sum(parts: list[list[Field]]) -> list[Field]:
@@ -57,32 +57,39 @@ def _sum(parts: list[list[Field]]) -> list[Field]:
             for a, b in zip(*parts, strict=True)]
 
 
-def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
-    """Along the line between two points: U = k (L - L0)^2/2, and c dL/dt."""
+def along(law: str | PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+          length: float | None = None) -> Spring:
+    """Return a spring along the line between two points; ``length``: that at which its elongation is zero."""
     fields = _sum(_distance(ends))
     start = math.hypot(*(f.p0 for f in fields))
-    rest = start if spring.length is None else spring.length
-    return Spring("translational", fields, spring.stiffness, spring.damping, rest, start, start)
+    return Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
+
+
+def about(law: str | PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+          angle: float = 0.0) -> Spring:
+    """Return a spring on the angle between sections (or the ground), zero at the relative rotation ``angle``."""
+    sections = [end if isinstance(end, PointRef) else None for end in ends]
+    kinds, _ = turns(sections)
+    counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
+    return Spring(law, _sum(_turning(ends)), angle, 0.0, [*kinds, *constants], damped, counted)
+
+
+def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
+    """U = k (L - L0)^2/2, and c dL/dt."""
+    return along("translational", ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.length)
 
 
 def _rotational(spring: RotationalSpring, ends: list[End]) -> Spring:
-    """Between sections (or the ground): U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-    sections = _sections(ends)
-    kinds, _ = turns(sections)
-    counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
-    return Spring("rotational", _sum(_turning(ends)), spring.stiffness, spring.damping, spring.angle, 0.0, *kinds,
-                  sections=counted)
+    """U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
+    return about("rotational", ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.angle)
 
 
 SPRINGS: dict[type, Callable[[Any, list[End]], Spring]] = {
     TranslationalSpring: _translational, RotationalSpring: _rotational,
 }
-ENDS: dict[type, Callable[[list[End]], list[list[Field]]]] = {
-    TranslationalSpring: _distance, RotationalSpring: _turning,
-}
 
 
-def end_forces(spring: Any, ends: list[End], patch: PointPatch, d: Array, v: Array | None, t: float,
+def end_forces(patch: Spring, ends: list[End], d: Array, v: Array | None, t: float,
                linear: bool) -> list[Array]:
     """Return the forces (n_q,) that each end of a spring and damper exerts at displacements d and their rates v.
 
@@ -94,7 +101,7 @@ def end_forces(spring: Any, ends: list[End], patch: PointPatch, d: Array, v: Arr
     if linear:
         f = f + H @ u
     out = []
-    for fields in ENDS[type(spring)](ends):
+    for fields in (_turning if patch.angle else _distance)(ends):
         coords, G, _ = table_of(fields)
         full = np.zeros_like(d)
         full[coords] = -(G.T @ f)

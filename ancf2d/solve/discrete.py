@@ -59,7 +59,7 @@ class DiscreteModel:
         self._alpha = damping.rayleigh.alpha if damping else 0.0
         self._gyroscope = Gyroscope(model, rotation.omega) if rotation else None
         self._viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
-        self._damped = any(spring.damping > 0.0 for spring in model.case.springs)
+        self._damped = any(spring.damped for spring in model.springs)
 
     def __repr__(self) -> str:
         title, m = self._model.case.title, self._model.numbering.n_multipliers

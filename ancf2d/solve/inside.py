@@ -15,7 +15,6 @@ from ..model.interactions import batches
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
-from ..model.point_patch import PointPatch
 from ..model.points import PointRef
 from ..model.sliding import OnAxis
 from ..model.springs import end_forces
@@ -113,9 +112,8 @@ def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
         inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
         if inside != [None, None]:
-            assert isinstance(patch, PointPatch)
             v = None if state.v is None else state.v[:model.n_q]
-            forces = end_forces(spring, ends, patch, state.d[:model.n_q], v, state.side, state.linear)
+            forces = end_forces(patch, ends, state.d[:model.n_q], v, state.side, state.linear)
             yield from (_at(end, force) for end, force in zip(inside, forces, strict=True) if end is not None)
 
 

@@ -203,7 +203,7 @@ def driving(p: Record) -> list[int]:
 
 def tracks(model: Model, p: Record) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
-    dampers = any(spring.damping > 0.0 for spring in model.case.springs)
+    dampers = any(spring.damped for spring in model.springs)
     fed = bool((p.points.fed >= 0).any())
     return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
                 or model.loads.patches)

@@ -10,10 +10,8 @@ import numpy as np
 from ..case import (
     Buckling,
     Case,
-    Distributed,
     Dynamic,
     Eigen,
-    FollowerForce,
     LinearStatic,
     LoadedCase,
     LoadFactor,
@@ -89,7 +87,7 @@ def _without_potential(loaded: LoadedCase) -> list[Problem]:
                                                 "an unsymmetric eigenvalue problem (flutter), which is not supported",
                                   expected="loads of fixed direction, or eigen about the reference")
             for i, load in enumerate(case.loads)
-            if isinstance(load, FollowerForce) or (isinstance(load, Distributed) and load.follower)]
+            if not load.potential]
 
 
 def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
@@ -114,7 +112,7 @@ def left_out(case: Case) -> list[str]:
         return []
     dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
                if body.material is not None and body.material.damping is not None]
-    dampers += [f"springs.{i}.damping" for i, spring in enumerate(case.springs) if spring.damping > 0]
+    dampers += [f"springs.{i}.damping" for i, spring in enumerate(case.springs) if getattr(spring, "damping", 0.0) > 0]
     out = [f"these modes are undamped: {', '.join(dampers)} have no effect"] if dampers else []
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []

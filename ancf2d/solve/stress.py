@@ -34,29 +34,6 @@ class OverBody:
     energy: Array
 
 
-Law = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
-
-
-def _continuum(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
-    stress = strain @ D
-    return stress, 0.5 * np.sum(strain * stress, axis=-1)
-
-
-def _enhanced(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
-    fibre, coupling = strain @ D0, axis @ (D - D0)
-    return fibre + coupling, 0.5 * (np.sum(strain * fibre, axis=-1) + np.sum(axis * coupling, axis=-1))
-
-
-def _strain_split(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
-    stress = strain @ D0 + axis @ (D - D0)
-    return stress, 0.5 * np.sum(strain * stress, axis=-1)
-
-
-# Stress and energy density from the strain at a point and on the axis below it. The one place where a formulation that
-# knows the stress over its section is added; of all others it is recovered from the section forces.
-LAWS: dict[str, Law] = {"continuum": _continuum, "enhanced": _enhanced, "strain_split": _strain_split}
-
-
 class _Gradient:
     """Rows that give u_,t and u_,n (points, n_shape) of one element class on a grid of stations."""
 
@@ -96,7 +73,8 @@ class StressByLaw:
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
         self.model, self.mesh, self.size = model, mesh, (len(xi), len(eta))
-        self.law, self.middle = LAWS[mesh.plan.formulation.name], len(eta) // 2
+        assert mesh.plan.formulation.stress is not None
+        self.law, self.middle = mesh.plan.formulation.stress, len(eta) // 2
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
         self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
@@ -166,5 +144,5 @@ def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[
 
     ``eta`` holds an odd number of points with 0 in the middle.
     """
-    own = mesh.plan.formulation.name in LAWS
+    own = mesh.plan.formulation.stress is not None
     return (StressByLaw if own else StressByEquilibrium)(model, mesh, xi, eta)

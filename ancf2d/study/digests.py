@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..case import LoadedCase
+from ..extend import plugins
 
 LENGTH = 16  # hexadecimal digits: enough to tell apart more cases than can be computed
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -43,7 +44,7 @@ def inputs_of(loaded: LoadedCase) -> list[str]:
 
 def files_of(loaded: LoadedCase) -> str:
     """Return a digest of what a case takes from other files: definitions of elements, the state it starts from."""
-    digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode())
+    digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode() + plugins.digest().encode())
     start = start_of(loaded)
     if start is not None and os.path.isfile(start):
         with open(start, "rb") as stream:

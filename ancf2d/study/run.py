@@ -14,6 +14,7 @@ from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
 from ..errors import CaseError, ComputationError
+from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
 from ..solve.fields import FIELDS
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
 
 def vocabulary() -> Vocabulary:
-    """Return the names that a case may use, from the registries."""
+    """Return the names that a case may use, from the registries; plugins are loaded first. Raises PluginError."""
+    load_plugins()
     types = [*registry.ELEMENTS.values(), *(registry.ancf(1, q) for q in range(1, registry.MAX_ORDER[1] + 1))]
     coordinates = {c: None for t in types for n in t.nodes for k in n.coordinates if k != "theta"
                    for c in coordinate_components(k, t.has_theta)}

@@ -9,9 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, POINT_LAWS, THETA, count_turns
+from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, count_turns, spring_law
 
-LAWS = {law.name: law for law in POINT_LAWS}
+
+def hardening(s, rate, par):
+    """A spring that hardens, with a damper whose force grows with the square of the rate: energy, N, dN/ds, dN/dr."""
+    k, c = par[0], par[1]
+    return k * (s**2 / 2 + s**4), k * (s + 4 * s**3) + c * rate * abs(rate), k * (1 + 12 * s * s), 2 * c * abs(rate)
+
+
+LAWS = {**LAWS, "hardening": spring_law("hardening", False, hardening),
+        "hardening angle": spring_law("hardening angle", True, hardening)}
 TURNS = [(a, b) for a in (GROUND, THETA, DIRECTION) for b in (GROUND, THETA, DIRECTION) if (a, b) != (GROUND, GROUND)]
 RAW = {THETA: [0.0], DIRECTION: [1.3, 0.0], GROUND: []}
 
@@ -33,18 +41,20 @@ def _item(name, p0, par, vectors=(), angles=()):
     return Item(name, np.array(p0, dtype=float), np.array(par, dtype=float), vectors, angles)
 
 
-def _rotational(a, b):
+def _rotational(a, b, name="rotational"):
     at_b = len(RAW[a])
     vectors = ([0] if a == DIRECTION else []) + ([at_b] if b == DIRECTION else [])
     angles = ([0] if a == THETA else []) + ([at_b] if b == THETA else [])
-    return _item("rotational", [*RAW[a], *RAW[b]], [2.0, 0.7, 0.3, a, b], tuple(vectors), tuple(angles))
+    return _item(name, [*RAW[a], *RAW[b]], [0.3, a, b, 2.0, 0.7], tuple(vectors), tuple(angles))
 
 
 ITEMS = {
-    "spring": _item("translational", [0.6, -0.8], [3.0, 0.4, 0.7, 1.0], (0,)),
-    "relaxed spring": _item("translational", [0.6, -0.8], [3.0, 0.4, 1.0, 1.0], (0,)),
-    "spring without length": _item("translational", [0.0, 0.0], [3.0, 0.4, 0.0, 0.0], (0,)),
+    "spring": _item("translational", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4], (0,)),
+    "relaxed spring": _item("translational", [0.6, -0.8], [1.0, 1.0, 3.0, 0.4], (0,)),
+    "spring without length": _item("translational", [0.0, 0.0], [0.0, 0.0, 3.0, 0.4], (0,)),
     **{f"torsion {a}{b}": _rotational(a, b) for a, b in TURNS},
+    "hardening spring": _item("hardening", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4], (0,)),
+    "hardening torsion": _rotational(DIRECTION, DIRECTION, "hardening angle"),
     "follower of theta": _item("follower", [0.0, 0.0, 0.0], [0.3, -0.7, THETA], (0,), (2,)),
     "follower of a direction": _item("follower", [0.0, 0.0, 1.3, 0.0], [0.3, -0.7, DIRECTION], (0, 2)),
     "moment on theta": _item("moment", [0.0], [0.6, THETA], (), (0,)),
@@ -53,7 +63,7 @@ ITEMS = {
     "directions aligned": _item("aligned", [1.3, 0.0, 0.8, 0.0, 0.0], [], (0, 2)),
     "fixed length": _item("fixed_length", [1.2, -1.6, 0.0], [2.0], (0,)),
 }
-ELASTIC = [n for n, i in ITEMS.items() if i.name in ("translational", "rotational")]
+ELASTIC = [n for n, i in ITEMS.items() if i.name in ("translational", "rotational", "hardening", "hardening angle")]
 CONSTRAINTS = [n for n, i in ITEMS.items() if LAWS[i.name].constraint]
 # a torsion spring between theta and a direction: no discrete gradient keeps both its energy and angular momentum
 BALANCED = [n for n, i in ITEMS.items() if n not in ("torsion 12", "torsion 21", "direction at an angle")]
@@ -65,7 +75,8 @@ def evaluate(item, u, w=None, mem=None, a=A):
     m = len(item.p0)
     w, mem = np.zeros(m) if w is None else w, np.zeros(MAX_MEM) if mem is None else mem
     f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-    return LAWS[item.name].forces(item.p0, u, w, item.par, a, mem, f, H, C), f, H, C
+    energy, _ = LAWS[item.name].forces(item.p0, u, w, item.par, a, mem, f, H, C)
+    return energy, f, H, C
 
 
 def mean(item, u0, u1, w=None, a0=A, a1=A, mem=None):
@@ -116,13 +127,23 @@ def test_forces_of_springs_are_the_gradient_of_their_energy(name):
 
 
 @pytest.mark.parametrize("name", ELASTIC)
+def test_what_dampers_dissipate_is_the_power_of_their_forces(name):
+    item = ITEMS[name]
+    u, w = motion(item, 3)
+    f, zero, square = np.zeros(len(u)), np.zeros(MAX_MEM), np.zeros((len(u), len(u)))
+    _, power = LAWS[item.name].forces(item.p0, u, w, item.par, A, zero, f, square, square.copy())
+    assert power == pytest.approx((f - evaluate(item, u)[1]) @ w, rel=1e-12)
+    assert power > 0.0
+
+
+@pytest.mark.parametrize("name", [n for n in ELASTIC if "hardening" not in n])
 def test_dampers_resist_the_rate_of_length_or_angle(name):
     """f . w = c (rate)^2 beyond the spring's own power, with the rate from the change of the spring's energy."""
     item = ITEMS[name]
     u, w = motion(item, 3)
     _, still, _, _ = evaluate(item, u)
     _, f, _, C = evaluate(item, u, w)
-    h, c, k, rest = 1e-5, item.par[1], item.par[0], item.par[2]
+    h, k, c, rest = 1e-5, *item.par[-2:], item.par[0]
     sign = np.sign(np.sqrt(2 * evaluate(item, u)[0] / k)) if item.name == "translational" else 1.0
 
     def measure(x):
@@ -292,6 +313,6 @@ def test_a_step_across_the_back_of_a_direction_keeps_its_energy():
 
 
 def test_stretch_of_springs_keeps_the_digits_of_small_displacements():
-    item = _item("translational", [1e3, 0.0], [1.0, 0.0, 1e3, 1e3])
+    item = _item("translational", [1e3, 0.0], [1e3, 1e3, 1.0, 0.0])
     _, f, _, _ = evaluate(item, np.array([1e-12, 0.0]))
     assert f[0] == pytest.approx(1e-12, rel=1e-12, abs=0)

@@ -92,8 +92,8 @@ def one_by_one(d, v, amps):
             u[p.fed], w[p.fed] = a[:2]
         m = len(u)
         f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-        energy += p.law.forces(p.p0, u, w, p.par, a, p.mem, f, H, C)
-        power += w @ C @ w
+        U, lost = p.law.forces(p.p0, u, w, p.par, a, p.mem, f, H, C)
+        energy, power = energy + U, power + lost
         Q[p.coordinates] += p.rows.T @ f
         K[np.ix_(p.coordinates, p.coordinates)] += p.rows.T @ H @ p.rows
         D[np.ix_(p.coordinates, p.coordinates)] += p.rows.T @ C @ p.rows

@@ -77,11 +77,15 @@ class PrismaticJoint:
 Joint = PinJoint | WeldJoint | SliderJoint | PrismaticJoint
 
 
-def _spring_issues(ends: tuple[object, ...], stiffness: float, damping: float) -> Iterator[Issue]:
+def spring_issues(ends: tuple[object, ...]) -> Iterator[Issue]:
+    """Yield ends that cannot be those of a spring."""
     yield from _same_twice(ends)
     if all(isinstance(end, GroundPoint) for end in ends):
         yield Issue(("between",), "{}.between: both ends are on the ground",
                     "at least one point BODY@S")
+
+
+def _without_effect(stiffness: float, damping: float) -> Iterator[Issue]:
     if stiffness == 0 and damping == 0:
         yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0")
 
@@ -101,7 +105,8 @@ class TranslationalSpring:
 
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
-        return _spring_issues(self.between, self.stiffness, self.damping)
+        yield from spring_issues(self.between)
+        yield from _without_effect(self.stiffness, self.damping)
 
 
 @record
@@ -119,7 +124,8 @@ class RotationalSpring:
 
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
-        return _spring_issues(self.between, self.stiffness, self.damping)
+        yield from spring_issues(self.between)
+        yield from _without_effect(self.stiffness, self.damping)
 
 
 Spring = TranslationalSpring | RotationalSpring

@@ -1,4 +1,4 @@
-"""Loads."""
+"""Loads; ``potential`` tells whether one has a potential, so that the tangent stays symmetric."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ class Force:
     """A force whose direction stays."""
 
     tag = "force"
+    potential = True
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
@@ -35,6 +36,7 @@ class FollowerForce:
     """A force that turns with the section it acts on."""
 
     tag = "follower_force"
+    potential = False
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "tangential, normal"),
                                      "Force along the axes of the section", example=[0, -1000])
@@ -48,6 +50,7 @@ class Moment:
     """A moment, conjugate to the rotation of the section."""
 
     tag = "moment"
+    potential = True
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: float = key(Number("N m"), "Moment, counter-clockwise", example=100)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -59,6 +62,7 @@ class Gravity:
     """Gravity on everything that has mass."""
 
     tag = "gravity"
+    potential = True
     value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
                                      example=[0, -9.81])
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -79,6 +83,11 @@ class Distributed:
     follower: bool = key(Flag(), "Turns with the axis", default=False)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def potential(self) -> bool:
+        """Whether the load has a potential: one that turns with the axis has none."""
+        return not self.follower
 
     def check(self) -> Iterator[Issue]:
         """Yield an extent that is empty or backward."""

@@ -90,6 +90,11 @@ class Sampler:
         return out
 
 
+# from strains (..., 3) at points and on the axis below them, and D and D0 of ``green.elasticity``: stress (..., 3) and
+# energy density (...)
+StressLaw = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
+
+
 @dataclass(frozen=True)
 class Formulation:
     """A selectable form of the elastic forces.
@@ -100,6 +105,8 @@ class Formulation:
     any) and D (stations, strains, strains) of one element class, quadrature weight and volume included; fields,
     reference values and strains of a station are those of its points, one after another.
     ``selective`` tells whether shear may have a rule of its own, ``lobatto`` whether the default rule is such a one.
+    ``stress`` gives stress and energy density where a formulation has them at every point; without one, stress is
+    recovered from the section forces.
     """
 
     name: str
@@ -112,6 +119,7 @@ class Formulation:
     doc: str
     selective: bool = True
     lobatto: bool = False
+    stress: StressLaw | None = None
 
 
 def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:

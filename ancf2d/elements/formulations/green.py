@@ -127,6 +127,21 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
     return B.reshape(nx, 4 * (ny + 1), n_dof), ref.reshape(nx, 4 * (ny + 1)), DD
 
 
+def _stress(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    stress = strain @ D
+    return stress, 0.5 * np.sum(strain * stress, axis=-1)
+
+
+def _enhanced_stress(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    fibre, coupling = strain @ D0, axis @ (D - D0)
+    return fibre + coupling, 0.5 * (np.sum(strain * fibre, axis=-1) + np.sum(axis * coupling, axis=-1))
+
+
+def _split_stress(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
+    stress = strain @ D0 + axis @ (D - D0)
+    return stress, 0.5 * np.sum(strain * stress, axis=-1)
+
+
 def _needs_body(element: ElementType) -> str | None:
     if element.has_theta or element.degree_y == 0:
         return f"{element.name} is a curve, without a section to integrate stresses over"
@@ -169,12 +184,13 @@ GREEN = PointLaw(4, 3, 4, strain, geometric, mean)
 
 FORMULATIONS = tuple(
     Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,
-                selective=name != "strain_split")
-    for name, refuse, sample, source, doc in (
-        ("continuum", _needs_body, sample_continuum, "Omar & Shabana 2001",
+                selective=name != "strain_split", stress=stress)
+    for name, refuse, sample, stress, source, doc in (
+        ("continuum", _needs_body, sample_continuum, _stress, "Omar & Shabana 2001",
          "Green-Lagrange strain, plane stress over the whole section"),
-        ("enhanced", _refuse_split, sample_enhanced, "Sopanen & Mikkola 2003; Gerstmayr, Matikainen & Mikkola 2008",
+        ("enhanced", _refuse_split, sample_enhanced, _enhanced_stress,
+         "Sopanen & Mikkola 2003; Gerstmayr, Matikainen & Mikkola 2008",
          "D0 = diag(E, E, k_s mu) over the volume, the Poisson coupling on the axis only"),
-        ("strain_split", _refuse_split, sample_strain_split, "Patel & Shabana 2018",
+        ("strain_split", _refuse_split, sample_strain_split, _split_stress, "Patel & Shabana 2018",
          "Poisson coupling with the axis strain only; symmetric part of the split stress"),
     ))

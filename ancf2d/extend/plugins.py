@@ -1,0 +1,79 @@
+"""Finding plugins: files that the command line names, and installed packages with an entry point."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import traceback
+from functools import cache
+from importlib import util
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from ..errors import PluginError
+
+# files of plugins, for this process and those that it starts
+VARIABLE = "ANCF2D_PLUGINS"
+GROUPS = ("ancf2d.interactions", "ancf2d.formulations")
+
+
+def add_plugin(path: str) -> None:
+    """Load a plugin file, in processes that this one starts too. Raises PluginError."""
+    full = os.path.abspath(path)
+    _load_file(full)
+    files = _named()
+    if full not in files:
+        os.environ[VARIABLE] = os.pathsep.join([*files, full])
+
+
+@cache
+def load_plugins() -> None:
+    """Load installed plugins and files named in the environment, once. Raises PluginError."""
+    for group in GROUPS:
+        for point in entry_points(group=group):
+            try:
+                point.load()
+            except Exception as error:
+                raise PluginError(f"the plugin '{point.name}' ({point.value}) cannot be loaded: "
+                                  f"{_words(error)}") from error
+    for path in _named():
+        _load_file(path)
+
+
+def digest() -> str:
+    """Return a digest of the plugin files that are in use."""
+    found = hashlib.sha256()
+    for path in _named():
+        found.update(Path(path).read_bytes())
+    return found.hexdigest() if _named() else ""
+
+
+def _named() -> list[str]:
+    return [path for path in os.environ.get(VARIABLE, "").split(os.pathsep) if path]
+
+
+@cache
+def _load_file(path: str) -> None:
+    if not os.path.isfile(path):
+        raise PluginError(f"the plugin file '{path}' does not exist")
+    # records of a plugin are sent between processes by the name of their module
+    name = f"ancf2d_plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+    spec = util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"the plugin file '{path}' is not a Python file (.py)")
+    module = util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
+        if isinstance(error, SyntaxError):
+            lines = [error.lineno]
+        place = f"{path}:{lines[-1]}" if lines else path
+        raise PluginError(f"{place}: the plugin cannot be loaded: {_words(error)}") from error
+
+
+def _words(error: Exception) -> str:
+    return str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"

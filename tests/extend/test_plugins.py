@@ -1,0 +1,218 @@
+"""Plugins: one file each, whose spring, load or formulation works wherever those of ancf2d do."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import helpers as h
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import ancf2d
+from ancf2d import extend
+from ancf2d.case import Case
+from ancf2d.case.records import keys_of
+from ancf2d.cli.app import app
+from ancf2d.errors import CaseError, PluginError
+from ancf2d.extend import plugins
+from ancf2d.model.loads import LOADS
+from ancf2d.model.springs import SPRINGS
+
+HERE = Path(__file__).parent / "plugins"
+# a stiff rod of 2 kg that slides along x
+MASS, EA = 2.0, 1e11
+K, K3, FORCE = 300.0, 5e4, 40.0
+POLE, STRENGTH, REACH = 1.6, 30.0, 0.3
+
+
+@pytest.fixture
+def registries(monkeypatch):
+    """Let what plugins declare be gone after a test."""
+    monkeypatch.setenv(plugins.VARIABLE, "")
+    kept = [SPRINGS, LOADS, extend.FORMULATIONS, *(keys_of(Case)[k].kind.item.options for k in ("springs", "loads"))]
+    copies = [dict(table) for table in kept]
+    yield
+    for table, copy in zip(kept, copies, strict=True):
+        table.clear()
+        table.update(copy)
+    plugins._load_file.cache_clear()
+
+
+def add(*names: str) -> None:
+    for name in names:
+        plugins.add_plugin(str(HERE / f"{name}.py"))
+
+
+def rod(solver, element="reissner2", **scene):
+    body = {"geometry": h.line(1.0), "element": h.element(element, 2),
+            "section": {"EA": EA, "kGA": 1e8, "EI": 1e6, "rhoA": MASS, "rhoI": 1e-3}}
+    rollers = [{"type": "roller", "at": f"rod@{s}", "fixed": "y"} for s in (0, 1)]
+    probes = {"output": {"probes": {"end": "rod@1"}}}
+    return ancf2d.solve(h.load({"rod": body}, solver, bc=rollers, **probes, **scene))
+
+
+def spring(**more):
+    return {"type": "hardening", "between": [[-1, 0], "rod@0"], "stiffness": K, "cubic": K3, **more}
+
+
+def magnet(**more):
+    return {"type": "magnet", "at": "rod@1", "pole": [POLE, 0], "strength": STRENGTH, "reach": REACH, **more}
+
+
+def force_of_spring(u):
+    return K * u + K3 * u**3
+
+
+def force_of_magnet(u):
+    r = POLE - 1.0 - u
+    return STRENGTH * r / (r * r + REACH**2) ** 1.5
+
+
+def test_a_plugin_is_one_short_file() -> None:
+    for path in HERE.glob("*.py"):
+        assert len(path.read_text().splitlines()) <= 40, path
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_spring_of_ones_own_in_statics_modes_and_motion() -> None:
+    add("hardening")
+    load = [{"type": "force", "at": "rod@1", "value": [FORCE, 0]}]
+    u = brentq(lambda x: force_of_spring(x) - FORCE, 0.0, 1.0, xtol=1e-15)
+    found = rod({"type": "static", "steps": 2}, springs=[spring()], loads=load)
+    assert found.probes["end"]["ux"] == pytest.approx(u + FORCE / EA, rel=1e-9)
+    assert found.summary["energy"]["strain"] == pytest.approx(K * u**2 / 2 + K3 * u**4 / 4, rel=1e-6)
+    linear = rod("linear_static", springs=[spring()], loads=load)
+    assert linear.probes["end"]["ux"] == pytest.approx(FORCE / K, rel=1e-6)
+    modes = rod({"type": "eigen", "modes": 1, "about": "static"}, springs=[spring()], loads=load)
+    assert modes.summary["frequencies"][0]["omega"] == pytest.approx(np.sqrt((K + 3 * K3 * u * u) / MASS), rel=1e-6)
+    exact = solve_ivp(lambda t, y: [y[1], (FORCE - force_of_spring(y[0])) / MASS], (0, 0.5), [0, 0], "DOP853",
+                      rtol=1e-11, atol=1e-13).y[0, -1]
+    moved = rod({"type": "dynamic", "t_end": 0.5, "tolerance": 1e-7}, springs=[spring()], loads=load)
+    assert moved.probes["end"]["ux"] == pytest.approx(exact, abs=1e-6 * u)
+    assert moved.summary["energy_drift"] < 1e-6
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_spring_of_ones_own_conserves_energy() -> None:
+    add("hardening")
+    moved = rod({"type": "dynamic", "t_end": 0.5, "dt": 0.01, "method": "energy_momentum", "estimate": False},
+                element="cable", springs=[spring()], initial={"velocity": [1.0, 0.0]})
+    assert moved.summary["energy_drift"] < 1e-10
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_load_of_ones_own_in_statics_modes_and_motion() -> None:
+    add("magnet")
+    linear_spring = {"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 800.0}
+    u = brentq(lambda x: 800 * x - force_of_magnet(x), 0.0, 0.2, xtol=1e-15)
+    slope = (force_of_magnet(u + 1e-6) - force_of_magnet(u - 1e-6)) / 2e-6
+    found = rod({"type": "static", "steps": 3}, springs=[linear_spring], loads=[magnet()])
+    assert found.probes["end"]["ux"] == pytest.approx(u, rel=1e-6)
+    modes = rod({"type": "eigen", "modes": 1, "about": "static"}, springs=[linear_spring], loads=[magnet()])
+    assert modes.summary["frequencies"][0]["omega"] == pytest.approx(np.sqrt((800 - slope) / MASS), rel=1e-6)
+    exact = solve_ivp(lambda t, y: [y[1], (force_of_magnet(y[0]) - 800 * y[0]) / MASS], (0, 0.5), [0, 0], "DOP853",
+                      rtol=1e-11, atol=1e-13).y[0, -1]
+    moved = rod({"type": "dynamic", "t_end": 0.5, "tolerance": 1e-7}, springs=[linear_spring], loads=[magnet()])
+    assert moved.probes["end"]["ux"] == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_formulation_of_ones_own_in_statics_modes_and_motion() -> None:
+    """Statics of small displacements are linear statics of the continuum, at any load."""
+    add("small_strain")
+
+    def beam(solver, formulation):
+        body = {"geometry": h.line(1.0), "element": h.element("2d2n", 3, formulation, quadrature=[3, 3])}
+        body |= {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e6, "nu": 0.3, "rho": 1e3}}
+        return ancf2d.solve(h.load({"b": body}, solver, bc=[{"type": "clamp", "at": "b@0"}],
+                        loads=[{"type": "force", "at": "b@1", "value": [10, -30]}],
+                        output={"probes": {"tip": "b@1"}}))
+
+    tip = beam("linear_static", "continuum").probes["tip"]["uy"]
+    assert abs(tip) > 0.5
+    assert beam("static", "small_strain").probes["tip"]["uy"] == pytest.approx(tip, rel=1e-9)
+    omegas = [[f["omega"] for f in beam({"type": "eigen", "modes": 3}, name).summary["frequencies"]]
+              for name in ("small_strain", "continuum")]
+    np.testing.assert_allclose(*omegas, rtol=1e-8)
+    moved = beam({"type": "dynamic", "t_end": 0.05, "tolerance": 1e-6}, "small_strain")
+    assert moved.summary["energy_drift"] < 1e-6
+
+
+CASE = """
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {EA: 1e6, kGA: 1e6, EI: 1e3}
+    element: {type: reissner2, count: 1}
+boundary_conditions: [{type: roller, at: rod@0, fixed: y}, {type: roller, at: rod@1, fixed: y}]
+springs: [{type: hardening, between: [[-1, 0], rod@0], stiffness: 300, %s}]
+loads: [{type: force, at: rod@1, value: [40, 0]}]
+solver: {type: static}
+"""
+
+
+@pytest.mark.usefixtures("registries")
+def test_the_command_line_takes_a_plugin(tmp_path) -> None:
+    case, runner, plugin = tmp_path / "case.yaml", CliRunner(), str(HERE / "hardening.py")
+    case.write_text(CASE % "cubic: 5e4")
+    without = runner.invoke(app, ["validate", str(case)])
+    assert without.exit_code == 2
+    assert "springs.0.type must be translational" in without.stderr
+    assert "translational" in without.stderr
+    done = runner.invoke(app, ["run", str(case), "--plugin", plugin, "--json", "-o", str(tmp_path / "out.h5")])
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "converged"
+    schema = runner.invoke(app, ["schema", "--plugin", plugin])
+    assert "Factor of the cube of the elongation" in schema.stdout
+    case.write_text(CASE % "cubic: -1")
+    wrong = runner.invoke(app, ["validate", str(case), "--plugin", plugin])
+    assert wrong.exit_code == 2
+    assert "springs.0.cubic" in wrong.stderr
+    case.write_text(CASE % "cubik: 1")
+    assert "did you mean 'cubic'" in runner.invoke(app, ["validate", str(case), "--plugin", plugin]).stderr
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_plugin_that_fails_is_named_with_its_line(tmp_path) -> None:
+    case = tmp_path / "case.yaml"
+    case.write_text(CASE % "cubic: 5e4")
+    spring_without_keys = "from ancf2d.extend import *\n@spring(len)\n@record\nclass A:\n    tag = 'a'\n"
+    for text, words in (("x = 1\n1/0\n", ":2: the plugin cannot be loaded: ZeroDivisionError"),
+                        ("x = (\n", "SyntaxError"), (spring_without_keys, "has no key between")):
+        path = tmp_path / f"wrong{len(text)}.py"
+        path.write_text(text)
+        done = CliRunner().invoke(app, ["validate", str(case), "--plugin", str(path)])
+        assert done.exit_code == 2
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+    done = CliRunner().invoke(app, ["validate", str(case), "--plugin", "nowhere.py"])
+    assert done.exit_code == 2
+    assert "does not exist" in done.stderr
+
+
+@pytest.mark.usefixtures("registries")
+def test_what_there_is_already_is_not_replaced() -> None:
+    def again():
+        @extend.spring(lambda u, rate, par: (0.0, 0.0, 0.0, 0.0))
+        @extend.record
+        class Translational:
+            """Another one."""
+
+            tag = "translational"
+            between: tuple = extend.key(extend.ENDS, "The two ends")
+            name: str | None = extend.key(extend.NAME, "Name", default=None)
+
+            def constants(self):
+                return []
+
+    with pytest.raises(PluginError, match="springs already have a type 'translational'"):
+        again()
+    with pytest.raises(PluginError, match="already a formulation 'continuum'"):
+        extend.formulation(replace(extend.FORMULATIONS["continuum"], doc="another one"))
+    with pytest.raises(CaseError, match="hardening"):
+        rod("static", springs=[spring()])
