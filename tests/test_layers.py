@@ -25,11 +25,12 @@ BELOW = {
     "model": {"case", "elements", "kernels"},
     # a motion may begin with the last state of a result file
     "solve": {"case", "elements", "kernels", "model", "results"},
-    "study": {"case", "elements", "kernels", "model", "results", "solve"},
+    "extend": {"case", "elements", "model"},
+    "study": {"case", "elements", "extend", "kernels", "model", "results", "solve"},
     "plot": {"results"}, "view": {"results"},
     # a solution is printed as the command line prints it
     "api": {"case", "cli", "plot", "results", "solve", "study"},
-    "cli": {"case", "elements", "plot", "results", "solve", "study", "view"},
+    "cli": {"case", "elements", "extend", "plot", "results", "solve", "study", "view"},
 }
 ROOMS = sorted(BELOW)
 SOURCES = cache(lambda: sources(PACKAGE))

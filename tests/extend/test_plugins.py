@@ -78,6 +78,12 @@ def test_a_plugin_is_one_short_file() -> None:
         assert len(path.read_text().splitlines()) <= 40, path
 
 
+def test_the_page_on_plugins_shows_these_files() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
+    for path in HERE.glob("*.py"):
+        assert f"```python\n{path.read_text(encoding='utf-8')}```" in page, path
+
+
 @pytest.mark.usefixtures("registries")
 def test_a_spring_of_ones_own_in_statics_modes_and_motion() -> None:
     add("hardening")
