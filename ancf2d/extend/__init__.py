@@ -18,7 +18,8 @@ from ..case.schema.loads import AMPLITUDE, AMPLITUDE_DOC
 from ..case.schema.points import POINT
 from ..elements.formulations import FORMULATIONS, Formulation, Rule, Sampler
 from ..elements.formulations.base import PointLaw as StrainLaw
-from ..elements.point_laws import MAX_CONSTANTS, position_law, spring_law
+from ..elements.point_laws import MAX_CONSTANTS, position_law
+from ..elements.spring_laws import spring_law
 from ..errors import PluginError
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.point_patch import PointPatch, position_fields

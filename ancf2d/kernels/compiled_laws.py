@@ -1,6 +1,6 @@
-"""The laws of points, compiled each by itself and called by address: all other kernels are compiled once for every law.
+"""Strain laws and point laws, each compiled by itself and called by address: other kernels are compiled once for all.
 
-A law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number.
+A strain law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 from numba import types
+from numba.extending import register_jitable
 
-from ..elements.formulations.base import PointLaw
+from ..elements import point_laws, spring_laws
+from ..elements.formulations.base import PointLaw as StrainLaw
+from ..elements.point_laws import PointLaw
 from .jit import addressed, inlined
 from .lanes import rows, slots, table
 from .pointers import address_of, caller
@@ -68,7 +71,7 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
                 out[i, j, l] = v
 
 
-def _operations_of(law: PointLaw) -> Any:
+def _operations_of(law: StrainLaw) -> Any:
     NU, NS, NR = law.fields, law.strains, law.references
     # inlined, so that rows a constant distance apart are seen to be so
     strain, geometric, mean = (inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
@@ -107,11 +110,52 @@ operate = caller(SIGNATURE)
 
 
 @cache
-def _compiled(law: PointLaw) -> tuple[Any, int]:
+def _compiled(law: StrainLaw) -> tuple[Any, int]:
     function = _operations_of(law)
     return function, address_of(function, SIGNATURE)
 
 
-def law_address(law: PointLaw) -> int:
+def law_address(law: StrainLaw) -> int:
     """Return the address of a law's operations, compiled when first asked for."""
     return _compiled(law)[1]
+
+
+for _helper in point_laws.HELPERS + spring_laws.HELPERS:
+    register_jitable(_helper)
+
+_v, _m = types.float64[::1], types.float64[:, ::1]
+_FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
+_MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
+_ACCEPT = types.void(_v, _v, _v, _v)
+call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
+
+
+@cache
+def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
+    """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
+    for helper in law.helpers:
+        register_jitable(helper)
+    law_of = inlined(getattr(law, what))
+
+    def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+        energy, power = law_of(p0, u, w, par, a, mem, f, H, C)
+        return float(energy), float(power)
+
+    def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+        energy, power = law_of(p0, u0, u1, w, par, a0, a1, mem, f)
+        return float(energy), float(power)
+
+    def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
+        law_of(p0, u, par, mem)
+
+    function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
+    # the cache knows it by this name
+    function.__qualname__ = f"{what}_{law.name}"
+    compiled = addressed(function)
+    return compiled, address_of(compiled, signature)
+
+
+def point_law_addresses(law: PointLaw, steps: bool) -> tuple[int, int, int]:
+    """Return the addresses of a law's functions; with ``steps`` that of its forces over a step too."""
+    return (_compiled_point_law(law, "forces")[1], _compiled_point_law(law, "mean")[1] if steps else 0,
+            0 if law.accept is None else _compiled_point_law(law, "accept")[1])

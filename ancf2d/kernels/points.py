@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.extending import register_jitable
-
-from ..elements import point_laws
-from ..elements.point_laws import MAX_FIELDS, PointLaw, turn
-from .jit import addressed, inlined, inner, kernel
+from ..elements.point_laws import MAX_FIELDS, turn
+from .compiled_laws import call_accept, call_forces, call_mean
+from .jit import inlined, inner, kernel
 from .lanes import array_at
 from .matrix import scatter
-from .pointers import address_of, caller
 from .stack_arrays import array, vector
-
-for _helper in point_laws.HELPERS:
-    register_jitable(_helper)
-
-_v, _m = types.float64[::1], types.float64[:, ::1]
-_FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
-_MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
-_ACCEPT = types.void(_v, _v, _v, _v)
-_forces, _mean, _accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
 
 
 class Points(NamedTuple):
@@ -65,37 +51,6 @@ class Turning(NamedTuple):
     along: Any
     across: Any
     length: Any
-
-
-@cache
-def _compiled(law: PointLaw, what: str) -> tuple[Any, int]:
-    """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
-    for helper in law.helpers:
-        register_jitable(helper)
-    law_of = inlined(getattr(law, what))
-
-    def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-        energy, power = law_of(p0, u, w, par, a, mem, f, H, C)
-        return float(energy), float(power)
-
-    def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-        energy, power = law_of(p0, u0, u1, w, par, a0, a1, mem, f)
-        return float(energy), float(power)
-
-    def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
-        law_of(p0, u, par, mem)
-
-    function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
-    # the cache knows it by this name
-    function.__qualname__ = f"{what}_{law.name}"
-    compiled = addressed(function)
-    return compiled, address_of(compiled, signature)
-
-
-def law_addresses(law: PointLaw, steps: bool) -> tuple[int, int, int]:
-    """Return the addresses of a law's functions; with ``steps`` that of its forces over a step too."""
-    return (_compiled(law, "forces")[1], _compiled(law, "mean")[1] if steps else 0,
-            0 if law.accept is None else _compiled(law, "accept")[1])
 
 
 @kernel
@@ -161,8 +116,8 @@ def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     f[:m] = 0.0
     H[:m * m] = 0.0
     C[:m * m] = 0.0
-    return _forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m],
-                                      array_at(H, 0, (m, m)), array_at(C, 0, (m, m))))
+    return call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m],
+                                          array_at(H, 0, (m, m)), array_at(C, 0, (m, m))))
 
 
 @inlined
@@ -288,8 +243,8 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         if points.multiplier[i] >= 0 and not lam_from_d1:
             u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
-        U, lost = _mean(points.mean[i], (points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
-                                         points.mem[i], f[:m]))
+        U, lost = call_mean(points.mean[i], (points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
+                                             points.mem[i], f[:m]))
         energy += U
         power += lost
         _add(points, i, f, Q)
@@ -351,7 +306,7 @@ def point_accept(points, d):  # type: ignore[no-untyped-def]
         if points.accept[i] != 0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
             _fields(points, i, d, u)
-            _accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
+            call_accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
 
 
 @kernel

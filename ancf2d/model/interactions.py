@@ -9,10 +9,10 @@ import numpy as np
 
 from ..elements.point_laws import MAX_MEM, MAX_PAR
 from ..elements.shape import Array
+from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.points import (
     Points,
     Turning,
-    law_addresses,
     point_constraint_rates,
     point_matrices,
 )
@@ -59,7 +59,7 @@ def point_table(patches: Sequence[PointPatch | FollowerLine], signals: list[Any]
             known[id(p.signal)] = len(signals)
             signals.append(p.signal)
         rows.append(-1 if p.signal is None else known[id(p.signal)])
-    addresses = np.array([law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 3)
+    addresses = np.array([point_law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 3)
 
     def column(values: list[Any], dtype: type) -> Any:
         return np.repeat(np.array(values, dtype=dtype), each, axis=0)

@@ -11,6 +11,7 @@ import numpy as np
 from ..case import GroundPoint, RotationalSpring, TranslationalSpring
 from ..elements.point_laws import DIRECTION, PointLaw
 from ..elements.shape import Array
+from ..elements.spring_laws import ROTATIONAL, TRANSLATIONAL
 from .point_patch import NOTHING, Field, PointPatch, position_fields, table_of, turns
 from .points import PointRef
 
@@ -29,7 +30,7 @@ class Spring(PointPatch):
     ``par`` are the constants of its law behind ``rest``; ``damped`` tells whether rates make forces.
     """
 
-    def __init__(self, law: str | PointLaw, fields: list[Field], rest: float, slack: float, par: Sequence[float],
+    def __init__(self, law: PointLaw, fields: list[Field], rest: float, slack: float, par: Sequence[float],
                  damped: bool, sections: Sequence[PointRef | None] = ()) -> None:
         super().__init__(law, fields, [rest, *par], sections=sections)
         self.rest, self.slack, self.damped = rest, slack, damped
@@ -57,7 +58,7 @@ def _sum(parts: list[list[Field]]) -> list[Field]:
             for a, b in zip(*parts, strict=True)]
 
 
-def along(law: str | PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
           length: float | None = None) -> Spring:
     """Return a spring along the line between two points; ``length``: that at which its elongation is zero."""
     fields = _sum(_distance(ends))
@@ -65,7 +66,7 @@ def along(law: str | PointLaw, ends: list[End], constants: Sequence[float], damp
     return Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
 
 
-def about(law: str | PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
           angle: float = 0.0) -> Spring:
     """Return a spring on the angle between sections (or the ground), zero at the relative rotation ``angle``."""
     sections = [end if isinstance(end, PointRef) else None for end in ends]
@@ -76,12 +77,12 @@ def about(law: str | PointLaw, ends: list[End], constants: Sequence[float], damp
 
 def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
     """U = k (L - L0)^2/2, and c dL/dt."""
-    return along("translational", ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.length)
+    return along(TRANSLATIONAL, ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.length)
 
 
 def _rotational(spring: RotationalSpring, ends: list[End]) -> Spring:
     """U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-    return about("rotational", ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.angle)
+    return about(ROTATIONAL, ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.angle)
 
 
 SPRINGS: dict[type, Callable[[Any, list[End]], Spring]] = {

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, count_turns, spring_law
+from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA
+from ancf2d.elements.spring_laws import ROTATIONAL, TRANSLATIONAL, count_turns, spring_law
 
 
 def hardening(s, rate, par):
@@ -18,7 +19,8 @@ def hardening(s, rate, par):
     return k * (s**2 / 2 + s**4), k * (s + 4 * s**3) + c * rate * abs(rate), k * (1 + 12 * s * s), 2 * c * abs(rate)
 
 
-LAWS = {**LAWS, "hardening": spring_law("hardening", False, hardening),
+LAWS = {**LAWS, "translational": TRANSLATIONAL, "rotational": ROTATIONAL,
+        "hardening": spring_law("hardening", False, hardening),
         "hardening angle": spring_law("hardening angle", True, hardening)}
 TURNS = [(a, b) for a in (GROUND, THETA, DIRECTION) for b in (GROUND, THETA, DIRECTION) if (a, b) != (GROUND, GROUND)]
 RAW = {THETA: [0.0], DIRECTION: [1.3, 0.0], GROUND: []}
