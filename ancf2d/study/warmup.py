@@ -181,7 +181,7 @@ def _touch(model: Model, new: bool) -> None:
     from ..solve.linear import make_matrix
 
     matrix = make_matrix(model)
-    touched = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
+    touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
         spread([*of_elements(model), *touched])
     _ = model.groups
@@ -208,6 +208,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
         if asks_for_forces(model.case):
             out.append(partial(element_matrices, none, d, 0, np.zeros((0, 1)), np.zeros((0, 1, 1))))
     if model.patches or model.constraints:
+        out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
     if isinstance(model.case.solver, Eigen | Buckling):
         from ..kernels.mass import scatter_classes
