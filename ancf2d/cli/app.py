@@ -37,8 +37,8 @@ COMMANDS = {
     "compile": "Compile all kernels now, not when the first runs need them.",
     "completion": "Let the shell complete commands, options and names.",
 }
-# those that read cases or element types, and so what plugins declare
-EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sweep", "elements", "audit", "schema")
+# those that read cases (also from results) or element types, and so what plugins declare
+EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sweep", "plot", "elements", "audit", "schema")
 
 
 class App(click.Group):
