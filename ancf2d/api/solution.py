@@ -152,7 +152,10 @@ class Solution:
 
     @property
     def course(self) -> dict[str, Table]:
-        """Probe quantities over all steps: ``course["tip"]["uy"]`` is an array along ``course_t``."""
+        """Probe quantities at every step, of motions in every stored state, along ``course_t``.
+
+        ``course["tip"]["uy"]`` is an array.
+        """
         return self.results.probes
 
     @property

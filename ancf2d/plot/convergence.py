@@ -77,8 +77,10 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
             if not values and against != "wall_s":
                 judged = _asymptotic(source, table, rows)
                 note = _order_note(order) + (", not asymptotic" if judged is False and not np.isnan(order) else "")
-                if judged is not False and order >= 0.5 and against == "elements":
-                    orders.setdefault(round(order), Triangle((float(x[-2]), float(x[-1])), float(y[-2]), round(order)))
+                if judged is not False and order >= 0.5 and against == "elements" and round(order) not in orders:
+                    # one after the other from the finest mesh on, so that they do not cover each other
+                    k = max(len(x) - 2 - len(orders), 0)
+                    orders[round(order)] = Triangle((float(x[k]), float(x[k + 1])), float(y[k]), round(order))
             # a file with one line needs no more than its own name
             label = source.label if source.label and len(groups) == 1 else source.name(name)
             curves.append(Curve(label, x, y if values else np.maximum(y, ROUND_OFF), note))

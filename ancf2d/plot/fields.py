@@ -34,6 +34,7 @@ COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
+POSITIVE = ("mises", "energy")  # never below zero
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
 STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
 ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
@@ -95,6 +96,7 @@ class Fields:
     what: tuple[str, str]
     surfaces: list[Surface]
     unrolled: bool
+    signed: bool = False
     limits: tuple[float, float] | None = None
     box: np.ndarray | None = field(default=None, repr=False)
 
@@ -112,14 +114,14 @@ class Fields:
         return 6.4, float(np.clip(5.6 * height / width if width else 5.0, 1.4, 5.2)) + 2.0
 
     def range(self) -> tuple[float, float]:
-        """Return the values at both ends of the colours: evenly about zero where there are both signs."""
+        """Return the values at both ends of the colours: evenly about zero where they may have either sign."""
         if self.limits is not None:
             return self.limits
         low = min(float(np.nanmin(s.values)) for s in self.surfaces)
         high = max(float(np.nanmax(s.values)) for s in self.surfaces)
         top = max(abs(low), abs(high))
-        if low < -1e-6 * top and high > 1e-6 * top:
-            return -top, top
+        if self.signed:
+            return (-top, top) if top else (-0.5, 0.5)
         return (low, high) if high > low else (low - 0.5, high + 0.5)
 
     def render(self, figure: Figure) -> None:
@@ -248,7 +250,7 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
         flat = len(surfaces) <= STRIPS and max(s.height for s in surfaces) < FLAT * extent
     what = (SYMBOLS.get((name, part), f"{name} {part}"), first.units)
     note = when(results, state) + ("" if flat else magnified(factor))
-    return Fields(results.title, note, results.units.length, what, surfaces, flat)
+    return Fields(results.title, note, results.units.length, what, surfaces, flat, part not in POSITIVE)
 
 
 def moving(sources: Sequence[Source], count: int, *, field: str | None = None, component: str | None = None,
@@ -261,7 +263,7 @@ def moving(sources: Sequence[Source], count: int, *, field: str | None = None, c
     ranges = np.array([f.range() for f in every])
     box = bounds([f.bounds() for f in every])
     low, high = float(ranges[:, 0].min()), float(ranges[:, 1].max())
-    if low < 0.0 < high:
+    if every[0].signed:
         low, high = -max(-low, high), max(-low, high)
     for picture in every:
         picture.limits = low, high

@@ -176,6 +176,7 @@ class Curves:
                     # each line begins elsewhere, so that markers of two that agree do not hide each other
                     each = len(curve.x) // FEW_MARKERS
                     looks["markevery"] = (names.index(curve.name) * each // 3 % each, each)
+                    looks["marker"] = looks["marker"] if len(names) > 1 else ""
                 looks.update(curve.look)
                 name = f"{curve.name}{curve.note}"
                 marks = looks.pop("label", None)
@@ -222,7 +223,7 @@ class Curves:
             shown, factor = style.time_unit(units, max(values, default=0.0))
             if factor != 1.0:
                 style.in_unit(axis, factor)
-                if axis.get_scale() == "log":
+                if k == "x" and axis.get_scale() == "log":  # the only one whose minor ticks have numbers
                     style.in_unit(axis, factor, minor=True)
             style.verbatim(show(style.label(name, shown)))
 

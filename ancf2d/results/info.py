@@ -86,6 +86,8 @@ def _accuracy(accuracy: Any) -> str:
         return ""
     estimate, wanted = accuracy.get("estimate"), accuracy.get("wanted")
     about = "" if estimate is None else f"estimated error {estimate:.1e}"
+    if estimate is not None and accuracy.get("scale") is not None:
+        about += f" of {accuracy['scale']:.4g}"
     if wanted is None:
         return about
     return f"{about or 'no estimate of the error'}, wanted {wanted:.1e}: " \

@@ -29,6 +29,8 @@ ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
+# times the tolerance: errors beyond are told
+MISSED = 10.0
 # fewer steps than so many between two breaks are no longer where they are to be twice as long
 BROKEN = 4
 
@@ -141,7 +143,23 @@ class Estimate:
         if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
             return ["the steps are too large for this motion: differences from runs with longer steps show order "
                     f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
-        return []
+        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate)
+
+    def _missed(self, estimate: float) -> list[str]:
+        """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion."""
+        case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
+        # nobody has asked for the default, and what solves to an accuracy judges its runs itself
+        asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
+        if estimate <= MISSED * tolerance or not asked:
+            return []
+        said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
+                f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
+        if estimate <= count * tolerance:
+            return [said + "Errors of single steps keep it and add up: use a smaller one"]
+        # errors that do not grow add up to no more than the number of steps times the tolerance
+        return [said + f"This is more than the errors of all {count} steps together: they grow, because the motion is "
+                "sensitive to its start, as chaotic motions are. A smaller tolerance moves the time from which on it "
+                "is not known; statistics of the motion may still be right"]
 
     @property
     def _finer(self) -> str:

@@ -9,8 +9,11 @@ from typing import Any
 
 import pytest
 from click.testing import Result
+from commandline import BEAM
 
+from ancf2d.case import load_case_text
 from ancf2d.results import open_results
+from ancf2d.study.accuracy.control import describe
 from ancf2d.study.accuracy.pursuit import Pursuit
 
 Call = Callable[..., Result]
@@ -131,3 +134,15 @@ def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder
     assert result.exit_code == 130
     assert "the best so far is in bent.h5" in result.stderr
     assert "wanted 1.0e-09: not reached" in call("info", "bent.h5").stdout
+
+
+@pytest.mark.parametrize(("size", "tolerance", "said"), [
+    (0.3, None, "error about 1.5e-04, which is 5.0e-04 of the value"),
+    (4.0, 1e-5, "error about 2.0e-03, which is 5.0e-04 of 4, the largest displacement of tip"),
+    (0.5, None, "error about 2.5e-04, which is 5.0e-04 of 0.5, a thousandth of the largest displacement in the model")])
+def test_the_error_of_the_printed_value_is_told_and_what_it_is_relative_to(size: float, tolerance: float | None,
+                                                                          said: str) -> None:
+    goal = load_case_text(BEAM).case.goal
+    found = {"value": -0.3, "estimate": 5e-4, "scale": size, "absolute": 5e-4 * size, "wanted": 1e-3, "achieved": True,
+             "tolerance": tolerance, "elements": {"beam": 2}, "solves": 3}
+    assert describe(found, goal) == f"tip uy = -0.3, {said} (wanted 1.0e-03: reached), 2 elements, 3 solves"

@@ -375,9 +375,9 @@ def test_triangles_show_the_order_and_what_is_not_asymptotic_says_so(tmp_path: P
         (panel,) = KINDS["convergence"].build([Source("", results)]).panels
         figure = draw(results, "convergence")
     assert [t.order for t in panel.triangles] == [2, 4]
-    for triangle, curve in zip(panel.triangles, panel.curves, strict=True):
-        assert triangle.x == (curve.x[-2], curve.x[-1])
-        assert triangle.y == curve.y[-2]
+    for k, (triangle, curve) in enumerate(zip(panel.triangles, panel.curves, strict=True)):
+        assert triangle.x == (curve.x[2 - k], curve.x[3 - k])
+        assert triangle.y == curve.y[2 - k]
     corner, right = figure.axes[0].patches[1].get_xy()[:2]
     assert np.log(corner[1] / right[1]) / np.log(right[0] / corner[0]) == pytest.approx(4)
     with h5py.File(tmp_path / "a.h5", "r+") as f:
@@ -388,6 +388,13 @@ def test_triangles_show_the_order_and_what_is_not_asymptotic_says_so(tmp_path: P
         f["summary"] = np.bytes_(json.dumps(summary))
     assert legend_texts(draw(opened(tmp_path / "a.h5"), "convergence")) == [
         "2d2n, order 2.0, not asymptotic", "reissner3, order 4.0"]
+
+
+def test_short_steps_on_a_logarithmic_axis_have_few_numbers() -> None:
+    curve = Curve("a", np.linspace(0, 1, 9), np.geomspace(1e-6, 1e-2, 9))
+    axes = rendered(Curves("", "", [Panel(("time", "s"), ("step size", "s"), [curve], log=True)])).axes[0]
+    assert axes.get_ylabel() == "step size [ms]"
+    assert not [t.get_text() for t in axes.get_yticklabels(minor=True) if t.get_text()]
 
 
 @pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6)])

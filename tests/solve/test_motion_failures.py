@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import helpers as h
 import numpy as np
 import pytest
 from motions import GRAVITY, RUBBER, rod
 
 from ancf2d.errors import ComputationError
+from ancf2d.kernels.motion import COUNT
+from ancf2d.solve.estimate import SAFETY, TENFOLD, Estimate
 from ancf2d.solve.registry import solve
 from ancf2d.solve.state import State
 
@@ -65,3 +69,27 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
     assert told
     *_, last = solve(model, states[-2].checkpoint)
     assert told == [w for w in last.warnings if "is inverted" in w]
+
+
+def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True) -> Estimate:
+    """An estimate whose levels differ by ``fine`` and ten times that, where the largest displacement is 1."""
+    model = SimpleNamespace(extent=1.0, case=SimpleNamespace(
+        accuracy=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)))
+    numbers = np.zeros(COUNT + 1)
+    numbers[COUNT] = steps
+    found = Estimate.__new__(Estimate)
+    found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers))
+    found.factor, found.order, found.failed = TENFOLD, 1, ""
+    found.largest, found.moved = np.array([[fine], [10 * fine]]), np.ones(1)
+    return found
+
+
+@pytest.mark.parametrize(("fine", "words"), [
+    (9 * 9e-5, []), (9 * 4e-4, ["the tolerance is missed", "add up: use a smaller one"]),
+    (9 * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its start"])])
+def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:
+    """Differences that shrink tenfold leave a ninth; errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
+    said = estimate_of(fine / SAFETY, 1e-5, 773).warnings()
+    assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
+    assert len(said) == bool(words)
+    assert all(word in said[0] for word in words)

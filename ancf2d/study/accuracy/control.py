@@ -10,6 +10,7 @@ from ...case import Dynamic, LoadedCase
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
+from ..goal import goal_kind
 from ..goal_value import Answer
 from ..order import Estimate
 from ..record import Progress
@@ -151,10 +152,23 @@ def _tolerance_of(pursuit: Pursuit) -> float | None:
     return pursuit.wanted if isinstance(pursuit.loaded.case.solver, Dynamic) else None
 
 
+def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:
+    """Return what the relative error of a goal is relative to, in words."""
+    value, size = accuracy["value"], accuracy["scale"]
+    if abs(size - abs(value)) <= 1e-12 * size:
+        return "the value"
+    if accuracy["tolerance"] is None:
+        return f"{size:.4g}, a thousandth of the largest {goal_kind(goal)} in the model"
+    what = f"displacement of {goal.probe}" if goal_kind(goal) in ("displacement", "position") else "value over time"
+    return f"{size:.4g}, the largest {what}"
+
+
 def describe(accuracy: dict[str, Any], goal: Any) -> str:
     """Return what was reached in one sentence."""
     estimate = accuracy["estimate"]
-    about = "no estimate of the error" if estimate is None else f"estimated error {estimate:.1e}"
+    about = "no estimate of the error"
+    if estimate is not None:
+        about = f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of {_measured_by(accuracy, goal)}"
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
     return (f"{describe_goal(goal)} = {accuracy['value']:.10g}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
             f"{sum(accuracy['elements'].values())} elements, {accuracy['solves']} solves")

@@ -141,8 +141,10 @@ class Pursuit:
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
         """Return ``accuracy`` of the summary for a level, of which meshes tell ``found`` and ``error``."""
         total = error + self.apart
-        return {"value": None if level.answer is None else level.answer.value,
-                "estimate": total if math.isfinite(total) else None, "wanted": self.wanted,
+        value, size = (None, None) if level.answer is None else (level.answer.value, level.answer.size)
+        estimate = total if math.isfinite(total) else None
+        return {"value": value, "estimate": estimate, "scale": size,
+                "absolute": None if estimate is None or size is None else estimate * size, "wanted": self.wanted,
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "elements": dict(level.setting.counts), "tolerance": level.setting.tolerance, "note": found.note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
