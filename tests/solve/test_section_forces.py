@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from ancf2d.case import load_case_text
+from ancf2d.model.build import build_model
+from ancf2d.solve.registry import solve
+from ancf2d.solve.section_forces import SectionForces
 from ancf2d.study.run import run_case
 
 TYPES = ["2d2n", "2d3n-nu", "vallejo", "patel", "omar, formulation: structural", "cable", "reissner2",
@@ -73,6 +77,34 @@ solver: {type: static, steps: 2}"""
     assert abs(Q) + abs(M) < 1e-6 * expected
 
 
+def test_centrifugal_tension_follows_the_load_factor() -> None:
+    """Half of omega^2 is half of the force, as the beam hardly stretches."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0}]
+steady_rotation: {omega: 3, about: [-0.5, 0]}
+solver: {type: static, steps: 2}"""
+    model = build_model(load_case_text(BEAM.format(element="reissner3", rest=rest, s=0, nodes="regular")))
+    at_start = SectionForces(model, model.meshes["beam"], np.zeros(1))
+    half, whole = (float(at_start(state)[0, 0, 0]) for state in solve(model))
+    assert whole > 0
+    assert half == pytest.approx(0.5 * whole, rel=1e-5)
+
+
+@pytest.mark.parametrize("element", ["2d2n", "vallejo", "cable", "reissner3"])
+def test_a_follower_line_load_acts_along_the_axes_of_a_tilted_beam(element: str) -> None:
+    """Seen from the beam, the part beyond the section pulls with p, and bends with q."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
+loads: [{type: distributed, on: beam, value: [200, -300], follower: true}]
+solver: {type: linear_static}"""
+    tilted = BEAM.replace("end: [2, 0]", "end: [1.2, 1.6]").format(element=element, rest=rest, s=0.45, nodes="regular")
+    probe = run_case(load_case_text(tilted)).summary["probes"]["p"]
+    beyond = 2 * (1 - 0.45)
+    assert probe["N"] == pytest.approx(200 * beyond, rel=1e-6)
+    assert probe["Q"] == pytest.approx(-300 * beyond, rel=1e-6)
+    assert probe["M"] == pytest.approx(-300 * beyond**2 / 2, rel=1e-6)
+
+
 def test_a_point_mass_pulls_with_its_own_centrifugal_force() -> None:
     rest = """
 boundary_conditions: [{name: hub, type: clamp, at: beam@0}]
@@ -88,10 +120,6 @@ solver: {type: static, steps: 2}"""
 
 @pytest.mark.parametrize("element", TYPES)
 def test_centrifugal_stiffness_is_the_derivative_of_the_force(element: str) -> None:
-    import numpy as np
-
-    from ancf2d.model.build import build_model
-
     rest = """
 boundary_conditions: [{type: clamp, at: beam@0}]
 steady_rotation: {omega: 3, about: [-0.5, 0.3]}
