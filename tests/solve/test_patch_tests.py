@@ -124,6 +124,14 @@ def test_settlement_of_a_fixed_beam_is_timoshenkos(name, formulation):
     assert r["wall"]["m"] == pytest.approx(force, rel=1e-9)
 
 
+@pytest.mark.parametrize("name", helpers.KINDS.values())
+def test_the_energy_of_linear_statics_is_half_the_work_of_the_loads(name):
+    """Clapeyron's theorem."""
+    force = np.array([3.0, -2.0])
+    out = cantilever(name, helpers.TYPES[name].formulation, helpers.tip(*force), 0.6)
+    assert out.state.energy == pytest.approx(0.5 * force @ out.u("beam@1"), rel=1e-9)
+
+
 @helpers.every_small_variant
 def test_linear_reactions_balance_loads_and_their_moment(name, formulation):
     loads = [
