@@ -171,35 +171,8 @@ class Curves:
         handles: dict[str, Any] = {}
         for axes, panel in zip(grid.ravel(), self.panels, strict=True):
             for curve in panel.curves:
-                looks = style.line_style(names.index(curve.name))
-                if len(curve.x) > MAX_MARKERS:
-                    # each line begins elsewhere, so that markers of two that agree do not hide each other
-                    each = len(curve.x) // FEW_MARKERS
-                    looks["markevery"] = (names.index(curve.name) * each // 3 % each, each)
-                    looks["marker"] = looks["marker"] if len(names) > 1 else ""
-                looks.update(curve.look)
-                name = f"{curve.name}{curve.note}"
-                marks = looks.pop("label", None)
-                log = self.log_y or panel.log
-                y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
-                (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
-                if marks is None:
-                    handles[name] = line
-                elif not marks.startswith("_"):
-                    # one entry for all lines, in a colour that none of them has
-                    handles.setdefault(marks, Line2D([], [], **{**looks, "color": "0.25"}))
-                for x, height, text in zip(curve.x, y, curve.texts, strict=False):
-                    axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6)
-            if self.log_base:
-                axes.set_xscale("log", base=self.log_base)
-                axes.xaxis.set_major_formatter("{x:g}")
-                if self.log_base == 10:  # labels at 2 and 5 too, and at no others: they would run into each other
-                    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-                    axes.xaxis.set_minor_formatter("{x:g}")
-            if self.log_y or panel.log:
-                axes.set_yscale("log")
-            if panel.whole:
-                axes.yaxis.get_major_locator().set_params(integer=True)
+                self._curve(axes, curve, names, self.log_y or panel.log, handles)
+            self._scales(axes, panel)
             self._labels(axes, panel)
             for triangle in panel.triangles:
                 triangle.draw(axes)
@@ -213,6 +186,40 @@ class Curves:
                 axes.label_outer()
         style.title(figure, self.title, self.note)
         style.legend(figure, list(handles.values()), list(handles))
+
+    def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool, handles: dict[str, Any]) -> None:
+        """Draw one line, and put its entry of the legend into ``handles``."""
+        number = names.index(curve.name)
+        looks = style.line_style(number)
+        if len(curve.x) > MAX_MARKERS:
+            # each line begins elsewhere, so that markers of two that agree do not hide each other
+            each = len(curve.x) // FEW_MARKERS
+            looks["markevery"] = (number * each // 3 % each, each)
+            looks["marker"] = looks["marker"] if len(names) > 1 else ""
+        looks.update(curve.look)
+        name = f"{curve.name}{curve.note}"
+        marks = looks.pop("label", None)
+        y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
+        (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
+        if marks is None:
+            handles[name] = line
+        elif not marks.startswith("_"):
+            # one entry for all lines, in a colour that none of them has
+            handles.setdefault(marks, Line2D([], [], **{**looks, "color": "0.25"}))
+        for x, height, text in zip(curve.x, y, curve.texts, strict=False):
+            axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6)
+
+    def _scales(self, axes: Axes, panel: Panel) -> None:
+        if self.log_base:
+            axes.set_xscale("log", base=self.log_base)
+            axes.xaxis.set_major_formatter("{x:g}")
+            if self.log_base == 10:  # labels at 2 and 5 too, and at no others: they would run into each other
+                axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                axes.xaxis.set_minor_formatter("{x:g}")
+        if self.log_y or panel.log:
+            axes.set_yscale("log")
+        if panel.whole:
+            axes.locator_params(axis="y", integer=True)
 
     @staticmethod
     def _labels(axes: Axes, panel: Panel) -> None:
