@@ -13,6 +13,8 @@ from .statics import CriticalError, State, large, linear, modes
 
 # lengths in a frame are about 1 times a random unit; heights are a fiftieth to a twelfth of that
 HEIGHTS = (0.02, 0.08)
+# rotations by loads of the size of forces that bend, below which they act on what is held: all is round-off there
+STILL = 1e-9
 
 
 class Frame:
@@ -180,7 +182,7 @@ def _loaded(case: dict[str, Any], turn: float) -> tuple[State, State]:
     if modes(case, 1, degree=4)[0] * bar.length < 1e-4 * math.sqrt(bar.section.EA / bar.section.rhoA):
         raise CriticalError("the frame is loose")
     most = max(abs(found.scene.probe(at, found.x)["theta"]) for at in case["output"]["probes"].values())
-    if most == 0.0:
+    if most < STILL:
         raise CriticalError("the loads move nothing")
     for _ in range(4):
         _scale(case, turn / most)
