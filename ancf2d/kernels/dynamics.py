@@ -48,8 +48,8 @@ class Problem(NamedTuple):
     row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries
     (j + d, j); load_*, motion_* : dead loads, entry by entry, entries of P and (signals, n) T^T M P; alpha : mass
     damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a coordinate
-    theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights : (n,) [m], coordinate : (n,) 1, both
-    0 for multipliers; extent : of the scene [m].
+    theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights, straining : (n,) [m], those of
+    ``Model``, and coordinate : (n,) 1, all 0 for multipliers; extent : of the scene [m].
     """
 
     bodies: Any
@@ -87,6 +87,7 @@ class Problem(NamedTuple):
     turns: Any
     e0: Any
     weights: Any
+    straining: Any
     coordinate: Any
     extent: float
 
@@ -354,13 +355,19 @@ def solve_with(p, A, x):  # type: ignore[no-untyped-def]
 
 
 @inner
-def norm(p, x):  # type: ignore[no-untyped-def]
-    """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
+def weighed(weights, x):  # type: ignore[no-untyped-def]
+    """Return the largest of weights times x; not a number where x is not."""
     # as whole numbers, which are compared several at once
     largest = rank(0.0)
     for i in range(len(x)):
-        largest = max(largest, rank(abs(p.weights[i] * x[i])))
+        largest = max(largest, rank(abs(weights[i] * x[i])))
     return ranked(largest)
+
+
+@inner
+def norm(p, x):  # type: ignore[no-untyped-def]
+    """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
+    return weighed(p.weights, x)
 
 
 @addressed

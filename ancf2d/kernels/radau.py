@@ -16,7 +16,7 @@ import numpy as np
 from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import MET, norm, remember, residual, solve_with, to_full, violation
+from .dynamics import MET, norm, remember, residual, solve_with, to_full, violation, weighed
 from .jit import addressed, inner
 from .lanes import array_at
 from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
@@ -128,7 +128,7 @@ def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
 
 @inner
 def _solve(m, p):  # type: ignore[no-untyped-def]
-    """Turn the residuals into increments of the stages, in m.R; return the size of the largest [m]."""
+    """Turn the residuals into increments of the stages, in m.R; return how much the largest strains [m]."""
     stages = len(m.c)
     for i in range(stages):
         turn(m, p, i, -1.0, m.R[i])
@@ -140,7 +140,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     size = 0.0
     for i in range(stages):
         turn(m, p, i, 1.0, m.R[i])
-        largest = norm(p, m.R[i])
+        largest = weighed(p.straining, m.R[i])
         if size == size and not largest <= size:
             size = largest
     return size
@@ -204,13 +204,20 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _at_floor(m, p, w, s):  # type: ignore[no-untyped-def]
+def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return whether no residual of the stages, as they were kept, exceeds what round-off can leave of its terms."""
-    for i in range(len(m.c)):
+    stages = len(m.c)
+    for i in range(stages):
         place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
-        if not calls.at_floor(p.calls, (p, w, m.V[i], m.A[i])):
+        # second rates are differences of rates, which are as large as this
+        for k in range(len(w.x)):
+            size = 0.0
+            for j in range(stages):
+                size += abs(m.W[i, j]) * (abs(m.V[j, k]) + abs(s.v[k]))
+            w.x[k] = size / h
+        if not calls.at_floor(p.calls, (p, w, m.V[i], w.x)):
             return False
     return True
 
@@ -233,17 +240,19 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and iteration > 2 and _at_floor(m, p, w, s):
-                _rates(m, s, h, False)
-                return DONE, iteration, rate
+        # what is left at this rate after all iterations that are allowed
+        ahead = step * rate ** (m.max_iterations - iteration - 1) if iteration > 2 else 0.0
+        in_vain = iteration + 1 >= m.max_iterations or (rate > 2.0 and iteration > 1) or ahead > wanted
+        # increments are no guide where round-off makes them
+        if iteration > 1 and (rate > 0.5 or in_vain) and _at_floor(m, p, w, s, h):
+            _rates(m, s, h, False)
+            return DONE, iteration, rate
         _rates(m, s, h, True)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if (step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))) and _met(m, p, w, s):
             return DONE, iteration, rate
-        # what is left at this rate after all iterations that are allowed
-        ahead = step * rate ** (m.max_iterations - iteration) if iteration > 3 else 0.0
-        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2) or ahead > wanted:
+        if in_vain:
             return NOT_CONVERGED, iteration, rate
 
 

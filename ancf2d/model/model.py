@@ -154,6 +154,13 @@ class Model:
         return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
 
     @cached_property
+    def straining(self) -> Array:
+        """Weights of Newton's increments (n_q,) [m]: displacements, or what strains as much in slender elements."""
+        from .order import straining_weights
+
+        return np.concatenate([straining_weights(m, self.extent) for m in self.meshes.values()])
+
+    @cached_property
     def turns(self) -> Turns:
         """How rotations are counted through full turns."""
         return Turns(self.meshes)

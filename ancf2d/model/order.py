@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from .mesh import BodyMesh, Index, shape_weights
+
+# a hundred times what is left of increments, beside the scene's extent
+LEFT = 1e-8
 
 
 def half_bandwidth(position: Index, sets: list[Index]) -> int:
@@ -62,3 +66,19 @@ def coordinate_weights(mesh: BodyMesh) -> Array:
     for w in shape_weights(mesh).tolist():
         pattern += [w, w] if element.components == 2 else [w, w, half]
     return mesh.tile(pattern)
+
+
+def straining_weights(mesh: BodyMesh, extent: float) -> Array:
+    """Return ``coordinate_weights`` by which Newton's increments may be judged, in a scene of such an extent [m].
+
+    A section that turns or stretches by itself strains by w/(h/2), w its weight; over an element of length l so does a
+    displacement of w l/(h/2), which is what it counts as in slender elements: EA times strains that are left has to be
+    small beside the bending stiffness EI/l^2 = EA (h/l)^2/12.
+    """
+    half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
+    longer = max(1.0, min(l, LEFT * extent * 3.0 * (l / half) ** 2) / half) if half > 0.0 else 1.0
+    pattern: list[float] = []
+    for _, j in (derivative_order(name) for _, name in mesh.plan.element.functionals):
+        share = longer if j > 0 else 1.0
+        pattern += [share, share] if mesh.plan.element.components == 2 else [share, share, longer]
+    return coordinate_weights(mesh) * mesh.tile(pattern)

@@ -158,7 +158,7 @@ def nothing() -> Record:
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
         motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
-        weights=x, coordinate=x, extent=0.0))
+        weights=x, straining=x, coordinate=x, extent=0.0))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
@@ -166,8 +166,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     num, signals = model.numbering, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
     own = num.free < num.n_q
-    weights = np.zeros(num.n_unknowns)
-    weights[own] = model.weights[num.free[own]]
+    weights, straining = np.zeros(num.n_unknowns), np.zeros(num.n_unknowns)
+    weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
     pairs, turns = _pairs(model)
     tau, bodies = np.array([pool.tau for pool in model.pools]), make_bodies(model.groups)
     damping = model.case.damping
@@ -178,7 +178,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         **_mass((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
-        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "coordinate": own.astype(float),
+        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "straining": straining,
+        "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     p = Record(Problem(programs=programs(signals.all), patched=patched, **data))

@@ -31,6 +31,14 @@ def test_runs_that_are_all_cut_to_the_same_steps_estimate_nothing(method: str, d
     assert any("no error estimate" in w for w in run.warnings)
 
 
+def test_a_very_slender_beam_falls_in_about_as_many_steps_as_a_slender_one() -> None:
+    """Newton's method leaves no strains of sections that dwarf those of bending, however little they displace."""
+    runs = [ancf2d.solve(motions.pendulum(BY_LABEL["vallejo"], motions.falling(ratio), 8, 0.1, estimate=False,
+                                          tolerance=1e-6), states=False) for ratio in (1e4, 1e6)]
+    assert runs[1].summary["steps"] < 5000
+    assert runs[1].probes["tip"]["uy"] == pytest.approx(runs[0].probes["tip"]["uy"], rel=1e-3)
+
+
 def test_steps_that_are_followed_are_estimated() -> None:
     run = solution(2e-3)
     assert 1e-6 < run.accuracy["estimate"] < 1e-2
