@@ -97,6 +97,9 @@ add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, Non
 forces = _call(_pair, None, _SCRATCH, _x, _x)
 forces_tangent = _call(_f, None, _SCRATCH, _x, _x, _f)
 at_floor = _call(_b, None, _SCRATCH, _x, _x)
+# for SciPy's integrators: kernels.ode, kernels.consistent
+accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
+onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
 accept = _call(_nothing, _MOTION, None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from . import calls
@@ -80,7 +82,7 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
     """Fill y' (2 m,); not a number where it is not determined."""
     m = len(free)
     place(s, free, y)
-    found = accelerations(p, w, factors, s, t)
+    found = calls.accelerations(p.calls, (p, w, factors, s, t))
     for k in range(m):
         out[k] = y[m + k]
         out[m + k] = s.a[free[k]] if found else np.nan
@@ -106,7 +108,7 @@ def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
 def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) at y."""
     place(s, free, y)
-    accelerations(p, w, factors, s, t)
+    calls.accelerations(p.calls, (p, w, factors, s, t))
     evaluate(p.programs, t, w.amps)
     _, lost = calls.forces(p.calls, (p, w, s.z, s.v))
     return power_of_loads(p, w, s.v, s.a), lost + lost_to_mass_damping(p, w, s.v)
@@ -117,7 +119,18 @@ def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
     if not p.patched:
         return 0.0
-    onto_constraints(p, w, s.z, s.v, t)
+    calls.onto_constraints(p.calls, (p, w, s.z, s.v, t))
     to_full(p, s.z, w.amps, 0, w.d)
     accept_patches(p, w.d)
     return violation(p, w.d, w.amps)
+
+
+def ode_functions(patched: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the table of a model of this type has for SciPy's integrators (``kernels.calls``).
+
+    ``patched`` : whether there are point laws or joints.
+    """
+    out: dict[Any, tuple[Any, ...]] = {calls.accelerations: (accelerations, problem)}
+    if patched:
+        out[calls.onto_constraints] = onto_constraints, problem
+    return out

@@ -11,6 +11,7 @@ from ..elements.shape import Array
 from ..kernels.bodies import element_functions, make_bodies
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions, patch_functions
+from ..kernels.ode import ode_functions
 from ..kernels.points import Turning
 from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions
@@ -22,7 +23,7 @@ from ..model.signals import Signal, programs
 from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
 from .mass import full_mass, unknowns_to_coordinates
-from .schemes import DEFAULT, INTEGRATORS
+from .schemes import DEFAULT, INTEGRATORS, Integrator
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -126,25 +127,25 @@ def _pairs(model: Model) -> tuple[Index, Index]:
 def _points(model: Model, signals: Signals) -> Any:
     patches = model.interactions.points
     own: list[Any] = []
-    table = point_table(patches, own, steps=_conserves(model))
+    table = point_table(patches, own, steps=_method(model).conserves)
     rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal], dtype=np.int64)
     return table._replace(signal=rows)
 
 
-def _conserves(model: Model) -> bool:
-    """Return whether the motion's steps keep energy and momentum."""
-    return INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT].conserves
+def _method(model: Model) -> Integrator:
+    """Return the integrator of the motion."""
+    return INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT]
 
 
 def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the kernels of a model's motion call by address (``kernels.calls``)."""
-    mean = _conserves(model)
+    method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
-    slides = any(isinstance(c, OnAxis) for c in model.constraints)
-    layout = nothing().layout
+    slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
-            **element_functions(fronts, viscous, mean, layout),
-            **patch_functions(fronts, bool(model.interactions.points), slides, mean, layout)}
+            **element_functions(fronts, viscous, method.conserves, layout),
+            **patch_functions(fronts, acts, slides, method.conserves, layout),
+            **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
 
 
 @cache

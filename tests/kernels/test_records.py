@@ -1,0 +1,79 @@
+"""Records: kernels see in them what is in the named tuple, and one compiled form serves every scene."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from motions import ride
+from numba import njit
+
+import helpers as h
+from ancf2d.kernels.advance import advance
+from ancf2d.kernels.records import Record, whole
+
+
+class Inner(NamedTuple):
+    table: Any
+    count: int
+
+
+class Outer(NamedTuple):
+    scale: float
+    inner: Inner
+    chosen: Any
+    phases: Any
+    negative: bool
+
+
+@njit
+def read(r, out):  # type: ignore[no-untyped-def]
+    sign = -1.0 if r.negative else 1.0
+    for i in range(r.inner.table.shape[0]):
+        for j in range(r.inner.table.shape[1]):
+            if r.chosen[j]:
+                out[i] += sign * r.scale * r.inner.table[i, j] * r.inner.count
+    out[0] += r.phases[1].imag
+
+
+@njit
+def read_whole(r):  # type: ignore[no-untyped-def]
+    t = whole(r)
+    return t.scale + t.inner.count + t.inner.table[2, 1] + t.phases[0].real
+
+
+def outer(negative: bool) -> Outer:
+    rng = np.random.default_rng(1)
+    return Outer(1.5, Inner(rng.normal(size=(3, 4)), 7), np.array([True, False, True, True]),
+                 np.array([1.0 + 2.0j, 3.0 - 4.0j]), negative)
+
+
+@pytest.mark.parametrize("negative", [False, True])
+def test_kernels_read_what_the_tuple_holds(negative: bool) -> None:
+    values, out = outer(negative), np.zeros(3)
+    record = Record(values)
+    read(record, out)
+    expected = (-1.0 if negative else 1.0) * 1.5 * 7 * values.inner.table[:, values.chosen].sum(axis=1)
+    expected[0] -= 4.0
+    np.testing.assert_allclose(out, expected, rtol=1e-14)
+    assert read_whole(record) == pytest.approx(1.5 + 7 + values.inner.table[2, 1] + 1.0, rel=1e-15)
+    assert (record.scale, record.inner.count, record.negative) == (1.5, 7, negative)
+    values.inner.table[:] = 0.0
+    assert read_whole(record) == 1.5 + 7 + 1.0, "records share the arrays"
+
+
+def test_arrays_that_do_not_lie_row_by_row_are_refused() -> None:
+    values = outer(False)
+    for table in (values.inner.table.T, values.inner.table.astype(np.float32)):
+        with pytest.raises(ValueError, match="cannot be part of a record"):
+            Record(values._replace(inner=values.inner._replace(table=table)))
+
+
+def test_stepping_is_compiled_once_for_all_scenes_and_integrators() -> None:
+    bodies = {"b": h.body(h.line(1.0), h.element("cable", 2), {"height": 0.1, "width": 0.1})}
+    pinned: dict[str, Any] = {"bodies": bodies, "bc": [{"type": "pin", "at": "b@0"}]}
+    spring = {"type": "translational", "between": ["b@1", [1.0, 1.0]], "stiffness": 1.0}
+    for scene, method in ((pinned, "radau5"), ({**pinned, "springs": [spring]}, "generalized_alpha")):
+        ride(scene, 1e-3, method=method, dt=1e-3)
+    assert len(advance.signatures) == 1
