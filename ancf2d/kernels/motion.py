@@ -84,9 +84,10 @@ def method_of(order: int, basis: Any, n: int) -> Method:
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:
     """Return arrays for n unknowns, n_full full coordinates, a matrix of so many entries and so many signals."""
-    full = [np.zeros(n_full) for _ in range(4)]
-    return Scratch(*full, *(np.zeros(n) for _ in range(3)), np.zeros(entries), np.zeros((signals, 3)),
-                   np.zeros(HISTORY), np.zeros(3, dtype=np.int64))
+    d, v, Q, other = (np.zeros(n_full) for _ in range(4))
+    R, x, y = (np.zeros(n) for _ in range(3))
+    return Scratch(d, v, Q, other, R, x, y, np.zeros(entries), np.zeros((signals, 3)), np.zeros(HISTORY),
+                   np.zeros(3, dtype=np.int64))
 
 
 def motion(n: int, kept: int, sections: int) -> Motion:

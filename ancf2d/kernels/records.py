@@ -69,7 +69,7 @@ class _Model(models.PrimitiveModel):  # type: ignore[misc]
 class _Fields(AttributeTemplate):  # type: ignore[misc]
     key = RecordType
 
-    def generic_resolve(self, record: RecordType, name: str) -> Any:
+    def generic_resolve(self, record: Any, name: Any) -> Any:  # type: ignore[override]
         return record.place[name][1] if name in record.place else None
 
 
@@ -106,10 +106,12 @@ def _whole(context: Any, builder: Any, record: RecordType, address: Any) -> Any:
     return context.make_tuple(builder, record.whole(), values)
 
 
-@intrinsic
-def whole(_: Any, record: Any) -> Any:
-    """Return the named tuple of a record, for kernels that take that."""
+def _of_record(_: Any, record: Any) -> Any:
     return record.whole()(record), lambda context, builder, signature, args: _whole(context, builder, record, args[0])
+
+
+# in kernels, the named tuple of a record: ``whole(record)``
+whole: Any = intrinsic(_of_record)
 
 
 @unbox(RecordType)

@@ -1,4 +1,4 @@
-"""Records: kernels see in them what is in the named tuple, and one compiled form serves every scene."""
+"""Records: kernels see in them what is in the named tuple, and refuse what they could not read."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from motions import ride
 from numba import njit
 
-import helpers as h
-from ancf2d.kernels.advance import advance
 from ancf2d.kernels.records import Record, whole
 
 
@@ -68,12 +65,3 @@ def test_arrays_that_do_not_lie_row_by_row_are_refused() -> None:
     for table in (values.inner.table.T, values.inner.table.astype(np.float32)):
         with pytest.raises(ValueError, match="cannot be part of a record"):
             Record(values._replace(inner=values.inner._replace(table=table)))
-
-
-def test_stepping_is_compiled_once_for_all_scenes_and_integrators() -> None:
-    bodies = {"b": h.body(h.line(1.0), h.element("cable", 2), {"height": 0.1, "width": 0.1})}
-    pinned: dict[str, Any] = {"bodies": bodies, "bc": [{"type": "pin", "at": "b@0"}]}
-    spring = {"type": "translational", "between": ["b@1", [1.0, 1.0]], "stiffness": 1.0}
-    for scene, method in ((pinned, "radau5"), ({**pinned, "springs": [spring]}, "generalized_alpha")):
-        ride(scene, 1e-3, method=method, dt=1e-3)
-    assert len(advance.signatures) == 1

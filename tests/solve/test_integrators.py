@@ -6,6 +6,7 @@ import helpers as h
 import pytest
 from motions import GRAVITY, Ride, rigid, rod
 
+from ancf2d.kernels.advance import advance
 from ancf2d.solve import stepping
 from ancf2d.solve.methods import MAKERS
 from ancf2d.solve.schemes import INTEGRATORS, SCHEMES, method_problems
@@ -86,3 +87,10 @@ def test_a_step_may_pass_more_states_than_there_is_room_for(monkeypatch, room):
     whole, parts = ([(r.t, *r.z, *r.v, *r.a) for r in trip.rows] for trip in trips)
     assert len(whole) == 51
     assert parts == whole
+
+
+def test_stepping_is_compiled_once_for_all_scenes_and_integrators():
+    spring = {"type": "translational", "between": ["a@1", [1.0, 1.0]], "stiffness": 1.0}
+    for scene, method in ((FREE, "radau5"), ({**FREE, "springs": [spring]}, "generalized_alpha")):
+        Ride(scene, 1e-3, method=method, dt=1e-3).start().on()
+    assert len(advance.signatures) == 1
