@@ -53,7 +53,7 @@ class Turning(NamedTuple):
     length: Any
 
 
-@kernel
+@inner
 def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
     """Fill G d of item i."""
     first, m = points.dof[i], points.field[i + 1] - points.field[i]
@@ -66,7 +66,7 @@ def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
         out[k] = s
 
 
-@kernel
+@inner
 def _amplitude(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
     """Fill the amplitude of item i, and the field that it prescribes with its rate."""
     k = points.signal[i]
@@ -79,7 +79,7 @@ def _amplitude(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
         w[points.fed[i]] = a[1]
 
 
-@kernel
+@inner
 def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
     """Add G^T f of item i to Q."""
     first, m = points.dof[i], points.field[i + 1] - points.field[i]
@@ -91,14 +91,14 @@ def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
                 Q[points.dofs[first + c]] += points.G[at + k * n + c] * f[k]
 
 
-@kernel
+@inner
 def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill fields, rates, amplitude and f, H, C of item i; return (energy, dissipated power)."""
     _fields(points, i, v, w)
     return _evaluate_at(points, i, d, amps, u, w, a, f, H, C)
 
 
-@kernel
+@inner
 def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Do as ``_evaluate`` does with the rates in w."""
     _fields(points, i, d, u)
@@ -106,7 +106,7 @@ def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyp
     return _law(points, i, u, w, a, f, H, C)
 
 
-@kernel
+@inner
 def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude.
 

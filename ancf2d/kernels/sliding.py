@@ -11,32 +11,32 @@ import math
 from numba.extending import register_jitable
 
 from ..elements import sliding
-from .jit import kernel
+from .jit import inner, kernel
 from .matrix import scatter
 from .stack_arrays import array, matrices, numbers, vector
 
 for _helper in sliding.HELPERS:
     register_jitable(_helper)
-_point_at, _find = kernel(sliding.point_at), kernel(sliding.foot)
-_rows_at, _second = kernel(sliding.rows_at), kernel(sliding.second)
+_point_at, _find = inner(sliding.point_at), inner(sliding.foot)
+_rows_at, _second = inner(sliding.rows_at), inner(sliding.second)
 _END = sliding.END
 # relative motion below this share of the distance from the origin cannot be told from round-off
 _STILL = 1e-7
 
 
-@kernel
+@inner
 def _foot(table, i, d):  # type: ignore[no-untyped-def]
     """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted."""
     return _find(table, i, d, matrices(2, 2, table.terms[i]))
 
 
-@kernel
+@inner
 def _size(table, i):  # type: ignore[no-untyped-def]
     """Return how many coordinates joint i touches at a time."""
     return 2 * (table.points[i] + table.shapes[i])
 
 
-@kernel
+@inner
 def _linearise(table, i, d, dofs, rows):  # type: ignore[no-untyped-def]
     """Fill coordinates (k + 1,), the multiplier last, and the rows N, A, B (3, k); return (g, tx, ty, c)."""
     m, z, (g, nx, ny, tx, ty, c) = _foot(table, i, d)
@@ -45,14 +45,14 @@ def _linearise(table, i, d, dofs, rows):  # type: ignore[no-untyped-def]
     return g, tx, ty, c
 
 
-@kernel
+@inner
 def _add(table, i, g, dofs, row, multiplier, Q):  # type: ignore[no-untyped-def]
     for a in range(len(row)):
         Q[dofs[a]] += multiplier * row[a]
     Q[table.multiplier[i]] += g - table.gap[i]
 
 
-@kernel
+@inner
 def _force(table, i, d, Q):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows = numbers(table.dofs, k + 1), array(3, k)
@@ -67,7 +67,7 @@ def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
         _force(table, i, d, Q)
 
 
-@kernel
+@inner
 def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
     """Fill coordinates and rows as ``_linearise`` does, and the stiffness K (k + 1, k + 1); return g."""
     k, multiplier = rows.shape[1], d[table.multiplier[i]]
@@ -81,7 +81,7 @@ def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
     return g
 
 
-@kernel
+@inner
 def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
@@ -115,7 +115,7 @@ def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value
         _tangent(table, i, d, Q, matrix, place, indptr, index, value)
 
 
-@kernel
+@inner
 def _mean_row(table, i, d, d0, d1, change, dofs, rows):  # type: ignore[no-untyped-def]
     """Fill coordinates and, in the first row, the discrete gradient G of a step: G.(d1 - d0) = change of g.
 
@@ -142,7 +142,7 @@ def _mean_row(table, i, d, d0, d1, change, dofs, rows):  # type: ignore[no-untyp
             rows[0, a] += factor * (across * rows[0, a] + along * (rows[1, a] + g * rows[2, a]) / size)
 
 
-@kernel
+@inner
 def _mean_force(table, i, d, d0, d1, Q):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows = numbers(table.dofs, k + 1), array(3, k)
@@ -164,7 +164,7 @@ def sliding_mean_forces(table, d0, d1, mid, Q):  # type: ignore[no-untyped-def]
         _mean_force(table, i, mid, d0, d1, Q)
 
 
-@kernel
+@inner
 def _constraint_rates(table, i, d, v, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows = numbers(table.dofs, k + 1), array(3, k)
@@ -217,7 +217,7 @@ def sliding_check(table, d):  # type: ignore[no-untyped-def]
     return -1
 
 
-@kernel
+@inner
 def _noise(table, i, d, out):  # type: ignore[no-untyped-def]
     k, multiplier = _size(table, i), abs(d[table.multiplier[i]])
     dofs, rows, H, e = numbers(table.dofs, k + 1), array(3, k), array(k, k), vector(k)
