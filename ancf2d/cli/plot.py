@@ -56,9 +56,9 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--field", metavar="NAME", help="Field to draw: stress, strain or energy (fields).")
 @click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
-              "place; default: unrolled if they are thin (fields).")
+              "place; default: unrolled if they are thin (fields), or one straight body (section_forces).")
 @click.option("--symbols/--no-symbols", default=None, help="Draw supports, loads, joints, springs and masses, or leave "
-              "them out; default: draw them (shape).")
+              "them out; default: draw them (shape, section_forces).")
 @click.option("--at", metavar="T,T,...", help="Times or load factors to draw (snapshots).")
 @click.option("--probe", metavar="NAME", multiple=True,
               help="Probe to draw; may be given several times (curves).")
