@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA
-from ancf2d.elements.spring_laws import ROTATIONAL, TRANSLATIONAL, count_turns, spring_law
+from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, half_sine
+from ancf2d.elements.spring_laws import ROTATIONAL, TRANSLATIONAL, count_turns, over_sine, spring_law
 
 
 def hardening(s, rate, par):
@@ -318,3 +318,10 @@ def test_stretch_of_springs_keeps_the_digits_of_small_displacements():
     item = _item("translational", [1e3, 0.0], [1e3, 1e3, 1.0, 0.0])
     _, f, _, _ = evaluate(item, np.array([1e-12, 0.0]))
     assert f[0] == pytest.approx(1e-12, rel=1e-12, abs=0)
+
+
+def test_series_of_small_angles_are_those_of_sines():
+    for x in (1e-8, 3e-5, 0.999e-3, 1.001e-3, 0.3):
+        for angle in (x, -x):
+            assert half_sine(angle) == pytest.approx(np.sin(0.5 * angle) / (0.5 * angle), rel=1e-14)
+            assert over_sine(angle) == pytest.approx(angle / np.sin(angle), rel=1e-14)

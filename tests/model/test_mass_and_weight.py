@@ -1,11 +1,15 @@
 """Mass matrices and weights: total mass, kinetic energy of rigid motion, weight as the mass sees it."""
 
+from types import SimpleNamespace
+
 import helpers
 import numpy as np
 import pytest
 
+from ancf2d.model.masses import mass_terms
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.model.mesh import BodyMesh, mass_matrix, volume_weights
+from ancf2d.model.points import point_ref
 
 H, B, RHO = helpers.SECTION["height"], helpers.SECTION["width"], helpers.MATERIAL["rho"]
 A, I = H * B, B * H**3 / 12
@@ -82,3 +86,14 @@ def test_weight_is_what_the_mass_matrix_says_of_a_uniform_acceleration(name, geo
     ones = np.zeros(mesh.plan.element.n_dof)
     ones[::nc] = [c == "r" for _, c in mesh.plan.element.functionals]
     np.testing.assert_allclose(RHO * A * volume_weights(sampler), (mass_matrix(sampler) @ ones)[::nc], atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable"])
+def test_the_inertia_of_a_point_mass_between_the_nodes_of_an_arc_turns_with_its_section(name):
+    """The interpolated direction is no unit vector there."""
+    bodies = {"b": helpers.body(helpers.ARC, helpers.element(name, 1))}
+    model = helpers.build(bodies, bc=[{"type": "clamp", "at": "b@0"}])
+    _, term = mass_terms(SimpleNamespace(mass=2.0, inertia=0.7), point_ref(model.meshes["b"], 0.31))
+    turning = np.stack([-model.e0[1::2], model.e0[0::2]], axis=1).ravel()
+    twice_kinetic = term.inertia * sum((weights @ turning[coords]) ** 2 for coords, weights in term.columns)
+    assert twice_kinetic == pytest.approx(0.7, rel=1e-12)

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from ancf2d.solve.energy import Energies
+
 STEEL = {"E": 2e11, "nu": 0.3, "rho": 7800}
 CLAMP = [{"type": "clamp", "at": "rope@0"}]
 
@@ -52,6 +54,16 @@ def test_springs_that_pull_in_the_reference_are_tightened_step_by_step(name, ang
     spring = {"type": "rotational", "between": ["rope@0", [0, 0]], "stiffness": 1e6, "angle": angle}
     out = helpers.solved(rope(name, 4, 1.0, 0.02), bc=[{"type": "pin", "at": "rope@0"}], springs=[spring])
     assert out.theta("rope@1") == pytest.approx(-angle, rel=1e-9)
+
+
+def test_a_spring_is_tightened_from_its_length_in_the_reference():
+    """Its energy grows with the square of the share of the way, from none to that of its own length."""
+    spring = {"type": "translational", "between": ["rope@1", [1.0, -2.0]], "stiffness": 3.0, "length": 0.5}
+    model = helpers.build(rope("cable", 2, 1.0, 0.02), bc=CLAMP, springs=[spring])
+    zero = np.zeros(len(model.numbering.place))
+    for share in (0.0, 0.25, 1.0):
+        model.springs[0].tighten(share)
+        assert Energies(model).strain(zero, 1.0) == pytest.approx(0.5 * 3.0 * (1.5 * share) ** 2, rel=1e-13, abs=1e-15)
 
 
 def test_a_load_that_hardly_grows_at_first_leads_to_the_state_of_the_whole_load():
