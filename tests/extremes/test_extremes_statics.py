@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import ancf2d
+from ancf2d.solve import static
 from ancf2d.solve.refine import refined
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
@@ -35,6 +36,14 @@ def test_a_linear_solution_says_how_far_round_off_lets_it_be_known(label: str, r
 @pytest.mark.parametrize("label", ["vallejo", "cable", "reissner3"])
 def test_an_ordinary_linear_solution_says_nothing(label: str) -> None:
     assert not statics.linear_tip(label, statics.slender(20), 100).warnings
+
+
+@pytest.mark.parametrize(("left", "said"), [(1e-3, True), (2e-6, True), (5e-7, False)])
+def test_what_refinement_leaves_is_told_from_a_millionth_on(monkeypatch: pytest.MonkeyPatch, left: float,
+                                                            said: bool) -> None:
+    monkeypatch.setattr(static, "refined", lambda *arguments: (refined(*arguments)[0], left))
+    warnings = statics.linear_tip("cable", statics.slender(20), 4).warnings
+    assert known(warnings) == (left if said else 0.0)
 
 
 def test_ill_conditioned_stiffness_is_refused() -> None:
