@@ -21,15 +21,14 @@ def command(session: Session) -> int:
     Runs compile what they need and keep it, so that this is never necessary. It spares the first users of an image or
     a classroom the wait.
     """
-    from ..kernels.jit import CACHE, REFUSED
     from ..study.everything import compile_everything
 
     started, bar = time.monotonic(), Bar("compiling", session.shows_progress)
     with bar:
-        count = compile_everything(lambda done, what: bar.update(done, what))
+        count, cache, refused = compile_everything(lambda done, what: bar.update(done, what))
     seconds = time.monotonic() - started
-    if CACHE is None:
-        session.warn(f"compiled, but not kept for later runs: {REFUSED}")
+    if cache is None:
+        session.warn(f"compiled, but not kept for later runs: {refused}")
         return 1
-    session.out(f"compiled for {count} kinds of models in {seconds:.1f} s; kept in {CACHE}")
+    session.out(f"compiled for {count} kinds of models in {seconds:.1f} s; kept in {cache}")
     return 0

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import accept_patches, lost_to_mass_damping, norm, power_of_loads, to_full, violation
+from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
 from .jit import addressed, inner, kernel
 from .motion import (
     CONTRACTION,
@@ -26,6 +26,7 @@ from .motion import (
     TRIES,
     WORK,
 )
+from .patches import accept_patches, violation
 from .points import turn_on
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before

@@ -10,16 +10,9 @@ from . import calls
 from .amplitudes import evaluate
 from .arrays import copy
 from .consistent import _by_motion, constraint_matrix, onto_constraints
-from .dynamics import (
-    accept_patches,
-    lost_to_mass_damping,
-    power_of_loads,
-    rates_of_constraints,
-    residual,
-    to_full,
-    violation,
-)
+from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
 from .jit import kernel, kernel_with_memory
+from .patches import accept_patches, rates_of_constraints, violation
 
 
 @kernel

@@ -16,10 +16,11 @@ import numpy as np
 from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
-from .dynamics import MET, norm, remember, residual, solve_with, to_full, violation, weighed
+from .dynamics import MET, norm, remember, residual, solve_with, to_full, weighed
 from .jit import addressed, inner
 from .lanes import array_at
 from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
+from .patches import violation
 from .reused_tangent import count, place, tangent, turn, turns
 from .stage_sums import TILE, combine, combine_all, separate, unite
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import calls
 from .band import ldl_factor_with, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
 from .jit import addressed, inlined
@@ -126,8 +127,6 @@ def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
 
 def matrix_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of matrices that the table of a model of this type has (``kernels.calls.table``)."""
-    from . import calls
-
     kinds = {calls.factor: (factor_band, factor_fronts), calls.factor_complex: (factor_band, factor_fronts),
              calls.solve: (solve_band, solve_fronts), calls.solve_complex: (solve_band, solve_fronts),
              calls.product: (product_band, product_fronts), calls.mass_product: (mass_band, mass_fronts),

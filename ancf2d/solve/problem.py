@@ -10,8 +10,9 @@ import numpy as np
 from ..elements.shape import Array
 from ..kernels.bodies import element_functions, make_bodies
 from ..kernels.calls import table
-from ..kernels.dynamics import Problem, dynamic_functions, patch_functions
+from ..kernels.dynamics import Problem, dynamic_functions
 from ..kernels.ode import ode_functions
+from ..kernels.patches import patch_functions
 from ..kernels.points import Turning
 from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions

@@ -48,3 +48,26 @@ class State:
     def __post_init__(self) -> None:
         if math.isnan(self.side):
             self.side = self.t
+
+
+@dataclass
+class Row:
+    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
+
+    ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
+    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there,
+    ``turned`` the rotations through full turns of the sections that count them.
+    """
+
+    t: float
+    side: float
+    kind: int
+    z: Array
+    v: Array
+    a: Array
+    work: float
+    lost: float
+    turns: Array
+    feet: Array
+    turned: Array
+    log: Array

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,6 +41,7 @@ from .mass import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
 from .schemes import DEFAULT, INTEGRATORS
+from .state import Row
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
 CHUNK_SECONDS = 0.2
@@ -50,29 +50,6 @@ STATE_BYTES = 16 << 20
 LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 # of the scene: errors of a motion that is smaller, as at its start, are relative to this
 LEAST = 1e-9
-
-
-@dataclass
-class Row:
-    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
-
-    ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
-    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there,
-    ``turned`` the rotations through full turns of the sections that count them.
-    """
-
-    t: float
-    side: float
-    kind: int
-    z: Array
-    v: Array
-    a: Array
-    work: float
-    lost: float
-    turns: Array
-    feet: Array
-    turned: Array
-    log: Array
 
 
 class Stepper:

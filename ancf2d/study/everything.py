@@ -11,6 +11,7 @@ from typing import Any
 from ..case import load_case_text
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
+from ..kernels.jit import CACHE, REFUSED
 from ..solve.schemes import INTEGRATORS
 from .run import run_case, vocabulary
 
@@ -25,10 +26,11 @@ METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
 SIDE = 6  # of the frame that fronts are cheaper for than a band
 
 
-def compile_everything(done: Callable[[float, str], None] = lambda share, what: None) -> int:
-    """Solve a case of every kind, with all that can be stored of it; return how many there are.
+def compile_everything(done: Callable[[float, str], None] = lambda share, what: None) -> tuple[int, Path | None, str]:
+    """Solve a case of every kind, with all that can be stored of it.
 
-    ``done`` is told the share of them that is done, and which is next. Raises what solving them raises.
+    Returns how many there are, and the folder that keeps the kernels; or None, and why it cannot be used. ``done`` is
+    told the share of them that is done, and which is next. Raises what solving them raises.
     """
     known, cases = vocabulary(), dict(cases_of_every_kind())
     with TemporaryDirectory() as folder:
@@ -38,7 +40,7 @@ def compile_everything(done: Callable[[float, str], None] = lambda share, what: 
             outcome = run_case(loaded, str(Path(folder, "out.h5")), force=True)
             if outcome.failure is not None:
                 raise outcome.failure
-    return len(cases)
+    return len(cases), CACHE, REFUSED
 
 
 def cases_of_every_kind() -> Iterator[tuple[str, dict[str, Any]]]:

@@ -1,0 +1,125 @@
+"""Point laws and prismatic joints of a model in motion: what kernels ask of them, where the model has any."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import calls
+from .jit import addressed, inner, named
+from .points import (
+    point_accept,
+    point_constraint_rates,
+    point_forces,
+    point_mean_forces,
+    point_noise,
+    point_tangent,
+    point_violation,
+)
+from .records import whole
+from .sliding import (
+    sliding_accept,
+    sliding_constraint_rates,
+    sliding_forces,
+    sliding_mean_forces,
+    sliding_noise,
+    sliding_tangent,
+    sliding_violation,
+)
+from .symmetric import in_band, in_fronts
+
+
+@inner
+def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    """Add the forces of point laws and joints to Q; return (energy, dissipated power)."""
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_forces(p.calls, (whole(p.sliding), d, v, amps, Q))
+    if len(p.points.mem) == 0:
+        return 0.0, 0.0
+    return calls.point_forces(p.calls, (whole(p.points), d, v, amps, Q))
+
+
+@inner
+def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+    """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A."""
+    if len(p.points.mem) > 0:
+        calls.point_tangent(p.calls, (p, d, v, amps, c, Q, A))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
+
+
+def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
+    """Return the tangents of point laws and of joints for matrices of a kind."""
+    def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+        point_tangent(whole(p.points), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+
+    def sliding(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
+        sliding_tangent(whole(p.sliding), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+
+    return addressed(named(points, kind)), addressed(named(sliding, kind))
+
+
+_TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
+
+
+def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, mean: bool, problem: Any,
+                    ) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
+
+    ``mean`` : whether forces of a step that keeps energy are wanted.
+    """
+    out: dict[Any, tuple[Any, ...]] = {}
+    if has_points:
+        points = problem.place["points"][1].whole()
+        out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
+                calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
+                calls.point_rates: (point_constraint_rates, points),
+                calls.point_tangent: (_TANGENTS[fronts][0], problem)}
+        if mean:
+            out[calls.point_mean] = point_mean_forces, points
+    if has_sliding:
+        sliding = problem.place["sliding"][1].whole()
+        out |= {calls.sliding_forces: (sliding_forces, sliding), calls.sliding_noise: (sliding_noise, sliding),
+                calls.sliding_violation: (sliding_violation, sliding), calls.sliding_accept: (sliding_accept, sliding),
+                calls.sliding_rates: (sliding_constraint_rates, sliding),
+                calls.sliding_tangent: (_TANGENTS[fronts][1], problem)}
+        if mean:
+            out[calls.sliding_mean] = sliding_mean_forces, sliding
+    return out
+
+
+@inner
+def patch_noise(p, d, out):  # type: ignore[no-untyped-def]
+    """Add what round-off can leave of the forces of point laws and joints to ``out``."""
+    if len(p.points.mem) > 0:
+        calls.point_noise(p.calls, (whole(p.points), d, out))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_noise(p.calls, (whole(p.sliding), d, out))
+
+
+@inner
+def violation(p, d, amps):  # type: ignore[no-untyped-def]
+    """Return the largest |g| of all constraints, each relative to its own scale."""
+    worst = 0.0
+    if len(p.points.mem) > 0:
+        worst = max(worst, calls.point_violation(p.calls, (whole(p.points), d, amps)))
+    if len(p.sliding.multiplier) > 0:
+        worst = max(worst, calls.sliding_violation(p.calls, (whole(p.sliding), d, amps)))
+    return worst
+
+
+@inner
+def accept_patches(p, d):  # type: ignore[no-untyped-def]
+    """Let point laws and joints remember the accepted state d."""
+    if len(p.points.mem) > 0:
+        calls.point_accept(p.calls, (whole(p.points), d))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_accept(p.calls, (whole(p.sliding), d))
+
+
+@inner
+def rates_of_constraints(p, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
+    """Set what the constraints' rates and accelerations are at their multipliers without those of the unknowns."""
+    if len(p.points.mem) > 0:
+        calls.point_rates(p.calls, (whole(p.points), d, v, amps, velocity, acceleration))
+    if len(p.sliding.multiplier) > 0:
+        calls.sliding_rates(p.calls, (whole(p.sliding), d, v, amps, velocity, acceleration))
