@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -178,8 +179,17 @@ def total_load(case: Data) -> float:
     weight = sum(mass_per_length(b) * length(b["geometry"]) for b in case["bodies"].values() if has_mass(b))
     for load in case.get("loads", ()):
         size = float(np.max(np.abs(load["value"])))
-        out += size * {"moment": 1.0 / L, "distributed": L, "gravity": weight}.get(load["type"], 1.0)
+        arm = _arm(case, load) if load["type"] == "moment" else L
+        out += size * {"moment": 1.0 / arm, "distributed": L, "gravity": weight}.get(load["type"], 1.0)
     return out
+
+
+def _arm(case: Data, load: Data) -> float:
+    """Return the distance of the forces that a moment is: on a rigid body, a couple at the ends of a piece."""
+    body = case["bodies"][load["at"].split("@")[0]]
+    if not is_rigid(body) or body["geometry"]["type"] != "polyline":
+        return extent(case)
+    return min(math.dist(a, b) for a, b in pairwise(body["geometry"]["points"]))
 
 
 @dataclass
