@@ -151,14 +151,17 @@ def test_texts_survive_being_written_out(text):
 @given(st.integers(0, len(TEXTS) - 1), st.integers(0, 10**6), st.sampled_from(ODD), st.booleans())
 @PROFILE
 def test_overrides(which, seed, value, further):
-    """An override reads as the same value in the file would."""
+    """An override reads as the same value in the file would; null is as if there were nothing."""
     paths = list(places(DATA[which]))
     path = paths[seed % len(paths)]
     data = copy(DATA[which])
     dotted = ".".join(map(str, path)) + (".extra" if further else "")
     by_override = loads_or_explains(TEXTS[which], VOCABULARY, overrides=[f"{dotted}={as_text(value)}"])
     if not further:
-        parent_of(data, path)[path[-1]] = value
+        if value is None:
+            del parent_of(data, path)[path[-1]]
+        else:
+            parent_of(data, path)[path[-1]] = value
         by_file = loads_or_explains(as_text(data), VOCABULARY)
         assert (by_override is None) == (by_file is None)
         if by_override is not None:

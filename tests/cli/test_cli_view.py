@@ -69,8 +69,8 @@ def test_fields_and_animations_of_a_solved_case(solved: Call, folder: Path) -> N
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (["fields", "--field", "energy"], "has no field 'energy' (it has stress;"),
-    (["section_forces", "--quantity", "N"], "does not hold N"),
+    (["fields", "--field", "warp"], "has no field 'warp' (it has stress, strain, energy;"),
+    (["section_forces", "--quantity", "Z"], "draws N, Q, M, not 'Z'"),
     (["history", "--animate", "a.gif"], "history cannot be animated"),
     (["--animate", "a.png"], "animations are .gif or .mp4 files"),
     (["--animate", "beam.h5"], "is an input of this command"),

@@ -62,6 +62,8 @@ def elastica(EI: float, EA: float, P: float) -> np.ndarray:
 def test_a_cable_bends_far_without_locking_whatever_its_axial_stiffness(formulation, slenderness, count):
     """The same error at every slenderness, where 3 Gauss points are 7e-3 off with 4 elements and 5e-4 with 16.
 
+    Round-off of the axial force adds to it: at 1e6 the tip's error goes from 7e-7 to 8e-6 as P changes by 1e-4.
+
     ``green`` has its own limit, which is the elastica's where strains are small.
     """
     EI, EA, P = 1.0, 12.0 * slenderness**2, 4.0
@@ -70,7 +72,7 @@ def test_a_cable_bends_far_without_locking_whatever_its_axial_stiffness(formulat
     out = helpers.solved({"c": body}, bc=[{"type": "clamp", "at": "c@0"}],
                          loads=[{"type": "force", "at": "c@1", "value": [0.0, -P]}])
     error = np.hypot(*(out.r("c@1") - elastica(EI, EA, P)))
-    assert error < {1: 0.05, 4: 7e-4, 16: 5e-6}[count]
+    assert error < {1: 0.05, 4: 7e-4, 16: 5e-6}[count] + 1e-17 * slenderness**2
 
 
 def test_a_straight_cable_has_no_motion_without_strain():
