@@ -11,7 +11,7 @@ from .progress import Bar
 from .session import Session
 
 
-@click.command(epilog=examples("ancf2d compile", "RUN ancf2d compile -q   # in a Dockerfile"))
+@click.command(epilog=examples("ancf2d compile", "ancf2d compile -q"))
 @quiet_option
 @debug_option
 @click.pass_obj

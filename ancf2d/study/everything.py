@@ -48,7 +48,8 @@ def cases_of_every_kind() -> Iterator[tuple[str, dict[str, Any]]]:
     laws, interactions, frame = _laws(), _interactions(), _frame()
     for solver in ({"type": "linear_static"}, STATIC, {"type": "eigen", "modes": 2}, {"type": "buckling", "modes": 1}):
         yield str(solver["type"]), {**laws, "solver": solver}
-    yield "statics with springs and joints", {**interactions, "solver": STATIC}
+    yield "statics with springs and joints", {**interactions, "solver": STATIC, "output": {"fields": ["N", "Q", "M"]}}
+    yield "statics with springs and joints under dead loads", {**interactions, "solver": STATIC, "loads": [GRAVITY]}
     yield "statics of a frame", {**frame, "solver": STATIC}
     yield "modes of a frame", {**frame, "solver": {"type": "eigen", "modes": 2}}
     follower = [{"type": "follower_force", "at": "c0_0@1", "value": [1.0, 0.0]}]

@@ -79,7 +79,7 @@ def test_interrupted_run_ends_cleanly_and_goes_on_to_the_same_bits(pendulum: Pat
     code, out, err = stopped(pendulum, signal.SIGINT, "--json")
     assert code == 130, err
     assert json.loads(out)["status"] == "interrupted"
-    assert "to go on: ancf2d run rod.yaml --json --resume" in err
+    assert "to continue: ancf2d run rod.yaml --json --resume" in err
     assert "Traceback" not in err
     with open_results("rod.h5.part") as r:
         assert r.status == "interrupted"

@@ -56,7 +56,8 @@ def test_an_interruption_waits_until_a_kernel_is_compiled(module: str) -> None:
 def test_interruptions_are_tested_where_the_shell_ignores_them() -> None:
     """As a shell without job control does for what it starts in the background."""
     test = "test_what_must_not_be_left_midway_is_done_first"
-    found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{__file__}::{test}"],
+    found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow",
+                            f"{__file__}::{test}"],
                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN), capture_output=True,
                            text=True, timeout=120)
     assert found.returncode == 0, found.stdout
