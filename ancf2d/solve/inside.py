@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..case import GroundPoint, Point
 from ..elements.shape import Array
-from ..model.interactions import batches
 from ..model.loads import LOADS, LoadContext, LoadSet
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
@@ -89,6 +88,8 @@ def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
 
 
 def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    from ..model.interactions import batches
+
     d = _displacements(model, state)
     for load in model.case.loads:
         at = getattr(load, "at", None)

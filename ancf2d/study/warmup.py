@@ -177,12 +177,13 @@ def _show_life(path: Path, ended: threading.Event) -> None:
 
 def _touch(model: Model, new: bool) -> None:
     """Go through what a static or a modal solve calls, first together with other processes where it is ``new``."""
-    from ..solve.compilations import of_elements
     from ..solve.linear import make_matrix
 
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
+        from ..solve.compilations import of_elements
+
         spread([*of_elements(model), *touched])
     _ = model.groups
     for each in touched:
