@@ -12,9 +12,9 @@ import pytest
 from ancf2d.study.pool import THREADS
 
 # their first tests compile most: two at a time begin with unlike kernels, so that these are compiled once
-FIRST = ("docs/test_documents", "solve/test_reused_tangent", "kernels/test_element_kernels", "solve/test_rigid_motion",
-         "solve/test_motion_orders", "solve/test_scipy_integrators", "solve/test_joints_dynamic",
-         "solve/test_fronts_in_motion", "solve/test_step_allocations")
+FIRST = ("cli/test_cli_first_run", "docs/test_documents", "solve/test_reused_tangent", "kernels/test_element_kernels",
+         "solve/test_rigid_motion", "solve/test_motion_orders", "solve/test_scipy_integrators",
+         "solve/test_joints_dynamic", "solve/test_fronts_in_motion", "solve/test_step_allocations")
 
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
