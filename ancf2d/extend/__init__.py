@@ -46,9 +46,10 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
     """Register a record as a kind of spring, whose force is a function of the elongation, or of the angle.
 
     ``force(u, rate, par)`` returns the energy, the force N (N, or the moment in N m) and its derivatives dN/du and
-    dN/d(rate), of u = length less ``length`` [m], or ``on="angle"`` the relative rotation [rad]; ``par`` are what the
-    record's method ``constants()`` returns, at most five numbers. ``damped`` tells that N depends on the rate. The
-    record has ``tag`` (its ``type``) and the keys ``between`` (kind ENDS) and ``name``. Raises PluginError.
+    dN/d(rate), of the elongation u from the reference [m], or with ``on="angle"`` the relative rotation [rad]; ``par``
+    are what the record's method ``constants()`` returns, at most five numbers. ``damped`` tells that N depends on the
+    rate. The record has ``tag`` (its ``type``) and the keys ``between`` (kind ENDS) and ``name``. Raises
+    PluginError.
     """
     if on not in ("elongation", "angle"):
         raise PluginError(f"a spring acts on its elongation or angle, not '{on}'")
@@ -62,6 +63,7 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
 
         if "check" not in cls.__dict__:
             cls.check = _check_ends  # type: ignore[attr-defined]
+        cls.damped = damped  # type: ignore[attr-defined]
         SPRINGS[cls] = build
         return cls
     return register

@@ -98,13 +98,15 @@ class Batch:
         """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for."""
         return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
 
-    def matrices(self, d: Array, t: float, linear: bool = False) -> tuple[float, Array, Array, Array]:
-        """Return energy, forces (m, n), stiffness and damping (m, n, n) at rest at d (n_full,).
+    def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
+                 ) -> tuple[float, Array, Array, Array]:
+        """Return energy, forces (m, n), stiffness and damping (m, n, n) at d with rates v (n_full,), at rest without.
 
         ``linear``: constraints are those of linear theory about the reference.
         """
         Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
-        point_matrices(self.table, d, np.zeros_like(d), self.amplitudes(t), linear, self._energy, Q, K, C)
+        rates = np.zeros_like(d) if v is None else v
+        point_matrices(self.table, d, rates, self.amplitudes(t), linear, self._energy, Q, K, C)
         return float(self._energy.sum()), Q, K, C
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
@@ -184,6 +186,12 @@ class Interactions:
         """Return the energy of the springs at d (n_full,) or (n_q,)."""
         return sum(batch.matrices(d, t)[0] for batch in self.springs)
 
-    def damping(self, d: Array, t: float) -> list[tuple[Array, Index]]:
-        """Return the damping (m, n, n) of springs at d (n_full,), and their coordinates (m, n)."""
-        return [(batch.matrices(d, t)[3], batch.dofs) for batch in self.springs]
+    def rate_forces(self, d: Array, v: Array, linear: bool = False) -> Iterator[tuple[Array, Index]]:
+        """Yield the forces (m, n) that rates v (n_full,) of springs and dampers cause at d, and coordinates (m, n).
+
+        ``linear``: to first order in v.
+        """
+        for batch in self.springs:
+            _, still, _, C = batch.matrices(d, 0.0)
+            yield (np.einsum("mij,mj->mi", C, v[batch.dofs]) if linear
+                   else batch.matrices(d, 0.0, v=v)[1] - still), batch.dofs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -75,6 +76,10 @@ class FollowerLine:
 
     def items(self) -> Items:
         """Return the forces at the quadrature points, element by element, as tables have them."""
+        return self._items
+
+    @cached_property
+    def _items(self) -> Items:
         parts = [self._of(*part) for part in self.cover]
         dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
         return Items(LAWS["follower"], dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)

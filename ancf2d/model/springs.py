@@ -77,12 +77,12 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
 
 def _translational(spring: TranslationalSpring, ends: list[End]) -> Spring:
     """U = k (L - L0)^2/2, and c dL/dt."""
-    return along(TRANSLATIONAL, ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.length)
+    return along(TRANSLATIONAL, ends, [spring.stiffness, spring.damping], spring.damped, spring.length)
 
 
 def _rotational(spring: RotationalSpring, ends: list[End]) -> Spring:
     """U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-    return about(ROTATIONAL, ends, [spring.stiffness, spring.damping], spring.damping > 0.0, spring.angle)
+    return about(ROTATIONAL, ends, [spring.stiffness, spring.damping], spring.damped, spring.angle)
 
 
 SPRINGS: dict[type, Callable[[Any, list[End]], Spring]] = {

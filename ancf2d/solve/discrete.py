@@ -162,14 +162,17 @@ class DiscreteModel:
         start = system.assemble(zero, t, load_stiffness=False)
         return start.R + self._model.numbering.reduce(system.action(zero, d, t, linear=True))
 
-    def _rate_forces(self, d: Array, v: Array) -> Array:
-        """Return the forces (n_full,) that rates v (n_full,) cause at d. They are linear in v."""
+    def _rate_forces(self, d: Array, v: Array, linear: bool = False) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d; with ``linear`` to first order in v.
+
+        Only dampers of plugins are of higher order.
+        """
         out, n_q = np.zeros(len(v)), self._model.n_q
         d = self._reference if self._linear else d
         for tau, group in self._viscous:
             viscous_force(group, tau, d, v, out)
-        for C, dofs in self._model.interactions.damping(d, 0.0) if self._damped else ():
-            np.add.at(out, dofs, np.einsum("mij,mj->mi", C, v[dofs]))
+        for forces, dofs in self._model.interactions.rate_forces(d, v, linear or self._linear) if self._damped else ():
+            np.add.at(out, dofs, forces)
         if self._gyroscope is not None:
             out += self._gyroscope.forces(v)
         if self._alpha:
@@ -193,7 +196,7 @@ class DiscreteModel:
         return self._sparse(self._system.matrix.read(self._order[i], self._order[j]))
 
     def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
-        """Return C = dR/dv (n, n), which does not depend on v: springs' and materials' damping, Coriolis forces."""
+        """Return C = dR/dv (n, n) at rest: springs' and materials' damping, Coriolis forces."""
         full, num = self._full(self._unknowns(d, "d", t), t), self._model.numbering
         i, j = self._entries
         values, colour_of = np.zeros(len(i)), self._colours[j]
@@ -204,7 +207,7 @@ class DiscreteModel:
             num.expand(seed, v)
             v[num.n_q:] = 0.0
             mine = colour_of == colour
-            values[mine] = num.reduce(self._rate_forces(full, v))[self._order][i[mine]]
+            values[mine] = num.reduce(self._rate_forces(full, v, linear=True))[self._order][i[mine]]
         out = self._sparse(values)
         out.eliminate_zeros()
         return out

@@ -112,7 +112,8 @@ def left_out(case: Case) -> list[str]:
         return []
     dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
                if body.material is not None and body.material.damping is not None]
-    dampers += [f"springs.{i}.damping" for i, spring in enumerate(case.springs) if getattr(spring, "damping", 0.0) > 0]
+    dampers += [f"springs.{i}.damping" if hasattr(spring, "damping") else f"springs.{i}"
+                for i, spring in enumerate(case.springs) if spring.damped]
     out = [f"these modes are undamped: {', '.join(dampers)} have no effect"] if dampers else []
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []

@@ -149,6 +149,43 @@ def test_a_formulation_of_ones_own_in_statics_modes_and_motion() -> None:
     assert moved.summary["energy_drift"] < 1e-6
 
 
+@pytest.mark.usefixtures("registries")
+def test_a_damper_may_be_any_function_of_the_rate() -> None:
+    """Its force grows with the square of the rate, so that its damping at rest is zero."""
+    def drag(u, rate, par):
+        return 0.0, par[0] * rate * abs(rate), 0.0, 2.0 * par[0] * abs(rate)
+
+    @extend.spring(drag, damped=True)
+    @extend.record
+    class Drag:
+        """A damper whose force grows with the square of the rate."""
+
+        tag = "drag"
+        between: tuple = extend.key(extend.ENDS, "The two ends")
+        factor: float = extend.key(extend.Number("N s^2/m^2"), "Factor")
+        name: str | None = extend.key(extend.NAME, "Name", default=None)
+
+        def constants(self):
+            return [self.factor]
+
+    scene = {"springs": [{"type": "drag", "between": [[-1, 0], "rod@0"], "factor": 5.0}],
+             "initial": {"velocity": [3.0, 0.0]}}
+    moved = rod({"type": "dynamic", "t_end": 0.5, "tolerance": 1e-7}, **scene)
+    # m v' = -c v^2
+    assert moved.probes["end"]["vx"] == pytest.approx(3.0 / (1 + 5.0 * 3.0 * 0.5 / MASS), rel=1e-6)
+    system = ancf2d.system(moved.case)
+    z, v = system.initial()
+    force = system.residual(z, v, 0.0)
+    assert force.sum() == pytest.approx(5.0 * 3.0**2, rel=1e-9)
+    assert not system.damping(z).toarray().any()
+    modes = rod({"type": "eigen", "modes": 1}, springs=[*scene["springs"], spring_of(K)])
+    assert any("undamped: springs.0 have no effect" in w for w in modes.warnings)
+
+
+def spring_of(stiffness):
+    return {"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": stiffness}
+
+
 CASE = """
 bodies:
   rod:

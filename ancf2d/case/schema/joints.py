@@ -103,6 +103,11 @@ class TranslationalSpring:
                                "in the reference)", default=None)
     name: str | None = key(NAME, "Name", default=None)
 
+    @property
+    def damped(self) -> bool:
+        """Whether rates cause forces."""
+        return self.damping > 0.0
+
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
         yield from spring_issues(self.between)
@@ -121,6 +126,11 @@ class RotationalSpring:
     angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
                        default=0.0)
     name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def damped(self) -> bool:
+        """Whether rates cause forces."""
+        return self.damping > 0.0
 
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
