@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ancf2d.results import BodyRecord, ResultWriter
+from ancf2d.results import BodyRecord, Results, ResultWriter, open_results
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HEADER = {
     "case_text": "format: 1\ntitle: Cantilever\n", "case_completed": "format: 1\n",
@@ -151,3 +155,11 @@ def mechanism(path: Path, steps: int = 40) -> Path:
                       "pin": {"ux": crank[-1, 0] - 0.5, "uy": crank[-1, 1], "theta": angle}}
             w.append(t, e - e0, {"t": t, "strain": 0.0}, probes)
         return w.finish({"status": "converged"})
+
+
+def opened(path: Path) -> Results:
+    return open_results(path)
+
+
+def legend_texts(figure: Figure) -> list[str]:
+    return [t.get_text() for t in figure.legends[0].get_texts()]
