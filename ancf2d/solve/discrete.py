@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import cached_property
-from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +12,10 @@ from numpy.typing import ArrayLike
 from ..case import Dynamic, LinearStatic
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..kernels.elements import viscous_force
 from ..model.mesh import Index
 from ..model.model import Model
-from .gyroscopic import Gyroscope
 from .initial import HELD, initial_motion
-from .linear import pattern
+from .linearised import RateForces, stored
 from .mass import full_mass, unknowns_to_coordinates
 from .post import Observer, turns_of
 from .state import State
@@ -55,11 +52,7 @@ class DiscreteModel:
         self._moving = isinstance(model.case.solver, Dynamic)
         self._linear = isinstance(model.case.solver, LinearStatic)
         self._reference = np.zeros(len(num.place))
-        damping, rotation = model.case.damping, model.case.steady_rotation
-        self._alpha = damping.rayleigh.alpha if damping else 0.0
-        self._gyroscope = Gyroscope(model, rotation.omega) if rotation else None
-        self._viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
-        self._damped = any(spring.damped for spring in model.springs)
+        self._rates = RateForces(model)
 
     def __repr__(self) -> str:
         title, m = self._model.case.title, self._model.numbering.n_multipliers
@@ -162,22 +155,10 @@ class DiscreteModel:
         start = system.assemble(zero, t, load_stiffness=False)
         return start.R + self._model.numbering.reduce(system.action(zero, d, t, linear=True))
 
-    def _rate_forces(self, d: Array, v: Array, linear: bool = False) -> Array:
-        """Return the forces (n_full,) that rates v (n_full,) cause at d; with ``linear`` to first order in v.
-
-        Only dampers of plugins are of higher order.
-        """
-        out, n_q = np.zeros(len(v)), self._model.n_q
+    def _rate_forces(self, d: Array, v: Array) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d."""
         d = self._reference if self._linear else d
-        for tau, group in self._viscous:
-            viscous_force(group, tau, d, v, out)
-        for forces, dofs in self._model.interactions.rate_forces(d, v, linear or self._linear) if self._damped else ():
-            np.add.at(out, dofs, forces)
-        if self._gyroscope is not None:
-            out += self._gyroscope.forces(v)
-        if self._alpha:
-            out[:n_q] += self._alpha * (self._M @ v[:n_q])
-        return out
+        return self._rates(d, v, lambda: self._M, self._linear)
 
     def _inertia(self, a: Array) -> Array:
         """Return the forces of inertia (n_full,) that second rates a (n_full,) cause."""
@@ -192,25 +173,18 @@ class DiscreteModel:
             self._system.assemble(self._reference, t, load_stiffness=False)
         else:
             self._system.assemble(full, t)
-        i, j = self._entries
-        return self._sparse(self._system.matrix.read(self._order[i], self._order[j]))
+        matrix = self._system.matrix
+        return self._ordered(stored(self._model, matrix, matrix.values))
 
     def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
         """Return C = dR/dv (n, n) at rest: springs' and materials' damping, Coriolis forces."""
-        full, num = self._full(self._unknowns(d, "d", t), t), self._model.numbering
-        i, j = self._entries
-        values, colour_of = np.zeros(len(i)), self._colours[j]
-        acts = self._viscous or self._damped or self._alpha or self._gyroscope
-        for colour in range(int(self._colours.max(initial=-1)) + 1) if acts else ():
-            seed, v = np.zeros(self.n), np.zeros(len(full))
-            seed[self._order] = self._colours == colour
-            num.expand(seed, v)
-            v[num.n_q:] = 0.0
-            mine = colour_of == colour
-            values[mine] = num.reduce(self._rate_forces(full, v, linear=True))[self._order][i[mine]]
-        out = self._sparse(values)
-        out.eliminate_zeros()
-        return out
+        full = self._reference if self._linear else self._full(self._unknowns(d, "d", t), t)
+        M = self._mass if self._rates.alpha else None
+        return self._ordered(self._rates.damping(full, M) + self._rates.turning())
+
+    def _ordered(self, A: csc_array) -> csc_array:
+        """Return a matrix of the system in the order of the nodal coordinates."""
+        return A[self._order][:, self._order]
 
     @property
     def mass(self) -> csc_array:
@@ -230,35 +204,16 @@ class DiscreteModel:
         return full_mass(self._model)
 
     @cached_property
-    def _reduced_mass(self) -> csc_array:
+    def _mass(self) -> csc_array:
+        """The mass matrix (n, n) as the system has it."""
         from scipy.sparse import csc_array
 
-        T = unknowns_to_coordinates(self._model)[:, self._order]
+        T = unknowns_to_coordinates(self._model)
         return csc_array(T.T @ self._M @ T)
 
     @cached_property
-    def _entries(self) -> tuple[Index, Index]:
-        """The row and column of each entry that K and C can have, column by column."""
-        rows, columns = (np.argsort(self._order)[k] for k in pattern(self._model))
-        code = np.unique(columns * self.n + rows)
-        return code % max(self.n, 1), code // max(self.n, 1)
-
-    @cached_property
-    def _colours(self) -> Index:
-        """Numbers of the columns (n,), where no two columns of the same number meet in a row (Curtis et al. 1974)."""
-        P = self._sparse(np.ones(len(self._entries[0])))
-        near, out = (P.T @ P).tocsc(), np.full(self.n, -1)
-        for k in range(self.n):
-            taken = set(out[near.indices[near.indptr[k]:near.indptr[k + 1]]].tolist())
-            out[k] = next(c for c in count() if c not in taken)
-        return out
-
-    def _sparse(self, values: Array) -> csc_array:
-        from scipy.sparse import csc_array
-
-        i, j = self._entries
-        start = np.searchsorted(j, np.arange(self.n + 1))
-        return csc_array((values, i.copy(), start), shape=(self.n, self.n))
+    def _reduced_mass(self) -> csc_array:
+        return self._ordered(self._mass)
 
     # ------------------------------------------------------------------ motion
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..case import Eigen
 from ..elements.shape import Array
-from ..model.loads import LoadSet
 from ..model.model import Model
 from .classify import Classifier, Verdict
+from .linearised import base_state
 from .lowest_modes import Modes, lowest
-from .matrix_pencil import Pencil
 from .state import State
 
 # relative uncertainty of an eigenvalue that is worth a word
@@ -29,10 +27,9 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     About the reference, loads do not act; about the static equilibrium they have been followed to their full size
     and K is the tangent there, their own stiffness included.
     """
-    base = rest(replace(model, loads=LoadSet())) if spec.about == "reference" else _equilibrium(model)
-    model = base.model
-    state = base.state
-    pencil = Pencil(model, state.d, state.t, spec.about == "static", state.turned)
+    base = base_state(model, spec.about)
+    model, state = base.model, base.state
+    pencil = base.pencil()
     pencil.with_mass(model.e0 + state.d[:model.n_q])
     modes = lowest(pencil, spec.modes)
     shapes = full_shapes(model, modes.vectors)
@@ -46,33 +43,6 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.warnings.append("the reference is not an equilibrium because springs are loaded in it (about: static "
                               "finds the equilibrium)")
     yield state
-
-
-class Base:
-    """The state about which a model is linearised."""
-
-    def __init__(self, model: Model, state: State) -> None:
-        self.model, self.state = model, state
-
-
-def rest(model: Model) -> Base:
-    """Return the reference of a model."""
-    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
-    zero = np.zeros(len(d))
-    history = {"step": 0, "factor": 0.0, "iterations": 0}
-    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history))
-
-
-def _equilibrium(model: Model) -> Base:
-    from .static import solve_static
-
-    iterations, warnings, state = 0, [], None
-    for state in solve_static(model):
-        iterations += int(state.history["iterations"])
-        warnings += state.warnings
-    assert state is not None
-    state.history["iterations"], state.warnings = iterations, warnings
-    return Base(model, state)
 
 
 def full_shapes(model: Model, vectors: Array) -> Array:

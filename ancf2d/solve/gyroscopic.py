@@ -16,8 +16,8 @@ from ..model.masses import mass_terms
 from ..model.mesh import mass_matrix
 from ..model.model import Model
 from .classify import Classifier
-from .eigen import _equilibrium as equilibrium
 from .eigen import full_shapes, renumber, table
+from .linearised import base_state
 from .matrix_pencil import Pencil
 from .state import State
 
@@ -145,9 +145,9 @@ def _arnoldi(inverse: Callable[[Array], Array], n: int, number: int) -> tuple[Ar
 
 def solve_turning(model: Model, spec: Eigen) -> Iterator[State]:
     """Yield the equilibrium in the turning frame with its lowest modes, frequencies as seen in that frame."""
-    base = equilibrium(model)
+    base = base_state(model, "static")
     state, model = base.state, base.model
-    pencil = Pencil(model, state.d, state.t, True, state.turned).with_mass()
+    pencil = base.pencil().with_mass()
     assert model.case.steady_rotation is not None
     pairs = gyroscopic_pairs(pencil, Gyroscope(model, model.case.steady_rotation.omega), spec.modes)
     shapes = full_shapes(model, np.array([pairs.shape(k, pencil) for k in range(len(pairs.s))]))

@@ -213,14 +213,14 @@ class SymmetricBand(Symmetric):
     """Symmetric band."""
 
     def __init__(self, n: int, bw: int, multipliers: Multipliers | None = None) -> None:
+        self.bw = bw
         self.values = np.zeros((n, bw + 1))
         self.target = SymBand(self.values)
         super().__init__(n, multipliers)
 
     def at(self, i: Index, j: Index) -> Index:
         """Return where entries (i, j), j <= i, are among the values."""
-        bw = self.values.shape[1] - 1
-        return i * bw + bw + j
+        return i * self.bw + self.bw + j
 
     def _factored(self) -> tuple[int, int, float]:
         return ldl_factor_with(self.values, SINGULAR, self.scale)  # type: ignore[no-any-return]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,23 +45,49 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
 
 def full_mass(model: Model) -> csr_matrix:
     """Return the constant mass matrix M (n_q, n_q) of all nodal coordinates, point masses included."""
-    from scipy.sparse import coo_matrix
+    return scattered([*_element_masses(model), *((coords[None, :], M) for coords, M in point_masses(model))], model.n_q)
 
-    rows, columns, values = [], [], []
 
-    def add(dofs: Index, M: Array) -> None:
-        m, n = dofs.shape
-        rows.append(np.repeat(dofs, n, axis=1).ravel())
-        columns.append(np.tile(dofs, (1, n)).ravel())
-        values.append(np.tile(M.ravel(), m))
+def coriolis_matrix(model: Model, omega: float) -> csr_matrix:
+    """Return 2 omega G (n_q, n_q), G = int rho S^T J S dV with J the quarter turn: the Coriolis forces of a frame that
+    turns with ``omega``.
 
+    Sections turn in the frame as they do outside: theta has no part in it.
+    """
+    blocks = []
+    for mesh in model.meshes.values():
+        nc = mesh.plan.element.components
+        for k, cls in enumerate(mesh.classes):
+            M = mass_matrix(cls.sampler)
+            G = np.zeros_like(M)
+            G[:, 0::nc], G[:, 1::nc] = M[:, 1::nc], -M[:, 0::nc]
+            blocks.append((mesh.dofs[mesh.cls == k], 2.0 * omega * G))
+    terms = [term for m in model.case.masses for term in mass_terms(m, model.point(m.at)) if len(term.columns) == 2]
+    for term in terms:
+        (cx, wx), (cy, wy) = term.columns
+        block = 2.0 * omega * term.inertia * np.outer(np.append(0.0 * wx, wy), np.append(wx, 0.0 * wy))
+        blocks.append((np.append(cx, cy)[None, :], block - block.T))
+    return scattered(blocks, model.n_q)
+
+
+def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:
     for mesh in model.meshes.values():
         for k, cls in enumerate(mesh.classes):
-            add(mesh.dofs[mesh.cls == k], mass_matrix(cls.sampler))
-    for coords, M in point_masses(model):
-        add(coords[None, :], M)
+            yield mesh.dofs[mesh.cls == k], mass_matrix(cls.sampler)
+
+
+def scattered(blocks: Iterable[tuple[Index, Array]], n: int) -> csr_matrix:
+    """Return the matrix (n, n) that is the sum of blocks: coordinates (m, k) and matrices (m, k, k), or one for all."""
+    from scipy.sparse import coo_matrix
+
+    rows, columns, values = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    for dofs, M in blocks:
+        m, k = dofs.shape
+        rows.append(np.repeat(dofs, k, axis=1).ravel())
+        columns.append(np.tile(dofs, (1, k)).ravel())
+        values.append(np.broadcast_to(M, (m, k, k)).ravel())
     place = (np.concatenate(rows), np.concatenate(columns))
-    out = coo_matrix((np.concatenate(values), place), shape=(model.n_q, model.n_q)).tocsr()
+    out = coo_matrix((np.concatenate(values), place), shape=(n, n)).tocsr()
     out.eliminate_zeros()
     return out
 
