@@ -20,7 +20,8 @@ from ancf2d.study.run import run_case, vocabulary
 LONG = ("two girders of ten kilometres each, welded to each other in the middle, pressed down by one force that is as "
         "large as it has to be to be seen")
 # number of bodies, length of each, title
-ROWS = ((1, 1e-5, "One body"), (2, 1e4, LONG), (8, 1.0, "Eight bodies"), (40, 0.3, "Forty bodies"))
+ROWS = ((1, 1e-5, "One body"), (2, 1e4, LONG), (8, 1.0, "Eight bodies"), (40, 0.3, "Forty bodies"),
+        (100, 0.1, "A hundred bodies"))
 COLUMNS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("shape", {}), ("section_forces", {}), ("fields", {}), ("snapshots", {"count": 6}), ("trajectory", {}),
     ("load_deflection", {}))
@@ -41,12 +42,12 @@ def girder(bodies: int, length: float, title: str) -> dict[str, Any]:
     return {
         "title": title,
         "bodies": {name: {"geometry": {"type": "line", "start": [length * k, 0], "end": [length * (k + 1), 0]},
-                          "section": section, "material": {"E": E, "nu": 0.3},
+                          "section": section, "material": {"E": E, "nu": 0.3, "rho": 7850},
                           "element": {"type": "reissner3", "count": 2}} for k, name in enumerate(names)},
         "boundary_conditions": supports,
         "joints": [{"type": "weld", "between": [f"{a}@1", f"{b}@0"]}
                    for a, b in pairwise(names)],
-        "loads": [{"type": "force", "at": middle, "value": [0, -force]}],
+        "loads": [{"type": "force", "at": middle, "value": [0, -force]}, {"type": "gravity", "value": [0, -9.81]}],
         "solver": {"type": "static", "steps": 5},
         "output": {"probes": {"middle": middle}, "fields": ["N", "Q", "M", "stress"]}}
 

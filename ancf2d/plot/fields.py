@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,39 +28,15 @@ from ancf2d.plot.body import (
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
+from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
-POSITIVE = ("mises", "energy")  # never below zero
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
 STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
 ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
-Formula = Callable[[np.ndarray], np.ndarray]
-
-
-def _one(s: np.ndarray, k: int) -> np.ndarray:
-    return s[..., k]
-
-
-def _mises(s: np.ndarray) -> np.ndarray:
-    xx, yy, xy = s[..., 0], s[..., 1], s[..., 2]
-    return np.sqrt(np.maximum(xx**2 - xx * yy + yy**2 + 3.0 * xy**2, 0.0))
-
-
-# what can be drawn beside the stored components, by field
-DERIVED: dict[str, dict[str, Formula]] = {"stress": {"mises": _mises}}
-SYMBOLS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "stress across the axis, σ_yy",
-           ("stress", "xy"): "shear stress, σ_xy", ("stress", "mises"): "von Mises stress",
-           ("strain", "xx"): "strain along the axis, ε_xx", ("strain", "yy"): "strain across the axis, ε_yy",
-           ("strain", "xy"): "shear strain, 2 ε_xy", ("energy", "energy"): "strain energy density"}
-
-
-def _even(n: int, at: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), n) of the polynomial through n evenly spaced values, at fractions in [0, 1]."""
-    x, powers = np.linspace(-1.0, 1.0, n), np.arange(n)
-    return ((2 * at - 1)[:, None] ** powers) @ np.linalg.inv(x[:, None] ** powers)
 
 
 @dataclass
@@ -188,9 +163,8 @@ class Fields:
                         yield surface.name, ie, float(surface.s[ie, k]), x, y, value
 
 
-def _component(results: Results, record: FieldRecord, component: str | None) -> tuple[str, Formula]:
-    formulas: dict[str, Formula] = {c: partial(_one, k=k) for k, c in enumerate(record.components)}
-    formulas.update(DERIVED.get(record.name, {}))
+def _component(record: FieldRecord, component: str | None) -> tuple[str, Formula]:
+    formulas = formulas_of(record)
     name = component or next(iter(formulas))
     if name not in formulas:
         raise ResultsError(f"{record.name} has no component '{name}' (it has {', '.join(formulas)})")
@@ -202,11 +176,11 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     ne = len(body.dofs)
     some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_ELEMENTS)).astype(int))
     faces = results.faces(name, state, scale=scale, elements=some)
-    across = _even(3, np.linspace(0, 1, ACROSS))
+    across = even_weights(3, np.linspace(0, 1, ACROSS))
     points = np.einsum("ya,emac->emyc", across, np.stack([faces[k] for k in ("bottom", "axis", "top")], axis=2))
     stored = formula(results.field(name, record.name, state)[some])
-    values = np.einsum("xi,yj,eij->exy", _even(len(record.xi), body.sample_xi),
-                       _even(len(record.eta), np.linspace(0, 1, ACROSS)), stored)
+    values = np.einsum("xi,yj,eij->exy", even_weights(len(record.xi), body.sample_xi),
+                       even_weights(len(record.eta), np.linspace(0, 1, ACROSS)), stored)
     # polynomials overshoot: an energy would be negative where there is none
     values = np.clip(values, stored.min(), stored.max())
     lengths = body.lengths[body.classes]
@@ -241,14 +215,14 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
     name = _wanted(results, field)
     records = {body: found[name] for body, found in results.fields.items() if name in found}
     first = next(iter(records.values()))
-    part, formula = _component(results, first, component)
+    part, formula = _component(first, component)
     factor = chosen_scale(sources, state, scale)
     surfaces = [_surface(results, body, record, formula, state, factor) for body, record in records.items()]
     extent = float(np.ptp(bounds([s.points.reshape(-1, 2) for s in surfaces]), axis=0).max())
     flat = unrolled
     if flat is None:
         flat = len(surfaces) <= STRIPS and max(s.height for s in surfaces) < FLAT * extent
-    what = (SYMBOLS.get((name, part), f"{name} {part}"), first.units)
+    what = (label_of(name, part), first.units)
     note = when(results, state) + ("" if flat else magnified(factor))
     return Fields(results.title, note, results.units.length, what, surfaces, flat, part not in POSITIVE)
 

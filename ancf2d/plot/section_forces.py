@@ -15,8 +15,9 @@ from ancf2d.plot import style
 from ancf2d.plot.body import bounds, check_state, no_states, when
 from ancf2d.plot.curves import quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
-from ancf2d.plot.symbols import Symbol, draw_symbols, symbols_of
+from ancf2d.plot.symbols import draw_symbols
 from ancf2d.results import Results
+from ancf2d.results.symbols import Symbol, symbols_of
 
 FORCES = ("N", "Q", "M")
 NAMES = {"N": "axial force N", "Q": "shear force Q", "M": "bending moment M"}
@@ -109,10 +110,14 @@ class Diagrams:
         everything = [(float(d.values[i]), d.line(scale)[i]) for d in diagrams
                       for i in (int(d.values.argmax()), int(d.values.argmin()))]
         top = max(abs(v) for v, _ in everything)
+        middle = float(np.mean([place[0] for d in diagrams for place in (d.axis.min(axis=0), d.axis.max(axis=0))]))
         ends = {v: place for v, place in (max(everything, key=lambda e: e[0]), min(everything, key=lambda e: e[0]))}
         for value, place in ends.items():
             if abs(value) > 1e-3 * top:
-                axes.annotate(f"{value:.4g}", place, (3, 3), textcoords="offset points", fontsize="small", zorder=5,
+                # towards the middle: beyond the axes there are other things
+                side = 1 if place[0] <= middle else -1
+                axes.annotate(f"{value:.4g}", place, (3 * side, 3), textcoords="offset points", fontsize="small",
+                              ha="left" if side > 0 else "right", zorder=5,
                               bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6})
 
     def header(self) -> list[str]:

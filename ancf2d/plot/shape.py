@@ -26,7 +26,8 @@ from ancf2d.plot.body import (
     when,
 )
 from ancf2d.plot.picture import Kind, Source, common_title
-from ancf2d.plot.symbols import Symbol, draw_symbols, symbols_of
+from ancf2d.plot.symbols import draw_symbols
+from ancf2d.results.symbols import Symbol, symbols_of
 
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
 MAX_ENTRIES = 16  # bodies of a file that the legend names; the colours of more repeat, with one entry for all

@@ -78,12 +78,11 @@ def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
     return {name: values.imag / STEP for name, values in moved.items()}
 
 
-@_beyond_numbers
-def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arclength in [0, 1].
+def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return coordinates (n, k, 2) and shape functions (n, k) of the axis at fractions s (n,) of a body's arclength.
 
-    q (nq,): nodal coordinates, or displacements of them for displacements. The samples of the shape functions are
-    continued between their points by the polynomial through them, exact up to DEGREE along the element.
+    The samples of the shape functions are continued between their points by the polynomial through them, exact up to
+    DEGREE along the element.
     """
     ne = len(body.dofs)
     ie = np.clip(np.searchsorted(body.arclength, s, side="right") - 1, 0, ne - 1)
@@ -92,12 +91,21 @@ def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
     # Legendre polynomials: powers of xi would lose digits
     fit = np.linalg.pinv(legvander(2 * body.sample_xi - 1, degree))
     weights = legvander(2 * xi - 1, degree) @ fit
+    shapes = np.einsum("mi,mik->mk", weights, body.sample_S[body.classes[ie], 1])
+    return body.dofs[ie].reshape(len(s), -1, body.components)[..., :2], shapes
+
+
+@_beyond_numbers
+def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arclength in [0, 1].
+
+    q (nq,): nodal coordinates, or displacements of them for displacements.
+    """
     out = np.empty((len(s), 2))
     for start in range(0, len(s), BLOCK):
         part = slice(start, start + BLOCK)
-        k = ie[part]
-        x = q[body.dofs[k]].reshape(len(k), -1, body.components)[..., :2]
-        out[part] = np.einsum("mi,mik,mkc->mc", weights[part], body.sample_S[body.classes[k], 1], x, optimize=True)
+        dofs, shapes = axis_shapes(body, s[part])
+        out[part] = np.einsum("mk,mkc->mc", shapes, q[dofs])
     return out
 
 

@@ -6,62 +6,49 @@ let frame = null; // of the plot in pixels and values
 // over time; load against the quantity in statics
 function curve() {
   const p = data.probes[state.curve];
-  return timed ? { x: p.t, y: p.values, p } : { x: p.values, y: p.t, p };
+  const { t } = data.series[p.series];
+  return timed ? { x: t, y: p.values, p } : { x: p.values, y: t, p };
 }
 function range(values) {
   let [low, high] = [Infinity, -Infinity];
   for (const v of values) { if (v < low) low = v; if (v > high) high = v; }
-  const pad = 0.06 * (high - low) || 1;
+  const pad = 0.06 * (high - low) || 0.06 * Math.abs(low) || 1;
   return [low - pad, high + pad];
 }
-function now(p) {
+// where the state shown is among the rows of a series, between two of them too
+function rowNow({ rows }) {
   const at = place();
   const a = Math.floor(at);
-  const row = (1 - at + a) * p.rows[a] + (at - a) * p.rows[Math.min(a + 1, frames - 1)];
+  return (1 - at + a) * rows[a] + (at - a) * rows[Math.min(a + 1, frames - 1)];
+}
+function now(p) {
+  const row = rowNow(data.series[p.series]);
   const k = Math.min(Math.floor(row), p.values.length - 2);
   return (v) => v[k] + (row - k) * (v[k + 1] - v[k]);
-}
-function ticks([low, high], count) {
-  const step = nice((high - low) / count);
-  const out = [];
-  for (let k = Math.ceil(low / step); k * step <= high; k++) out.push(Number((k * step).toPrecision(12)));
-  return out;
 }
 function drawPlot() {
   if (!data.probes.length) return;
   const [w, h] = fitted(plot);
   const { x, y, p } = curve();
   const [xr, yr] = [range(x), range(y)];
-  const [left, right, top, bottom] = [64, w - 10, 22, h - 38];
+  const ys = ticks(...yr, nice((yr[1] - yr[0]) / Math.max(2, h / 50)));
+  const [left, right, top, bottom] = [Math.max(44, widest(plotPen, ys) + 12), w - 10, 22, h - GUTTER.bottom];
+  const xs = ticks(...xr, nice((xr[1] - xr[0]) / Math.max(2, (right - left) / 80)));
   const X = (v) => left + (v - xr[0]) / (xr[1] - xr[0]) * (right - left);
   const Y = (v) => bottom - (v - yr[0]) / (yr[1] - yr[0]) * (bottom - top);
   frame = { left, right, xr };
   plotPen.clearRect(0, 0, w, h);
-  plotPen.font = "11px system-ui, sans-serif";
   plotPen.strokeStyle = css("--line");
-  plotPen.fillStyle = css("--soft");
-  plotPen.textAlign = "center";
-  for (const v of ticks(xr, Math.max(2, w / 90))) {
-    plotPen.beginPath(); plotPen.moveTo(X(v), top); plotPen.lineTo(X(v), bottom); plotPen.stroke();
-    plotPen.fillText(format(v), X(v), bottom + 15);
-  }
-  plotPen.textAlign = "right";
-  for (const v of ticks(yr, Math.max(2, h / 50))) {
-    plotPen.beginPath(); plotPen.moveTo(left, Y(v)); plotPen.lineTo(right, Y(v)); plotPen.stroke();
-    plotPen.fillText(format(v), left - 6, Y(v) + 4);
-  }
-  const names = [timed ? `time [${data.units.time}]` : label(p), timed ? label(p) : "load factor"];
-  plotPen.fillText(names[0], right, bottom + 32);
-  plotPen.textAlign = "left";
-  plotPen.fillText(names[1], 4, 12);
+  const load = (exponent) => (timed ? named("time", data.units.time, exponent) : named("load factor", "1", exponent));
+  const value = (exponent) => named(`${p.probe} ${p.quantity}`, p.units, exponent);
+  const names = timed ? [load(xs.exponent), value(ys.exponent)] : [value(xs.exponent), load(ys.exponent)];
+  axes(plotPen, [left, right, top, bottom], X, Y, xs, ys, names);
+  plot.setAttribute("aria-label", `${names[1]} over ${names[0]}` + (timed ? "; click to go there" : ""));
   line(x, y, X, Y);
-  const value = now(p);
+  const at = now(p);
   plotPen.fillStyle = css("--accent");
-  plotPen.beginPath(); plotPen.arc(X(value(x)), Y(value(y)), 5.5, 0, 7); plotPen.fill();
-  el("value").textContent = `${p.probe} ${p.quantity} = ${format(value(p.values))}${unit(p.units)}`;
-}
-function label(p) {
-  return p.units && p.units !== "1" ? `${p.probe} ${p.quantity} [${unit(p.units).trim()}]` : `${p.probe} ${p.quantity}`;
+  plotPen.beginPath(); plotPen.arc(X(at(x)), Y(at(y)), 5.5, 0, 7); plotPen.fill();
+  el("value").textContent = `${p.probe} ${p.quantity} = ${format(at(p.values))}${unit(p.units)}`;
 }
 function line(x, y, X, Y) {
   plotPen.strokeStyle = css("--ink");
@@ -97,6 +84,7 @@ function speak() {
 function draw() {
   drawScene();
   drawPlot();
+  drawBar();
   speak();
 }
 let last = 0;
@@ -144,6 +132,7 @@ function choose(k) {
 }
 function theme(dark) {
   state.dark = dark;
+  el("theme").textContent = dark ? "light" : "dark";
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   document.documentElement.style.colorScheme = dark ? "dark" : "light";
   el("legend").replaceChildren(...data.bodies.map((body, i) => {
@@ -167,7 +156,8 @@ function option(select, value, text) {
 function zoom(factor, x, y) {
   const box = stage.getBoundingClientRect();
   const v = state.view;
-  const [dx, dy] = [x - box.left - box.width / 2, y - box.top - box.height / 2];
+  const { cx, cy } = mapping(box.width, box.height);
+  const [dx, dy] = x === undefined ? [0, 0] : [x - box.left - cx, y - box.top - cy];
   v.x += dx / v.scale * (1 - 1 / factor);
   v.y -= dy / v.scale * (1 - 1 / factor);
   v.scale *= factor;
@@ -221,14 +211,29 @@ el("speed").addEventListener("input", () => { state.speed = 2 ** Number(el("spee
 el("magnify").addEventListener("change", () => { state.magnify = Number(el("magnify").value); state.view = null; draw(); });
 el("mode").addEventListener("change", () => choose(Number(el("mode").value)));
 el("curve").addEventListener("change", () => { state.curve = Number(el("curve").value); draw(); });
-for (const name of ["reference", "nodes", "loop"]) el(name).addEventListener("change", draw);
+el("field").addEventListener("change", () => { state.field = Number(el("field").value); draw(); });
+for (const name of ["reference", "nodes", "symbols", "trace", "loop"]) el(name).addEventListener("change", draw);
+// the same keys wherever the focus is; what has the focus is worked with Enter, up and down
+const KEYS = {
+  " ": () => play(!state.playing), ArrowRight: () => step(1), ArrowLeft: () => step(-1), Home: () => jump(0), End: () => jump(frames - 1),
+  "+": () => zoom(1.25), "=": () => zoom(1.25), "-": () => zoom(0.8), 0: () => { state.view = null; draw(); },
+};
+function jump(k) {
+  play(false);
+  if (modal) choose(k);
+  else go(axis[k]);
+}
 document.addEventListener("keydown", (e) => {
-  if (["INPUT", "SELECT", "BUTTON"].includes(e.target.tagName) && e.key !== "Escape") return;
-  const does = { " ": () => play(!state.playing), ArrowRight: () => step(1), ArrowLeft: () => step(-1),
-    "+": () => zoom(1.25, innerWidth / 2, innerHeight / 2), "-": () => zoom(0.8, innerWidth / 2, innerHeight / 2),
-    0: () => { state.view = null; draw(); } }[e.key];
-  if (does) { e.preventDefault(); does(); }
-});
+  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  const checkbox = e.target.type === "checkbox";
+  const does = KEYS[e.key] || (checkbox && e.key === "Enter" ? () => e.target.click() : null);
+  if (!does) return;
+  e.preventDefault();
+  does();
+}, true);
+// a button would be pressed as the space bar comes up
+document.addEventListener("keyup", (e) => { if (e.key === " ") e.preventDefault(); }, true);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (e) => theme(e.matches));
 window.addEventListener("resize", () => { state.view = null; draw(); });
 
 // ------------------------------------------------------------------ the beginning
@@ -238,9 +243,21 @@ const many = modal ? "modes" : "states";
 el("about").textContent = `${data.file}, ${data.solver.replace("_", " ")}` + (data.status === "converged" ? "" : `, ${data.status}`)
   + (frames < data.stored ? `, ${frames} of ${data.stored} ${many}` : `, ${frames} ${many}`);
 data.probes.forEach((p, i) => option(el("curve"), i, `${p.probe} ${p.quantity}`));
+// the curve is the goal's; without one, a displacement
 const lively = ["uy", "ux", "theta", "y", "x"].map((q) => data.probes.findIndex((p) => p.quantity === q)).find((i) => i >= 0);
-state.curve = lively === undefined ? 0 : lively;
+state.curve = data.goal ?? lively ?? 0;
 el("curve").value = String(state.curve);
+option(el("field"), -1, "bodies");
+data.fields.forEach((f, i) => option(el("field"), i, f.name));
+state.field = data.fields.length ? 0 : -1;
+el("field").value = String(state.field);
+el("coloured").hidden = !data.fields.length;
+el("symbols").parentElement.hidden = !data.symbols.length;
+el("trace").parentElement.hidden = !data.traces.length;
+for (const s of data.symbols) {
+  const [i, j] = [2 * s.first, 2 * s.arm];
+  s.start = s.arm === null ? 0 : Math.atan2(reference[j + 1] - reference[i + 1], reference[j] - reference[i]);
+}
 el("side").hidden = !data.probes.length;
 el("choice").hidden = !modal;
 (data.modes || []).forEach((text, i) => option(el("mode"), i, text));

@@ -11,6 +11,8 @@ from ancf2d.results import Results
 from ancf2d.results.own import MARK
 from ancf2d.view.scene import BUDGET, LARGEST_CODE, scene
 
+SCRIPTS = "scene.js", "layers.js", "controls.js"
+
 
 @dataclass(frozen=True)
 class Page:
@@ -33,7 +35,7 @@ def make_page(results: Results, budget: int = BUDGET) -> Page:
     data = scene(results, budget)
     # a title with a tag in it is no tag
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
-    script = _part("scene.js") + _part("controls.js")
+    script = "".join(map(_part, SCRIPTS))
     parts = {"TITLE": _escaped(data["title"]), "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
     # all at once: what is put in may look like a place itself
     html = re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _part("page.html"))

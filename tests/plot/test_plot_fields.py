@@ -84,12 +84,36 @@ def test_everything_of_a_case_has_its_symbol(tmp_path: Path) -> None:
         found = build(results, "shape").symbols
         draw(results, "shape")
     assert [s.kind for s in found] == ["pin", "roller", "clamp", "spring", "coil", "hinge", "slider", "mass", "force",
-                                       "moment back", *["small force"] * 9]
+                                       "moment back", *["small force"] * 9, "gravity"]
     angles = {s.kind: s.angle % (2 * np.pi) for s in found}
-    expected = {"roller": 1.5 * np.pi, "clamp": np.pi, "slider": np.pi / 2, "force": 0.0, "small force": 1.5 * np.pi}
+    expected = {"roller": 1.5 * np.pi, "clamp": np.pi, "slider": np.pi / 2, "force": 0.0, "small force": 1.5 * np.pi,
+                "gravity": 1.5 * np.pi}
     assert {k: angles[k] for k in expected} == pytest.approx(expected, abs=1e-6)
     np.testing.assert_allclose([s.points[0, 0] for s in found if s.kind == "small force"], np.linspace(1, 2, 9))
     np.testing.assert_allclose(next(s.points for s in found if s.kind == "spring"), [[2, 0], [2, 1]])
+
+
+def test_gravity_stands_beside_the_axes_and_within_the_figure(tmp_path: Path) -> None:
+    body = tangent_body("a", 1, 2.0, 0.1)
+    e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
+    case = "loads: [{type: gravity, value: [0, -9.81]}, {type: gravity, value: [1, 0]}]"
+    with ResultWriter(tmp_path / "a.h5", {**HEADER, "case_completed": case}, [body], e0) as w:
+        w.append(0.0, 0 * e0, {}, {})
+        w.finish({"status": "converged"})
+    with open_results(tmp_path / "a.h5") as results:
+        figure = draw(results, "shape")
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    letters = [t for t in axes.texts if t.get_text() == "g"]
+    assert len(letters) == 2
+    arrows = [line for line in axes.lines if line.get_clip_on() is False]
+    boxes = [letter.get_window_extent() for letter in letters]
+    tips = [arrow.get_transform().transform(arrow.get_xydata()) for arrow in arrows]
+    tails = [tip - 20 * figure.dpi / 72 * np.array(way) for tip, way in zip(tips, ((0, -1), (1, 0)), strict=True)]
+    places = np.concatenate([*(box.get_points() for box in boxes), *tips, *tails])
+    assert places[:, 0].min() >= axes.bbox.x1
+    assert np.all((places >= 0) & (places <= figure.bbox.max))
+    assert not boxes[0].overlaps(boxes[1])
 
 
 # ---------------------------------------------------------------------- fields

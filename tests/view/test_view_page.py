@@ -60,13 +60,106 @@ def test_the_data_are_the_states_of_the_file(tmp_path: Path) -> None:
 
 def test_probes_come_with_the_row_of_each_state(tmp_path: Path) -> None:
     with open_results(mechanism(tmp_path / "a.h5")) as results:
-        probes = {(p["probe"], p["quantity"]): p for p in embedded(make_page(results).html)["probes"]}
-    found = probes["end", "uy"]
+        data = embedded(make_page(results).html)
+    found = next(p for p in data["probes"] if (p["probe"], p["quantity"]) == ("end", "uy"))
     values = np.frombuffer(base64.b64decode(found["values"]), "<f8")
-    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(found["rows"]), "<f4"), np.arange(41))
+    series = data["series"][found["series"]]
+    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(series["rows"]), "<f4"), np.arange(41))
     with open_results(tmp_path / "a.h5") as results:
         np.testing.assert_array_equal(values, results.probes["end"]["uy"])
         assert found["units"] == "m"
+
+
+FRAME = {
+    "title": "A beam under its weight and a force",
+    "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
+                        "section": {"height": 0.2, "width": 0.1}, "material": {"E": 2e9, "nu": 0.3, "rho": 8000},
+                        "element": {"type": "reissner3", "count": 4}}},
+    "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+    "springs": [{"type": "translational", "between": ["beam@1", [2, -1]], "stiffness": 1e4}],
+    "loads": [{"type": "gravity", "value": [0, -9.81]}, {"type": "follower_force", "at": "beam@1", "value": [0, -2e4]}],
+    "solver": {"type": "static", "steps": 3},
+    "goal": {"probe": "tip", "quantity": "theta"},
+    "output": {"probes": {"middle": "beam@0.5", "tip": "beam@1"}, "fields": ["stress", "M"]},
+}
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the result file of FRAME."""
+    folder = tmp_path_factory.mktemp("frame")
+    (folder / "frame.yaml").write_text(json.dumps(FRAME))
+    run_case(load(folder / "frame.yaml"), str(folder / "frame.h5"))
+    return folder / "frame.h5"
+
+
+def test_symbols_move_and_turn_with_what_they_stand_on(frame: Path) -> None:
+    with open_results(frame) as results:
+        data = embedded(make_page(results).html)
+        tip = results.reference("beam", np.array([1.0])) + results.displacement("beam", np.array([1.0]), -1)
+        theta = results.probes["tip"]["theta"][-1]
+    reference, moves = decoded(data)
+    last, tolerance = reference + moves[-1], 1e-4
+    symbols = {s["kind"]: s for s in data["symbols"]}
+    assert list(symbols) == ["clamp", "spring", "gravity", "force"]
+    np.testing.assert_allclose(last[symbols["clamp"]["first"]], [0, 0], atol=tolerance)
+    spring = symbols["spring"]["first"]
+    np.testing.assert_allclose(last[spring:spring + 2], [*tip, [2, -1]], atol=tolerance)
+    force = symbols["force"]
+    turned = [np.arctan2(*(p[force["arm"]] - p[force["first"]])[::-1]) for p in (reference, last)]
+    # the axis turns like the section but for shear
+    assert turned[1] - turned[0] == pytest.approx(theta, abs=0.02)
+    assert symbols["gravity"]["angle"] == pytest.approx(-np.pi / 2)
+    assert set(data["outlines"]) == {"clamp", "gravity", "force"}
+
+
+def test_fields_are_those_of_the_file(frame: Path) -> None:
+    """The stress at the lower face, the axis and the upper face of the first station, as stored there."""
+    with open_results(frame) as results:
+        data = embedded(make_page(results).html)
+        stress, M = results.field("beam", "stress", -1), results.field("beam", "M", -1)
+    names = [f["name"] for f in data["fields"]]
+    assert names == ["stress along the axis, σ_xx", "stress across the axis, σ_yy", "shear stress, σ_xy",
+                     "von Mises stress", "bending moment M"]
+    for k, wanted in ((0, stress[0, 0, [0, 2, 4], 0]), (4, M[0, 0, :, 0])):
+        field = data["fields"][k]
+        codes = np.frombuffer(base64.b64decode(field["values"]), "u1").reshape(len(field["frames"]), -1)
+        values = field["low"] + (codes - 1) / 254 * (field["high"] - field["low"])
+        np.testing.assert_allclose(values[-1, :len(wanted)], wanted, atol=field["high"] / 200)
+        assert field["frames"] == [0, 1, 2, 3]
+        assert field["low"] == -field["high"]
+
+
+def test_the_curve_is_the_goals_and_ways_are_those_of_probes(frame: Path) -> None:
+    with open_results(frame) as results:
+        data = embedded(make_page(results).html)
+        uy = results.probes["tip"]["uy"]
+    chosen = data["probes"][data["goal"]]
+    assert (chosen["probe"], chosen["quantity"]) == ("tip", "theta")
+    assert {p["probe"] for p in data["probes"]} == {"middle", "tip", "energy"}
+    way = next(w for w in data["traces"] if w["probe"] == "tip")
+    assert way["start"] == pytest.approx([2, 0])
+    np.testing.assert_allclose(np.frombuffer(base64.b64decode(way["uy"]), "<f4"), uy, rtol=1e-6)
+
+
+def test_many_long_probes_do_not_make_a_page_too_large(tmp_path: Path) -> None:
+    x = np.array([0.0, 2.0])
+    e0 = coordinates("tangent", x, 0.0)
+    with ResultWriter(tmp_path / "a.h5", {**HEADER, "solver": "dynamic"}, [tangent_body("b", 1, 2.0, 0.1)], e0) as w:
+        for k in range(2000):
+            probes = {f"p{i}": {q: np.sin(k / 100 + i) for q in ("x", "y", "ux", "uy", "vx", "vy")} for i in range(30)}
+            w.append(k / 100, coordinates("tangent", x, k / 2000) - e0, None, probes)
+        w.finish({})
+    with open_results(tmp_path / "a.h5") as results:
+        html = make_page(results).html
+    assert len(html) < 5e6
+    data = embedded(html)
+    found = data["probes"][7]
+    series = data["series"][found["series"]]
+    rows = np.frombuffer(base64.b64decode(series["rows"]), "<f4")
+    values = np.frombuffer(base64.b64decode(found["values"]), "<f8")
+    shown = np.interp(rows, np.arange(len(values)), values)
+    np.testing.assert_allclose(shown, np.sin(np.array(data["t"]) + 1), atol=1e-3)
 
 
 def test_a_displacement_too_small_to_see_is_magnified_by_a_power_of_ten(tmp_path: Path) -> None:

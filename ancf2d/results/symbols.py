@@ -1,0 +1,243 @@
+"""The usual symbols of supports, loads, joints, springs and masses: where they stand, and their outlines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ancf2d.errors import ResultsError
+from ancf2d.results.reader import Results
+
+ALONG_LOAD = 9  # arrows of a distributed load
+STEP = 1e-3  # of the arc length: what the direction of an axis is read from
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring joins its two points.
+
+    ``on`` holds the body and S of each point, None for a point of the ground. A symbol that ``turns`` keeps its angle
+    with the axis at its first point. ``gravity`` has no points: it acts everywhere.
+    """
+
+    kind: str
+    points: np.ndarray
+    angle: float = 0.0
+    on: tuple[tuple[str, float] | None, ...] = ()
+    turns: bool = False
+
+
+def _with_numbers(value: Any) -> Any:
+    """Return what was read of a case with numbers in the place of their texts."""
+    if isinstance(value, dict):
+        return {key: _with_numbers(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_with_numbers(v) for v in value]
+    with suppress(ValueError):
+        return float(value) if isinstance(value, str) else value
+    return value
+
+
+def completed_case(results: Results) -> dict[str, Any]:
+    """Return the case as completed with defaults, as YAML without types: numbers and texts; empty if it is no case."""
+    try:
+        # as texts: to YAML 1.1, on and off are no names, and 3e7 is no number
+        case = yaml.load(results.case_completed, yaml.BaseLoader)
+    except (yaml.YAMLError, ResultsError):
+        return {}
+    return _with_numbers(case) if isinstance(case, dict) else {}
+
+
+class _Scene:
+    """Points and directions of one state, magnified as the bodies are; the case as completed."""
+
+    def __init__(self, results: Results, state: int | None, scale: float) -> None:
+        self.results, self.state, self.scale = results, state, scale
+        self.case = completed_case(results)
+
+    def entries(self, key: str) -> list[dict[str, Any]]:
+        found = self.case.get(key)
+        return [e for e in found if isinstance(e, dict)] if isinstance(found, list) else []
+
+    def on(self, body: str, s: np.ndarray) -> np.ndarray:
+        """Return the points (n, 2) of an axis."""
+        place = self.results.reference(body, s)
+        return place if self.state is None else place + self.scale * self.results.displacement(body, s, self.state)
+
+    def place(self, at: Any) -> tuple[str, float] | None:
+        """Return body and S of a point of the case, None where it is none of a body."""
+        body, mark, s = str(at).partition("@")
+        with suppress(ValueError):
+            return (body, float(s)) if mark and body in self.results.bodies else None
+        return None
+
+    def direction(self, at: Any) -> tuple[float, float]:
+        """Return the angle of the axis at a point, and on which side of it the body goes on: 1, -1, or 0 within."""
+        place = self.place(at)
+        if place is None:
+            return 0.0, 0.0
+        body, s = place
+        a, b = self.on(body, np.clip([s - STEP, s + STEP], 0.0, 1.0))
+        return math.atan2(*(b - a)[::-1]), 1.0 if s < STEP else -1.0 if s > 1.0 - STEP else 0.0
+
+    def symbol(self, kind: str, ats: list[Any], angle: float = 0.0, turns: bool = False) -> Iterator[Symbol]:
+        """Yield a symbol at points of the case, nothing where one of them cannot be told."""
+        places = tuple(self.place(at) for at in ats)
+        grounded = [p is None and _constant(at) is not None for p, at in zip(places, ats, strict=True)]
+        if all(p or g for p, g in zip(places, grounded, strict=True)):
+            points = [self.on(p[0], np.array([p[1]]))[0] if p else at for p, at in zip(places, ats, strict=True)]
+            yield Symbol(kind, np.array(points, float), angle, places, turns and places[0] is not None)
+
+
+def _support(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    at, kind = entry.get("at"), entry.get("type")
+    if kind == "clamp":
+        turn, side = scene.direction(at)
+        # the wall stands behind the end of the body
+        yield from scene.symbol("clamp", [at], turn + (math.pi if side < 0 else 0.0), turns=True)
+        return
+    angle = 0.0
+    if kind == "roller":
+        normal = entry.get("normal") or ([1, 0] if entry.get("fixed") == "x" else [0, 1])
+        angle = math.atan2(normal[1], normal[0]) - math.pi / 2
+    yield from scene.symbol(kind if kind in ("pin", "roller") else "held", [at], angle)
+
+
+def _joint(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    kind = entry.get("type")
+    at = (entry.get("between") or [entry.get("at") or entry.get("point")])[0]
+    if kind in ("slider", "prismatic"):
+        along = entry.get("along")
+        angle = math.atan2(along[1], along[0]) if along else scene.direction(at)[0]
+        yield from scene.symbol("slider", [at], angle, turns=not along)
+    elif kind != "weld":  # what is welded is drawn as one body
+        yield from scene.symbol("hinge", [at])
+
+
+def _spring(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    ends = list(entry.get("between") or [])
+    if len(ends) == 2:
+        rotational = entry.get("type") == "rotational"
+        yield from scene.symbol(*(("coil", ends[:1]) if rotational else ("spring", ends)))
+
+
+def _mass(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    yield from scene.symbol("mass", [entry.get("at")])
+
+
+def _constant(value: Any) -> list[float] | None:
+    """Return a vector of the case, None where it is not made of numbers."""
+    if isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
+        return [float(v) for v in value]
+    return None
+
+
+def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    kind, value, at = entry.get("type"), entry.get("value"), entry.get("at")
+    vector = _constant(value)
+    angle = math.atan2(vector[1], vector[0]) if vector else 0.0
+    if kind == "moment" and isinstance(value, int | float) and value:
+        yield from scene.symbol("moment" if value > 0 else "moment back", [at])
+    elif not vector or not any(vector):
+        return
+    elif kind == "gravity":
+        yield Symbol("gravity", np.empty((0, 2)), angle)
+    elif kind == "distributed" and entry.get("on") in scene.results.bodies:
+        yield from _distributed(scene, entry, angle)
+    elif kind in ("force", "follower_force"):
+        follower = kind == "follower_force"
+        yield from scene.symbol("force", [at], angle + (scene.direction(at)[0] if follower else 0.0), follower)
+
+
+def _distributed(scene: _Scene, entry: dict[str, Any], angle: float) -> Iterator[Symbol]:
+    follower = entry.get("follower") == "true"
+    for s in np.linspace(entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"], ALONG_LOAD):
+        at = f"{entry['on']}@{s}"
+        turn = scene.direction(at)[0] if follower else 0.0
+        yield from scene.symbol("small force", [at], angle + turn, follower)
+
+
+# the one place where something of a case gets its symbol
+_DRAWN: dict[str, Callable[[_Scene, dict[str, Any]], Iterator[Symbol]]] = {
+    "boundary_conditions": _support, "springs": _spring, "joints": _joint, "masses": _mass, "loads": _load}
+
+
+def symbols_of(results: Results, state: int | None, scale: float) -> list[Symbol]:
+    """Return the symbols of a file's case in a state (None: reference), displacements magnified by ``scale``.
+
+    What a case says in a way that needs more than its text, such as expressions as values, has no symbol.
+    """
+    scene = _Scene(results, state, scale)
+    return [symbol for key, drawn in _DRAWN.items() for entry in scene.entries(key) for symbol in drawn(scene, entry)]
+
+
+# ---------------------------------------------------------------------- outlines
+
+Line = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a symbol looks like: open lines about its point, and how many points (1/72 inch) their unit is long.
+
+    A symbol is ``filled`` with nothing, with what lies behind the figure (``back``), or with its own ``ink``; that of
+    a ``load`` has a colour of its own.
+    """
+
+    lines: tuple[Line, ...]
+    unit: float
+    filled: str = "none"
+    load: bool = False
+
+
+def _hatched(y: float, width: float = 1.0) -> list[Line]:
+    """Return a line at height y, with the hatching of what stands still below it."""
+    strokes = [[(x, y), (x - 0.35, y - 0.4)] for x in np.linspace(-width + 0.35, width, 5).tolist()]
+    return [[(-width, y), (width, y)], *strokes]
+
+
+def _circle(x: float, y: float, radius: float, first: float = 0.0, last: float = 2 * math.pi) -> Line:
+    return [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in np.linspace(first, last, 25).tolist()]
+
+
+def _arrow(length: float) -> tuple[Line, ...]:
+    """Return an arrow to the right whose tip is at the origin."""
+    return [(-length, 0.0), (0.0, 0.0)], [(-0.55, 0.32), (0.0, 0.0), (-0.55, -0.32)]
+
+
+def _box(x: float, y: float) -> Line:
+    return [(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)]
+
+
+@cache
+def outlines() -> dict[str, Outline]:
+    """Return the outline of each kind of symbol but springs, which reach from point to point."""
+    triangle = [(0.0, 0.0), (0.75, -1.2), (-0.75, -1.2), (0.0, 0.0)]
+    # the wall of a clamp is left of what goes on to the right
+    wall = tuple([(y, x) for x, y in line] for line in _hatched(0.0, 1.2))
+    round_about = _circle(0, 0, 1.1, -0.75 * math.pi, 0.75 * math.pi)
+    moment = (round_about, [(-1.25, 0.4), round_about[-1], (-0.35, 1.25)])
+    spiral = [(0.25 * a / math.pi * math.cos(a), 0.25 * a / math.pi * math.sin(a))
+              for a in np.linspace(0, 14, 60).tolist()]
+    back = tuple([(x, -y) for x, y in line] for line in moment)
+    wheels = _circle(-0.4, -1.45, 0.25), _circle(0.4, -1.45, 0.25)
+    return {
+        "clamp": Outline(wall, 11),
+        "pin": Outline((triangle, *_hatched(-1.2)), 6, "back"),
+        "roller": Outline((triangle, *wheels, *_hatched(-1.75)), 6.5, "back"),
+        "held": Outline((_box(0.5, 0.5),), 4),
+        "hinge": Outline((_circle(0, 0, 0.5),), 2.5, "back"),
+        "slider": Outline((_box(1, 0.55), [(-1.6, -0.75), (1.6, -0.75)], [(-1.6, 0.75), (1.6, 0.75)]), 7.5),
+        "coil": Outline((spiral,), 5),
+        "mass": Outline((_circle(0, 0, 0.5),), 3.7, "ink"),
+        "force": Outline(_arrow(2.4), 10.5, load=True), "small force": Outline(_arrow(1.8), 7.2, load=True),
+        "moment": Outline(moment, 9.6, load=True), "moment back": Outline(back, 9.6, load=True),
+        "gravity": Outline(_arrow(2.0), 10, load=True),
+    }

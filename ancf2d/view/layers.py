@@ -1,0 +1,174 @@
+"""What a page shows on its bodies: symbols of supports and loads that move with them, and fields as colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ancf2d.results import Results
+from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of
+from ancf2d.results.geometry import axis_shapes
+from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of
+from ancf2d.view.bodies import Drawn, packed
+
+MAX_SYMBOLS = 400
+ARM = 0.1  # of the extent: how far the point lies that tells how far a symbol has turned
+LARGEST_CODE = 255  # of a field's value; 0 stands for what is no number
+ACROSS = np.array([0.0, 0.5, 1.0])  # where a field is shown over the height of a section
+FEWEST_FRAMES = 30  # of a field, before its points become fewer
+FIRST = ("stress", "strain", "energy", "N", "Q", "M")  # in which order fields are listed
+
+
+class Attached:
+    """The points of symbols, which move with the bodies; a second one beside each symbol that turns."""
+
+    def __init__(self, results: Results, extent: float) -> None:
+        self.symbols: list[Symbol] = symbols_of(results, None, 1.0)[:MAX_SYMBOLS]
+        self.arm = ARM * extent
+        self.ground = np.array([p for s in self.symbols for p in s.points]).reshape(-1, 2)
+        places = [place for s in self.symbols for place in s.on]
+        self.rows: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
+        self.turning = np.array([k for k, s in zip(self._first(), self.symbols, strict=True) if s.turns], int)
+        self.ahead: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
+        for name, body in results.bodies.items():
+            mine = np.array([k for k, p in enumerate(places) if p and p[0] == name], int)
+            if mine.size:
+                self.rows.append((mine, axis_shapes(body, _at(places, mine))))
+            held = np.flatnonzero(np.isin(self.turning, mine))
+            if held.size:
+                s = _at(places, self.turning[held])
+                self.ahead.append((held, axis_shapes(body, np.maximum(s - STEP, 0.0)),
+                                   axis_shapes(body, np.minimum(s + STEP, 1.0))))
+
+    def _first(self) -> list[int]:
+        """Return the number of each symbol's first point."""
+        counts = [len(s.points) for s in self.symbols]
+        return (np.cumsum(counts) - counts).astype(int).tolist() if counts else []
+
+    def points(self, e: np.ndarray) -> np.ndarray:
+        """Return the points (n, 2) of all symbols, then the arms of those that turn."""
+        out, arms = self.ground.copy(), np.zeros((len(self.turning), 2))
+        for mine, row in self.rows:
+            out[mine] = _values(row, e)
+        for held, before, after in self.ahead:
+            along = _values(after, e) - _values(before, e)
+            length = np.linalg.norm(along, axis=1, keepdims=True)
+            arms[held] = self.arm * along / np.where(length > 0, length, 1.0)
+        return np.concatenate([out, out[self.turning] + arms])
+
+    def listed(self, first: int) -> dict[str, Any]:
+        """Return symbols and outlines as the page takes them; ``first`` is the number of the first point."""
+        arms = first + len(self.ground)
+        out = []
+        for k, symbol in zip(self._first(), self.symbols, strict=True):
+            out.append({"kind": symbol.kind, "angle": symbol.angle, "first": first + k,
+                        "arm": arms if symbol.turns else None})
+            arms += symbol.turns
+        kinds = {s.kind for s in self.symbols}
+        return {"symbols": out, "outlines": {name: {"lines": mark.lines, "unit": mark.unit, "filled": mark.filled,
+                                                    "load": mark.load}
+                                             for name, mark in outlines().items() if name in kinds}}
+
+
+def _at(places: Sequence[tuple[str, float] | None], some: np.ndarray) -> np.ndarray:
+    return np.array([place[1] for k in some if (place := places[k])])
+
+
+def _values(row: tuple[np.ndarray, np.ndarray], e: np.ndarray) -> np.ndarray:
+    dofs, shapes = row
+    return np.einsum("mk,mkc->mc", shapes, e[dofs])
+
+
+# ---------------------------------------------------------------------- fields
+
+
+def fields(results: Results, drawn: Sequence[Drawn], chosen: Sequence[int | None], budget: int) -> list[dict[str, Any]]:
+    """Return the stored fields in some states (None: rest), each component with its values as codes of 8 bits.
+
+    ``frames`` are the positions in ``chosen`` at which values are given: for (frame, body, element, station, across).
+    """
+    shown = [(name, part) for name in _names(results) for part in _parts(results, name)]
+    if not shown:
+        return []
+    names = [name for name, _ in shown]
+    every, size = _thinned(results, drawn, names, budget // min(len(chosen), FEWEST_FRAMES))
+    most = max(2, min(len(chosen), budget // max(size, 1)))
+    frames = np.unique(np.linspace(0, len(chosen) - 1, most).round().astype(int))
+    states = [chosen[k] for k in frames]
+    return [{"name": label_of(name, part), "frames": frames.tolist(),
+             **_coded(results, drawn, name, part, states, every)} for name, part in shown]
+
+
+def _names(results: Results) -> list[str]:
+    found = dict.fromkeys(name for fields in results.fields.values() for name in fields)
+    return sorted(found, key=lambda n: FIRST.index(n) if n in FIRST else len(FIRST))
+
+
+def _parts(results: Results, name: str) -> Iterator[str]:
+    record = next(found[name] for found in results.fields.values() if name in found)
+    yield from formulas_of(record)
+
+
+def _count(results: Results, d: Drawn, name: str, every: int) -> int:
+    """Return how many values of a field one body has in one state."""
+    record = results.fields.get(d.record.name, {}).get(name)
+    if record is None:
+        return 0
+    return len(d.elements) * ((d.samples - 1) // every + 1) * (len(ACROSS) if len(record.eta) > 1 else 1)
+
+
+def _thinned(results: Results, drawn: Sequence[Drawn], names: Sequence[str], most: int) -> tuple[dict[str, int], int]:
+    """Return of which samples of each body fields are shown (every first, second, ...), and how many values that is.
+
+    These are no more than ``most`` in one state, unless all have only the ends of their elements.
+    """
+    for step in range(1, max(d.samples for d in drawn) + 1):
+        every = {d.record.name: max(k for k in range(1, step + 1) if (d.samples - 1) % k == 0) for d in drawn}
+        size = sum(_count(results, d, name, every[d.record.name]) for name in names for d in drawn)
+        if size <= most:
+            break
+    return every, size
+
+
+def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, states: Sequence[int | None],
+           every: dict[str, int]) -> dict[str, Any]:
+    """Return one component of a field over the bodies that have it: codes, and what the smallest and largest mean."""
+    bodies, values, units = [], [], ""
+    for k, d in enumerate(drawn):
+        record = results.fields.get(d.record.name, {}).get(name)
+        if record is None:
+            continue
+        formula = formulas_of(record)[part]
+        units, across = record.units, ACROSS if len(record.eta) > 1 else ACROSS[1:2]
+        stations = d.record.sample_xi[::d.stride][::every[d.record.name]]
+        weights = even_weights(len(record.xi), stations), even_weights(len(record.eta), across)
+        bodies.append({"body": k, "every": every[d.record.name], "across": len(across)})
+        values.append(np.array([_sampled(results, d, name, state, formula, weights) for state in states]))
+    codes, low, high = _codes(np.concatenate([v.reshape(len(states), -1) for v in values], axis=1),
+                              part not in POSITIVE)
+    return {"units": units, "bodies": bodies, "low": low, "high": high, "signed": part not in POSITIVE,
+            "values": packed(codes, "u1")}
+
+
+def _sampled(results: Results, d: Drawn, name: str, state: int | None, formula: Formula,
+             weights: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return the values (elements, stations, across) of a component on one body in one state; at rest nothing."""
+    if state is None:
+        return np.zeros((len(d.elements), len(weights[0]), len(weights[1])))
+    stored = formula(results.field(d.record.name, name, state)[d.elements])
+    # polynomials overshoot: an energy would be negative where there is none
+    return np.clip(np.einsum("xi,yj,eij->exy", *weights, stored), stored.min(), stored.max())
+
+
+def _codes(values: np.ndarray, signed: bool) -> tuple[np.ndarray, float, float]:
+    """Return codes from 1 to LARGEST_CODE and the values at both ends, evenly about zero for what has a sign."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if signed:
+        high = max(-low, high)
+        low = -high
+    share = (values - low) / ((high - low) or 1.0)
+    codes = np.where(np.isfinite(share), 1 + np.rint(share * (LARGEST_CODE - 1)), 0)
+    return codes, low, high
