@@ -98,6 +98,33 @@ def accuracy(counts: Sequence[int], beams: Sequence[tuple[str, str, str]]) -> st
     return markdown_table(rows)
 
 
+# cases whose meshes are refined, their elements, and where the limit of the same type is looked for
+MESHES = (("paper/table1_2d3n", (8, 16, 32, 64), 1024), ("paper/table1_2d2n", (2, 4, 8), 256),
+          ("static/three_hinged_frame", (4, 8), 128), ("static/thick_cantilever", (2, 4), 256),
+          ("modes/structural_two_node", (4, 8, 16), 128), ("modes/omar_enhanced", (2, 4, 8), 128))
+TOLD = re.compile(r"(?:displacements are off|bending 2) by about (\S+) %")
+
+
+def resolution() -> str:
+    """Return the errors of meshes beside the limits of their types, and what their warnings say."""
+    rows = [["case", "elements", "error of the mesh", "the warning says"]]
+    for case, counts, limit in MESHES:
+        def solved(count: int, case: str = case) -> tuple[list[float], list[str]]:
+            loaded = load(CASES / f"{case}.yaml")
+            more = [f"bodies.{name}.element.count={count}" for name in loaded.case.bodies]
+            outcome = run_case(load(CASES / f"{case}.yaml", more))
+            modes = [f["omega"] for f in outcome.summary.get("frequencies", ()) if f["kind"] == "bending"][:2]
+            deflections = [p["uy"] for p in outcome.summary["probes"].values()][:1]
+            return modes[1:] or deflections, [v for w in outcome.warnings for v in TOLD.findall(w)]
+
+        (reference,), _ = solved(limit)
+        for count in counts:
+            (value,), told = solved(count)
+            rows.append([f"`{case}`", str(count), f"{abs(100 * (value / reference - 1)):.2g} %",
+                         f"about {told[0]} %" if told else ""])
+    return markdown_table(rows)
+
+
 def paper() -> str:
     """Return the paper's tables with a verdict per entry."""
     tables = reproduce_paper.TABLES.values()
@@ -138,6 +165,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "accuracy": lambda: accuracy((8,), BEAMS),
     "accuracy-meshes": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[1:2]),
     "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
+    "resolution": resolution,
     "paper": paper,
     "shape-functions": shape_functions.all_types,
     "audit-verdicts": audit_table.verdicts,

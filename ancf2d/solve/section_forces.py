@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
-from ..kernels.elements import element_matrices, viscous_force
+from ..kernels.elements import force as elastic_force
+from ..kernels.elements import tangent_action, viscous_force
 from ..model.body_groups import damping_time, place_of
 from ..model.masses import mass_terms
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
@@ -29,6 +31,25 @@ def _cross(a: Array, b: Array) -> Array:
 def has_section_forces(mesh: BodyMesh) -> bool:
     """Whether the body has section forces: a rigid one has no law that would tell them."""
     return not mesh.plan.rigid
+
+
+def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> tuple[Array, float, Any]:
+    """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
+
+    In this group each element has coordinates of its own, so that nothing is summed.
+    """
+    pool, first = place_of(model.pools, mesh)
+    group, dofs = model.groups[pool], mesh.dofs[chosen]
+    some = first + np.asarray(chosen)
+    turn = group.turn[some] if len(group.turn) > 1 else group.turn
+    alone = group._replace(cls=group.cls[some], turn=turn, dofs=np.arange(dofs.size).reshape(dofs.shape))
+    d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
+    if state.linear:
+        tangent_action(alone, np.zeros_like(d), d, Q)
+        energy = 0.5 * float(Q @ d)
+    else:
+        energy = elastic_force(alone, d, Q)
+    return Q.reshape(dofs.shape), energy, alone
 
 
 class SectionForces:
@@ -53,6 +74,7 @@ class SectionForces:
         points = [(item, model.point(item.at)) for item in model.case.masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
+        self.along = gauss(POINTS)
 
     def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
@@ -132,7 +154,7 @@ class _Part:
         body = self.body
         start, l = body.mesh.starts[self.chosen], body.mesh.lengths[self.chosen]
         whole = body.mesh.plan.length
-        x, w = gauss(POINTS)
+        x, w = body.along
         for load, f in self.lines:
             low = np.maximum(load.from_ * whole - start, 0.0)
             span = np.maximum(np.minimum(load.to * whole - start, upto * l) - low, 0.0)
@@ -168,25 +190,11 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        pool, first = place_of(body.model.pools, body.mesh)
-        group = body.model.groups[pool]
-        m, n = self.dofs.shape
-        # each element with coordinates of its own, so that nothing is summed
-        chosen = first + np.asarray(self.chosen)
-        turn = group.turn[chosen] if len(group.turn) > 1 else group.turn
-        alone = group._replace(cls=group.cls[chosen], turn=turn, dofs=np.arange(m * n).reshape(m, n))
-        n_q = body.model.n_q
-        d = state.d[:n_q][self.dofs].ravel()
-        at = np.zeros_like(d) if state.linear else d
-        Q, K = np.zeros((m, n)), np.zeros((m, n, n))
-        element_matrices(alone, at, 0, Q, K)
-        if state.linear:
-            Q = np.einsum("mij,mj->mi", K, d.reshape(m, n))
-        elif state.v is not None and body.tau:
-            viscous = np.zeros(m * n)
-            viscous_force(alone, body.tau, d, state.v[:n_q][self.dofs].ravel(), viscous)
-            Q += viscous.reshape(m, n)
-        return Q.reshape(m, -1, body.nc)
+        Q, _, alone = nodal_forces(body.model, body.mesh, state, self.chosen)
+        if not state.linear and state.v is not None and body.tau:
+            d, v = (x[:body.model.n_q][self.dofs].ravel() for x in (state.d, state.v))
+            viscous_force(alone, body.tau, d, v, Q.reshape(-1))
+        return Q.reshape(len(Q), -1, body.nc)
 
     def _consistent(self) -> Array:
         """Return the generalised forces (m, n_shape, nc) of the loads on the elements' own coordinates."""

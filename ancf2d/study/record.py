@@ -63,9 +63,10 @@ class Recorder:
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
         from ..solve.fields import FieldReader
         from ..solve.post import Observer
+        from ..solve.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
-        self.observer = Observer(model)
+        self.observer, self.resolution = Observer(model), Resolution(model)
         self.fields = FieldReader(model) if writer is not None else None
         self.every, self.end = self.case.output.every or 1, run_end(self.case)
         self.moves = isinstance(self.case.solver, Dynamic)
@@ -92,8 +93,11 @@ class Recorder:
         """Look at the last state as a whole."""
         from ..model.coarse import coarse_warnings
 
-        if self.state is not None and not self.state.linear:
+        if self.state is None:
+            return
+        if not self.state.linear:
             self._warn(coarse_warnings(self.model, self.state.d))
+        self._warn(self.resolution.warnings(self.state))
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
@@ -129,6 +133,7 @@ class Recorder:
     def _take_motion(self, state: State) -> None:
         """Count the steps since the last state, and store them with this one."""
         self._count(state.blocks)
+        self.resolution.take(state)
         if self.writer is None:
             return
         self._write_once(state)
@@ -162,7 +167,7 @@ class Recorder:
         from ..results import Checkpoint
 
         notes = {"totals": dict(self.totals), "report": dict(self.report),
-                 "warnings": list(self.warnings), "wall_s": self.clock.seconds}
+                 "warnings": list(self.warnings), "wall_s": self.clock.seconds, "resolution": self.resolution.kept()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
@@ -172,3 +177,4 @@ class Recorder:
         self.report.update(notes["report"])
         self.warnings[:] = notes["warnings"]
         self.clock.seconds = notes["wall_s"]
+        self.resolution.go_on(notes["resolution"])

@@ -193,9 +193,8 @@ def _touch(model: Model, new: bool) -> None:
 def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     """Return the calls, on empty work, of what goes through elements and patches."""
     from ..kernels.batch import no_group
-    from ..kernels.elements import element_matrices, force, force_noise, force_tangent, tangent_action
+    from ..kernels.elements import force, force_noise, force_tangent, tangent_action
     from ..kernels.matrix import scatter_patches
-    from ..solve.post import asks_for_forces
 
     num, none, out = model.numbering, no_group(), list[Callable[[], object]]()
     tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
@@ -206,8 +205,6 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
             out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
         if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
             out.append(partial(tangent_action, none, d, d, d))
-        if asks_for_forces(model.case):
-            out.append(partial(element_matrices, none, d, 0, np.zeros((0, 1)), np.zeros((0, 1, 1))))
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))

@@ -1,0 +1,127 @@
+"""Meshes that are too coarse say so, by about how much, and others do not: beside the limits of the same elements."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import helpers
+import pytest
+
+from ancf2d.case import LoadedCase
+from ancf2d.study.run import Outcome, run_case
+
+COUNTS = (1, 2, 4, 8)
+LIMIT = 64
+SECTION = {"height": 0.1, "width": 0.1}
+TIP = [{"type": "force", "at": "b@1", "value": [0, -4e5]}]
+
+
+def said(outcome: Outcome) -> list[str]:
+    return [w for w in outcome.warnings if "mesh is too coarse" in w]
+
+
+def cantilever(name: str, count: int, solver: Any, **scene: Any) -> LoadedCase:
+    body = helpers.body(helpers.line(2.0), helpers.element(name, count), SECTION, helpers.STEEL)
+    return helpers.load({"b": body}, solver, bc=[{"type": "clamp", "at": "b@0"}],
+                        output={"probes": {"tip": "b@1"}}, **scene)
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+@helpers.every_small_type
+def test_the_deflection_of_a_cantilever_is_off_by_what_is_said(name: str, solver: str) -> None:
+    """Its section forces are determinate: what is said is the error, within what is nonlinear."""
+    def tip(count: int) -> tuple[float, list[str]]:
+        outcome = run_case(cantilever(name, count, solver, loads=TIP))
+        return outcome.summary["probes"]["tip"]["uy"], said(outcome)
+
+    limit, _ = tip(LIMIT if "[1,2]" not in name else 16 * LIMIT)
+    for count in COUNTS:
+        value, warnings = tip(count)
+        error = abs(1.0 - value / limit)
+        if warnings:
+            told = float(re.search(r"off by about (\S+) %", warnings[0])[1]) / 100
+            assert error == pytest.approx(told, rel=0.35)
+        assert error < 0.1 or warnings
+        assert error > 0.04 or not warnings
+
+
+@helpers.every_small_type
+def test_frequencies_of_a_cantilever_are_off_by_what_is_said(name: str) -> None:
+    def second(count: int) -> tuple[float | None, list[str]]:
+        outcome = run_case(cantilever(name, count, {"type": "eigen", "modes": 4}))
+        bending = [f["omega"] for f in outcome.summary["frequencies"] if (f["kind"], f["number"]) == ("bending", 2)]
+        return bending[0] if bending else None, said(outcome)
+
+    limit, _ = second(LIMIT if "[1,2]" not in name else 16 * LIMIT)
+    assert limit is not None
+    for count in COUNTS[2:]:
+        value, warnings = second(count)
+        if value is None:
+            continue
+        found = re.search(r"bending 2 by about (\S+) %", "".join(warnings))
+        error = abs(value / limit - 1.0)
+        assert (error > 0.06) if found else (error < 0.1)
+        if found and error < 0.5:
+            assert error == pytest.approx(float(found[1]) / 100, rel=0.35)
+
+
+def cable(count: int) -> Outcome:
+    """A steel cable, drawn together by a tenth of its length in its own weight, of straight elements."""
+    body = helpers.body(helpers.line(10.0), helpers.element("reissner2", count), {"height": 0.005, "width": 0.005},
+                        helpers.STEEL)
+    ends = [{"type": "pin", "at": "b@0"},
+            {"type": "prescribed", "at": "b@1", "y": 0, "x": {"type": "table", "t": [0, 1], "value": [10, 9]}}]
+    return run_case(helpers.load({"b": body}, {"type": "static", "steps": 20}, bc=ends,
+                                 loads=[{"type": "gravity", "value": [0, -9.81]}], output={"probes": {"p": "b@0.5"}}))
+
+
+def test_a_cable_in_tension_may_have_straight_elements() -> None:
+    """Their bending moments are far from those of equilibrium, but the shape is not: tension makes it."""
+    coarse, fine = cable(8), cable(64)
+    assert coarse.summary["probes"]["p"]["uy"] == pytest.approx(fine.summary["probes"]["p"]["uy"], rel=0.02)
+    assert not said(coarse)
+    assert not said(fine)
+
+
+WHIP = """
+bodies:
+  whip:
+    geometry: {{type: line, start: [0, 0], end: [2, 0]}}
+    section: {{height: 0.01, width: 0.01}}
+    material: {{E: 1e7, nu: 0.3, rho: 1100}}
+    element: {{type: reissner3, count: {count}}}
+boundary_conditions: [{{name: hand, type: prescribed, at: whip@0, x: 0, y: 0,
+                        angle: {{type: expression, value: "1.5*sin(8*t)"}}}}]
+loads: [{{type: gravity, value: [0, -9.81]}}]
+solver: {{type: dynamic, t_end: 1, tolerance: 1e-6}}
+output: {{probes: {{tip: whip@1}}}}
+"""
+
+
+def whip(count: int) -> Outcome:
+    from ancf2d.case import load_case_text
+
+    return run_case(load_case_text(WHIP.format(count=count)))
+
+
+def test_a_whip_whose_mesh_does_not_follow_it_says_so_beside_a_small_error_of_its_steps() -> None:
+    coarse, fine, limit = (whip(count) for count in (8, 32, 64))
+    tip = [(o.summary["probes"]["tip"]["x"], o.summary["probes"]["tip"]["y"]) for o in (coarse, fine, limit)]
+    assert abs(complex(*tip[0]) - complex(*tip[2])) > 0.03
+    assert coarse.summary["accuracy"]["estimate"] < 1e-3
+    (warning,) = said(coarse)
+    assert "does not contain this" in warning
+    assert "--accuracy" in warning
+    assert abs(complex(*tip[1]) - complex(*tip[2])) < 0.02
+    assert not said(fine)
+
+
+@pytest.mark.parametrize("angle", ["0.4*t", "3*t"])
+def test_what_is_moved_without_strain_is_not_judged(angle: str) -> None:
+    """Strains of a body that is only turned are round-off, however they compare with section forces."""
+    body = helpers.body(helpers.line(1.0), helpers.element("2d3n", 2), {"height": 0.01, "width": 0.01}, helpers.STEEL)
+    turn = {"type": "expression", "value": angle}
+    outcome = run_case(helpers.load({"b": body}, "static", bc=[
+        {"type": "prescribed", "at": "b@0", "x": 0, "y": 0, "angle": turn}]))
+    assert not said(outcome)
