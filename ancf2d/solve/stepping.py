@@ -119,16 +119,20 @@ class Stepper:
             self.s.numbers[STEP_SIZE] = self._first_step()
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
-        model, n_q, given = self.model, self.model.n_q, v[self.p.full]
-        self.s.z[:], self.s.v[:] = d[self.p.full], given
+        self._place(d, v, turned)
+        given = self.s.v.copy()
+        self._consistent(0.0, self._impulse(v))
+        if self.method.conserves and goes_on(self.model):
+            # rates that keep the energy meet constraints in the mean of steps alone
+            self.s.v[:] = given * self.p.coordinate
+
+    def _place(self, d: Array, v: Array, turned: Array) -> None:
+        model, n_q = self.model, self.model.n_q
+        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
         for k, spring in enumerate(model.springs):
             self.p.points.mem[k] = spring.mem
-        self._consistent(0.0, self._impulse(v))
-        if self.method.conserves and goes_on(model):
-            # rates that keep the energy meet constraints in the mean of steps alone
-            self.s.v[:] = given * self.p.coordinate
 
     def _impulse(self, v: Array) -> Array:
         """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.

@@ -17,6 +17,8 @@ from .run import field_records, vocabulary
 if TYPE_CHECKING:
     from ..model.model import Model
     from ..solve.state import State
+    from ..solve.stored import Moments
+    from ..solve.system import System
 
 
 class StatesWithFields(Results):
@@ -73,32 +75,53 @@ class StatesWithFields(Results):
     def _state(self, i: int) -> State:
         """Return a stored state as its solver has yielded it."""
         from ..solve.state import State
+        from ..solve.stored import equilibrium_at
+
+        model = self._model
+        assert model is not None
+        d, v = np.zeros((2, len(model.numbering.place)))
+        d[:model.n_q] = self.d(i)
+        t, turned = float(self.t[i]), self.turned(i)
+        if turned is None:
+            turned = model.turns.from_reference(d)
+        if isinstance(model.case.solver, LinearStatic | Static):
+            return equilibrium_at(self._system, t, d, turned, isinstance(model.case.solver, LinearStatic))
+        if self._motion is not None and self.holds("v"):
+            v[:model.n_q] = self.v(i)
+            return self._motion.at(t, d, v, turned)
+        zero = np.zeros_like(d)
+        return State(t, d, zero, zero, 0.0, turned, v=self.v(i) if self.holds("v") else None)
+
+    @cached_property
+    def _system(self) -> System:
         from ..solve.system import System
+        from .warmup import warm_up
+
+        assert self._model is not None
+        warm_up(self._model)
+        return System(self._model)
+
+    @cached_property
+    def _motion(self) -> Moments | None:
+        """What finds the accelerations of a motion's states; None where no motion was solved."""
+        from ..solve.stored import Moments
         from .warmup import warm_up
 
         model = self._model
         assert model is not None
-        d = np.zeros(len(model.numbering.place))
-        d[:model.n_q] = self.d(i)
-        t, turned = float(self.t[i]), self.turned(i)
-        if not isinstance(model.case.solver, LinearStatic | Static):
-            v = self.v(i) if self.holds("v") else None
-            return State(t, d, np.zeros_like(d), np.zeros_like(d), 0.0, turned, v=v)
+        if not isinstance(model.case.solver, Dynamic):
+            return None
         warm_up(model)
-        system = System(model)
-        linear = isinstance(model.case.solver, LinearStatic)
-        balance = system.forces(np.zeros_like(d) if linear else d, t)
-        Q = balance.Q + system.action(np.zeros_like(d), d, t, linear=True) if linear else balance.Q
-        return State(t, d, np.array(Q), np.array(balance.F), 0.0, turned, linear=linear)
+        return Moments(model, model.case.solver)
 
 
 def _told(model: Model) -> list[str]:
     """Return the fields that stored states tell.
 
-    Sections given by their stiffnesses have no stress. N, Q and M follow from equilibrium: of motions it needs
-    accelerations, and where supports and joints have multipliers those, neither of which is stored.
+    Sections given by their stiffnesses have no stress. N, Q and M follow from equilibrium, with the multipliers of
+    supports and joints and the accelerations of motions, neither of which is stored: both are found from the rest.
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())
-    balanced = not (isinstance(model.case.solver, Dynamic) or model.constraints)
+    balanced = isinstance(model.case.solver, LinearStatic | Static | Dynamic) or not model.constraints
     return [f.name for f in FIELDS.values() if (solid if f.over else balanced)]

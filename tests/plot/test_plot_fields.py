@@ -11,6 +11,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon
 from synthetic import HEADER, bent_beam, coordinates, mechanism, tangent_body
 
+from ancf2d.case import load_case_text
 from ancf2d.errors import ResultsError
 from ancf2d.plot import draw
 from ancf2d.plot.kinds import build
@@ -203,6 +204,47 @@ def test_fields_that_are_not_stored_are_computed_from_the_states(tmp_path: Path,
                 np.testing.assert_allclose(b.field("beam", name, i), a.field("beam", name, i), rtol=0, atol=1e-9 * top)
         assert draw(b, "fields").axes[-1].get_xlabel() == "stress along the axis, σ_xx [Pa]"
         assert len(build(b, "section_forces").panels) == 3
+
+
+HINGED = """
+bodies:
+  a: {geometry: {type: line, start: [0, 0], end: [1, 0.2]}, section: {height: 0.02, width: 0.02},
+      material: {E: 2e9, nu: 0.3, rho: 1000, damping: {kelvin_voigt: 1e-4}},
+      element: {type: vallejo, count: 3, nodes: regular}}
+  b: {geometry: {type: line, start: [1, 0.2], end: [1.6, -0.1]}, section: {height: 0.02, width: 0.02},
+      material: {E: 2e9, nu: 0.3, rho: 1000}, element: {type: reissner3, count: 2}}
+boundary_conditions:
+  - {name: hand, type: prescribed, at: a@0, x: 0, y: 0, angle: {type: expression, value: "0.3*sin(4*t)"}}
+  - {type: roller, at: a@0.7, normal: [1, 2]}
+joints: [{type: weld, between: [a@1, b@0]}, {type: slider, at: b@1, through: [1.6, -0.1], along: [1, 0.1]}]
+springs: [{type: rotational, between: [b@1, [0, 0]], stiffness: 3, damping: 0.1}]
+masses: [{at: b@0.7, mass: 0.1, inertia: 0.001}]
+loads: [{type: gravity, value: [0, -9.81]},
+        {type: force, at: a@0.5, value: [0, 3], amplitude: {type: table, t: [0, 0.05, 1], value: [0, 1, 1]}}]
+"""
+MOVING = "solver: {type: dynamic, t_end: 0.2, tolerance: 1e-9}\noutput: {interval: 0.04}"
+FALLING = HINGED.replace("  - {type: roller, at: a@0.7, normal: [1, 2]}\n", "")
+
+
+@pytest.mark.parametrize(("text", "rtol"), [
+    (HINGED + "solver: {type: static, steps: 4}", 1e-7), (HINGED + "solver: {type: linear_static}", 1e-9),
+    (FALLING + MOVING, 1e-5)], ids=["static", "linear_static", "dynamic"])
+def test_section_forces_of_motions_and_with_multipliers_are_computed_from_the_states(
+        tmp_path: Path, text: str, rtol: float) -> None:
+    """The accelerations and multipliers that they need are found from displacements and rates."""
+    stored = text.replace("output: {", "output: {fields: [N, Q, M], ") if "output" in text else (
+        text + "\noutput: {fields: [N, Q, M]}")
+    for name, case in (("stored", stored), ("bare", text)):
+        outcome = run_case(load_case_text(case, vocabulary=vocabulary()), str(tmp_path / f"{name}.h5"))
+        assert outcome.failure is None
+    assert outcome.model.constraints
+    with open_results(tmp_path / "stored.h5") as a, StatesWithFields(tmp_path / "bare.h5") as b:
+        for body, fields in a.fields.items():
+            for name in fields:
+                top = max(np.abs(a.field(body, name, i)).max() for i in range(a.nt))
+                for i in range(a.nt):
+                    np.testing.assert_allclose(b.field(body, name, i), a.field(body, name, i), rtol=0, atol=rtol * top)
+        draw(b, "section_forces")
 
 
 def test_what_states_do_not_tell_is_not_offered(tmp_path: Path) -> None:
