@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 from house import code_lines, cycles, imports, inner_cycles, sources
 
 ROOT = Path(__file__).parents[1]

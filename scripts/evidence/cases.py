@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+from references import motions as motion_references
 
 from ancf2d.elements.shape import Array
 from ancf2d.study.run import load
 
 from .runs import ROOT, Motion, distance, follow, small, table
-
-sys.path.append(str(ROOT / "tests" / "verification"))
-import motion_references
 
 CASES = ROOT / "cases" / "dynamic"
 

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from references.spectral_bars import Bar, Section
 
 from .points import Array
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / "tests" / "verification"))
-from spectral_bars import Bar, Section
 
 __all__ = ["NEAR", "RIGID", "SHEARLESS", "Bar", "Body", "Leg", "Section", "legs", "section"]
 

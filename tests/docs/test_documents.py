@@ -121,15 +121,13 @@ def test_first_case_fits_on_a_screen() -> None:
     assert len(case.splitlines()) <= 20
 
 
-def test_generated_parts_are_current(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+def test_generated_parts_are_current(capsys: pytest.CaptureFixture[str]) -> None:
     import make_docs
 
     assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python scripts/make_docs.py"
 
 
-def test_generated_tables_are_compared_but_for_round_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+def test_generated_tables_are_compared_but_for_round_off() -> None:
     from make_docs import same
 
     row = "| tip y | -0.300792 | -0.3014365 | 6.4e-04 | ok |"

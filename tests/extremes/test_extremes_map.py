@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from pathlib import Path
 
 import pytest
-
-import ancf2d
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import cell, table
 from extremes.all_rows import all_rows
+
+import ancf2d
 
 pytestmark = pytest.mark.slow
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-
-import ancf2d
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import cell, motions
 from extremes.scenes import BY_LABEL, Beam
+
+import ancf2d
 
 
 def solution(dt: float, method: str = "generalized_alpha") -> ancf2d.Solution:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-import sys
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
+from extremes import statics
+from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
 from ancf2d.solve import static
 from ancf2d.solve.refine import refined
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from extremes import statics
-from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 
 def known(warnings: list[str]) -> float:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import helpers
 import pytest
-
-import ancf2d
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import across, cell, modes, statics, traps
 from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever, force
+
+import ancf2d
 
 FEW = ["vallejo", "cable", "reissner3", "2d3n", "omar"]
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import helpers
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from extremes import modes, scaling
 from extremes.scenes import DEFAULTS
 from extremes.statics import slender

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from scenes import campaign
 from scenes.checks import CHECKS
 from scenes.compare import Scene

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import helpers
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from scenes import campaign
 
 # scenes of each solver, all checks of each; the same command tries any number of others

@@ -6,12 +6,15 @@ import dataclasses
 import json
 import math
 import random
-import sys
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import pytest
+from scenes import campaign, checks, rearrange, shapes, shrink
+from scenes.bodies import type_of
+from scenes.generate import SOLVERS, scene
+from scenes.similar import Similarity
 
 import ancf2d
 from ancf2d.case import schema
@@ -19,12 +22,6 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, names
 from ancf2d.solve.schemes import INTEGRATORS
 from ancf2d.study.run import prepare
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from scenes import campaign, checks, rearrange, shapes, shrink
-from scenes.bodies import type_of
-from scenes.generate import SOLVERS, scene
-from scenes.similar import Similarity
 
 MANY = [scene(1, number, solver) for number in range(200) for solver in SOLVERS]
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import own_equations.frames
-import own_equations.mechanisms
+from own_equations import frames as frames_module
+from own_equations import mechanisms as mechanisms_module
 from own_equations.frames import KINDS, frames
 from own_equations.mechanisms import mechanisms
 from own_equations.verdict import Verdict, judge
@@ -36,7 +32,7 @@ def test_rigid_mechanisms(number: int) -> None:
 @pytest.mark.slow
 def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """One body of several gets a section a hundredth higher where ancf2d sees it."""
-    right = own_equations.frames._computed
+    right = frames_module._computed
 
     def stiffer(case: dict[str, Any]) -> dict[str, np.ndarray]:
         section = case["bodies"]["m0"]["section"]
@@ -44,21 +40,21 @@ def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> 
             section[key] *= 1.01
         return right(case)
 
-    monkeypatch.setattr(own_equations.frames, "_computed", stiffer)
+    monkeypatch.setattr(frames_module, "_computed", stiffer)
     assert [v.holds for v in frames([1])] == [False, False, False]
 
 
 @pytest.mark.slow
 def test_a_mechanism_in_too_much_gravity_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gravity is a thousandth more where ancf2d sees it."""
-    right, number = own_equations.mechanisms._computed, 0
-    assert own_equations.mechanisms.mechanism(number, {"type": "rigid"})["loads"][0]["type"] == "gravity"
+    right, number = mechanisms_module._computed, 0
+    assert mechanisms_module.mechanism(number, {"type": "rigid"})["loads"][0]["type"] == "gravity"
 
     def heavier(case: dict[str, Any]) -> dict[str, np.ndarray]:
         case["loads"][0]["value"] = [1.001 * v for v in case["loads"][0]["value"]]
         return right(case)
 
-    monkeypatch.setattr(own_equations.mechanisms, "_computed", heavier)
+    monkeypatch.setattr(mechanisms_module, "_computed", heavier)
     assert not next(mechanisms([number])).holds
 
 

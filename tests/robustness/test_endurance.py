@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from endurance import repeats, scenes, stops
 
 pytestmark = pytest.mark.slow

@@ -11,16 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from endurance import scenes
+from fuzz.command import Called, call
+from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, journal, open_results, part_path
 from ancf2d.results.journal import JournaledFile
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
-from endurance import scenes
-from fuzz.command import Called, call
-from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, describe, open_results
 from ancf2d.results.export import export
 from ancf2d.view import make_page
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
-from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 pytestmark = pytest.mark.slow
 

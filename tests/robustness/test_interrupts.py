@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from synthetic import HEADER, coordinates, tangent_body
 
 from ancf2d.interrupts import AGAIN_SECONDS, COMPILERS, patient_interrupts, uninterrupted
 from ancf2d.results import ResultWriter, open_results, part_path
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "results"))
-from synthetic import HEADER, coordinates, tangent_body
 
 pytestmark = pytest.mark.slow
 

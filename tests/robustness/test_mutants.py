@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
 
 pytestmark = pytest.mark.slow

@@ -1,16 +1,13 @@
 """The page of the examination: every check is explained, every listed type has its verdicts."""
 
 import re
-import sys
 from pathlib import Path
 
+import audit_table
 import pytest
 
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.study.audit.examine import CHECKS
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import audit_table
 
 pytestmark = pytest.mark.slow
 

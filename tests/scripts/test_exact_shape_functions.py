@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+import shape_functions
 
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.elements.shape import ShapeFunctions
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import shape_functions
 
 
 @pytest.mark.parametrize("name", ELEMENTS)

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import re
-import sys
-from pathlib import Path
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import motion_evidence
+import pytest
 from evidence import conservation, joints, runs, traps
 
 pytestmark = pytest.mark.slow

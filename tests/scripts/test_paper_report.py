@@ -11,15 +11,9 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 FIGURES = [f"Figure {n}" for n in (3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19)]
 # of how long motions last: enough for some stored states
 SHORT = 0.03
-
-
-@pytest.fixture(autouse=True)
-def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(SCRIPTS))
 
 
 @pytest.fixture

@@ -15,8 +15,7 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 @pytest.fixture
-def reproduce(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.syspath_prepend(str(SCRIPTS))
+def reproduce():
     import reproduce_paper
 
     return reproduce_paper

@@ -1,11 +1,7 @@
 """The script of Table 3 finds the printed modes, and says where a name is not the mode's shape."""
 
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import table3
 
 pytestmark = pytest.mark.slow

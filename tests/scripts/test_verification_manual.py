@@ -16,8 +16,7 @@ CASES = sorted(p.relative_to(ROOT / "cases").with_suffix("").as_posix() for p in
 
 
 @pytest.fixture
-def manual(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+def manual() -> Any:
     import verification_manual
 
     return verification_manual

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-import mode_references as exact
 import pytest
+from references import modes as exact
 
 from ancf2d.study.run import load
 

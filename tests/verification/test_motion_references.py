@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import motion_references
 import numpy as np
 import pytest
+from references import motions as motion_references
 
 from ancf2d.study.run import load
 

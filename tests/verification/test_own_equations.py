@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.special import ellipj, ellipk
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from own_equations.motion import move
 from own_equations.scene import Scene
 from own_equations.statics import large, linear, modes
+from scipy.special import ellipj, ellipk
 
 EA, kGA, EI, rhoA, rhoI = 3e4, 9e3, 50.0, 2.0, 0.03
 SECTION = {"EA": EA, "kGA": kGA, "EI": EI, "rhoA": rhoA, "rhoI": rhoI}

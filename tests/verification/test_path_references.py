@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-import path_references
 import pytest
+from references import paths as path_references
 
 from ancf2d.study.run import load
 

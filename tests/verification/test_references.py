@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import references
+from references import statics as references
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 

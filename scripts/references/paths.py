@@ -10,9 +10,10 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from references import Array, Beam, march, rectangle
 from scipy.optimize import root
 from scipy.special import ellipe, ellipk
+
+from references.statics import Array, Beam, march, rectangle
 
 
 def fold(f: Callable[[Array, float], Array], q: Sequence[float], P: float) -> tuple[Array, float]:

@@ -1,0 +1,1 @@
+"""Reference solutions: geometrically exact beams by shooting and spectral elements, modes, motions, paths."""
