@@ -19,7 +19,7 @@ PATHS = (*STATIC, "dynamic")
 # top-level keys and output keys -> the solvers they are for
 _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("initial",): ("dynamic",),
-    ("damping",): ("dynamic",),
+    ("damping",): ("eigen", "buckling", "dynamic"),
     ("steady_rotation",): ("static", "eigen"),
     ("output", "interval"): ("dynamic",),
     ("output", "every"): ("static", "dynamic"),

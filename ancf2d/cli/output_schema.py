@@ -42,8 +42,10 @@ _ACCURACY = _is("object?", "of the goal, or of a motion's steps in time: estimat
 
 def _run() -> Schema:
     frequency = _object(
-        "a mode", {"gaps": NUMBER, "verified": FLAG, "growth": _is("number", "real part of the exponent [1/s]")},
-        omega=_is("number", "[rad/s]"), hz=NUMBER, kind=TEXT, number=_is("integer", "within its kind"),
+        "a mode", {"gaps": NUMBER, "verified": FLAG, "growth": _is("number", "real part of the eigenvalue [1/s]"),
+                   "damping": _is("number", "-real part/modulus"), "residual": _is("number", "relative")},
+        omega=_is("number", "imaginary part of the eigenvalue [rad/s]"), hz=NUMBER, kind=TEXT,
+        number=_is("integer", "within its kind"),
         shares=_named(NUMBER, "of its energy"))
     limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
     check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,

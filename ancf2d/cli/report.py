@@ -50,13 +50,14 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
 
 
 def _frequencies(found: list[dict[str, Any]]) -> list[str]:
-    growing = any("growth" in f for f in found)
-    rows = [["mode", "omega [rad/s]", "f [Hz]", *(["growth [1/s]"] if growing else []), "kind", "largest share"]]
+    growing = any(f.get("growth") for f in found)
+    more = ["growth [1/s]", "damping ratio", "residual"] if growing else []
+    rows = [["mode", "omega [rad/s]", "f [Hz]", *more, "kind", "largest share"]]
     for k, f in enumerate(found, start=1):
         share = max(f["shares"], key=lambda name: f["shares"][name]) if f["shares"] else ""
-        growth = [number(f["growth"]) if "growth" in f else ""] if growing else []
-        rows.append([str(k), number(f["omega"], 7), number(f["hz"]), *growth, f"{f['kind']} {f['number']}",
-                     f"{share} {100 * f['shares'][share]:.0f} %" if share else ""])
+        told = [number(f.get("growth", 0.0)), number(f.get("damping", 0.0)), number(f.get("residual", 0.0), 2)]
+        rows.append([str(k), number(f["omega"], 7), number(f["hz"]), *(told if growing else []),
+                     f"{f['kind']} {f['number']}", f"{share} {100 * f['shares'][share]:.0f} %" if share else ""])
     return table(rows, left=(len(rows[0]) - 2, len(rows[0]) - 1))
 
 

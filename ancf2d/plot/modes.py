@@ -193,8 +193,17 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     time = results.units.time
     omega = float(table["omega"][k])
     hertz = f"{omega / (2 * math.pi):.5g} {'Hz' if time == 's' else f'1/{time}'}"
-    rate = f"grows with {growth:.5g} 1/{time}" if growth else f"{hertz} ({omega:.6g} rad/{time})"
-    return f"{kind} {int(table['number'][k])}: {rate}", kind
+    told = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
+    return f"{kind} {int(table['number'][k])}: {', '.join([*told, *growing(table, k, time)])}", kind
+
+
+def growing(table: Mapping[str, Any], k: int, time: str) -> list[str]:
+    """Return how mode k grows or decays, in words; nothing where it does neither."""
+    growth = float(table["growth"][k]) if "growth" in table else 0.0
+    if not growth:
+        return []
+    ratio = f", ratio {table['damping'][k]:.4g}" if growth < 0.0 and table["omega"][k] and "damping" in table else ""
+    return [f"{'grows' if growth > 0.0 else 'decays'} with {abs(growth):.5g} 1/{time}{ratio}"]
 
 
 def moving(sources: Sequence[Source], frames: int, *, first: int = 1, count: int = SHOWN) -> Iterator[Modes]:

@@ -179,8 +179,9 @@ class DiscreteModel:
     def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
         """Return C = dR/dv (n, n) at rest: springs' and materials' damping, Coriolis forces."""
         full = self._reference if self._linear else self._full(self._unknowns(d, "d", t), t)
-        M = self._mass if self._rates.alpha else None
-        return self._ordered(self._rates.damping(full, M) + self._rates.turning())
+        viscous = self._rates.viscous_matrix(full)
+        C = self._rates.plain_damping(full, self._mass if self._rates.alpha else None) + self._rates.turning()
+        return self._ordered(C if viscous is None else C + viscous)
 
     def _ordered(self, A: csc_array) -> csc_array:
         """Return a matrix of the system in the order of the nodal coordinates."""

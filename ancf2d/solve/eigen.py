@@ -5,87 +5,156 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..case import Eigen
 from ..elements.shape import Array
 from ..model.model import Model
 from .classify import Classifier, Verdict
-from .linearised import base_state
-from .lowest_modes import Modes, lowest
+from .linearised import Linearised, base_state
+from .lowest_modes import Modes, characteristic, first_shift, lowest
+from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
+from .reduced import Complex, Quadratic
 from .state import State
 
 # relative uncertainty of an eigenvalue that is worth a word
 POOR = 1e-6
+# a real part within this share of a pair that nothing damps is round-off
+IMAGINARY = 1e-7
 
 
 def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
-    """Yield the one state that vibrates, with its lowest modes: K phi = omega^2 M phi.
+    """Yield the one state that vibrates, with its lowest modes: (K + s C + s^2 M) phi = 0.
 
     About the reference, loads do not act; about the static equilibrium they have been followed to their full size
-    and K is the tangent there, their own stiffness included.
+    and K is the tangent there, their own stiffness included. In a turning frame the state is the equilibrium in it.
+    Without C and with a symmetric K, s^2 = -omega^2 is real.
     """
-    base = base_state(model, spec.about)
+    turns = model.case.steady_rotation is not None
+    base = base_state(model, "static" if turns else spec.about)
+    small = Linearised(base)
+    found = _real(small, spec) if base.model.symmetric and not turns and not (spec.damped and small.rates.damps) else \
+        _complex(small, spec)
     model, state = base.model, base.state
-    pencil = base.pencil()
-    pencil.with_mass(model.e0 + state.d[:model.n_q])
-    modes = lowest(pencil, spec.modes)
-    shapes = full_shapes(model, modes.vectors)
+    shapes = full_shapes(model, found.vectors)
     classifier = Classifier(model, state.d)
-    verdicts = [classifier(v, abs(value) <= modes.floor) for v, value in zip(shapes, modes.values, strict=True)]
-    state.report = {"frequencies": frequencies(modes, verdicts)}
+    verdicts = [classifier(v, bool(zero)) for v, zero in zip(shapes, found.zero, strict=True)]
+    entries = frequencies(found, verdicts)
+    state.report = {"frequencies": entries}
     state.arrays = {"modes/shapes": (shapes, "1", "mode shapes: rows of nodal coordinates, unit modal mass")}
-    state.tables = {"modes": table(state.report["frequencies"], verdicts)}
-    state.warnings = [*state.warnings, *_warnings(spec, modes)]
-    if spec.about == "reference" and np.any(pencil.balance.R):
+    if found.quarter is not None:
+        signs = np.array([largest_sign(model, v) for v in full_shapes(model, found.vectors, np.ones(len(shapes)))])
+        state.arrays["modes/quarter"] = (full_shapes(model, found.quarter, signs), "1",
+                                         "mode shapes a quarter of a period later")
+    state.tables = {"modes": table(entries, verdicts)}
+    state.warnings = [*state.warnings, *found.warnings]
+    if spec.damped:
+        state.warnings += [f"springs.{k}: its force is of higher order in the rates, and small motions have none of it"
+                           for k in small.rates.of_higher_order()]
+    if not base.loaded and np.any(small.pencil.balance.R):
         state.warnings.append("the reference is not an equilibrium because springs are loaded in it (about: static "
                               "finds the equilibrium)")
     yield state
 
 
-def full_shapes(model: Model, vectors: Array) -> Array:
-    """Return shapes (m, n_q) in nodal coordinates of vectors (m, n_unknowns), their largest displacement positive."""
+@dataclass
+class Found:
+    """Modes in the order in which they are reported.
+
+    ``s`` (m,): eigenvalues [1/s] with Im s >= 0; ``vectors`` (m, n_unknowns): real shapes of unit modal mass, at the
+    phase of most kinetic energy; ``quarter``: those a quarter of a period later, None where all points move in phase;
+    ``zero`` (m,): which cannot be told from rest; ``residual`` (m,).
+    """
+
+    s: Complex
+    vectors: Array
+    quarter: Array | None
+    zero: NDArray[np.bool_]
+    residual: Array
+    warnings: list[str]
+
+
+def _real(small: Linearised, spec: Eigen) -> Found:
+    """Return undamped modes of a symmetric K: s = i omega, or a growth rate where K is not positive."""
+    pencil = small.pencil
+    pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+    modes = lowest(pencil, spec.modes)
+    zero = np.abs(modes.values) <= modes.floor
+    values = np.where(zero, 0.0, modes.values)
+    s = np.where(values < 0.0, np.sqrt(np.abs(values)), 1j * np.sqrt(np.abs(values)))
+    return Found(s, modes.vectors, None, zero, modes.error, _warnings(spec, modes))
+
+
+def _complex(small: Linearised, spec: Eigen) -> Found:
+    """Return the pairs that damping, rotation or loads without a potential make complex."""
+    problem = Quadratic(small, spec.damped)
+    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+    still = AT_REST * math.sqrt(characteristic(pencil))
+    pairs = lowest_pairs(problem, spec.modes, shift_of(problem, math.sqrt(first_shift(pencil))), still)
+    s, X, zero, residual = pairs.s, pairs.vectors, pairs.rest, pairs.residual
+    if not (spec.damped and small.rates.damps):
+        # nothing takes out energy: real parts of what vibrates are round-off, unless a load without potential feeds it
+        s = np.where(np.abs(s.real) <= IMAGINARY * np.abs(s), 1j * s.imag, s)
+    order = np.lexsort((np.abs(s), s.imag))
+    s, X, zero, residual = s[order], X[order], zero[order], residual[order]
+    phases = [problem.phases(x) for x in X]
+    vectors = np.array([one for one, _ in phases]).reshape(len(X), small.n)
+    quarter = np.array([other for _, other in phases]).reshape(len(X), small.n)
+    return Found(s, vectors, quarter, zero, residual, _pair_warnings(spec, pairs, s))
+
+
+def full_shapes(model: Model, vectors: Array, signs: Array | None = None) -> Array:
+    """Return shapes (m, n_q) in nodal coordinates of vectors (m, n_unknowns).
+
+    Their largest displacement is positive, unless ``signs`` (m,) are given.
+    """
     out = np.zeros((len(vectors), model.n_q))
-    for row, z in zip(out, vectors, strict=True):
+    for k, (row, z) in enumerate(zip(out, vectors, strict=True)):
         full = np.zeros(len(model.numbering.place))
         model.numbering.expand(z, full)
         row[:] = full[:model.n_q]
-        moved = model.weights * row
-        row *= math.copysign(1.0, moved[int(np.argmax(np.abs(moved) > 0.999 * np.abs(moved).max()))])
+        row *= largest_sign(model, row) if signs is None else signs[k]
     return out
 
 
-def frequencies(modes: Modes, verdicts: list[Verdict]) -> list[dict[str, Any]]:
-    """Return the entries of ``frequencies``: omega [rad/s], hz, kind, number within the kind, shares, gaps.
+def largest_sign(model: Model, shape: Array) -> float:
+    """Return the sign of the largest displacement of a shape (n_q,)."""
+    moved = model.weights * shape
+    return math.copysign(1.0, moved[int(np.argmax(np.abs(moved) > 0.999 * np.abs(moved).max()))])
 
-    omega is 0 where the eigenvalue cannot be told from zero, and for unstable modes, which have a growth rate [1/s].
+
+def frequencies(found: Found, verdicts: list[Verdict]) -> list[dict[str, Any]]:
+    """Return the entries of ``frequencies``, lowest omega first.
+
+    omega [rad/s] and growth [1/s] are the imaginary and the real part of the eigenvalue, hz = omega/(2 pi), damping =
+    -Re s/|s|; kind, number within the kind, shares, gaps; residual, relative.
     """
     out = []
-    for value, verdict in zip(modes.values, verdicts, strict=True):
-        omega = math.sqrt(value) if value > modes.floor else 0.0
-        entry: dict[str, Any] = {"omega": omega, "hz": omega / (2 * math.pi), "kind": verdict.kind,
-                                 "number": 0, "shares": verdict.shares, "gaps": verdict.gaps}
-        if value < -modes.floor:
-            entry["growth"] = math.sqrt(-value)
-        out.append(entry)
+    for s, residual, verdict in zip(found.s.tolist(), found.residual.tolist(), verdicts, strict=True):
+        damping = -s.real / abs(s) if s.real else 0.0
+        out.append({"omega": s.imag, "hz": s.imag / (2 * math.pi), "growth": s.real or 0.0, "damping": damping,
+                    "kind": verdict.kind, "number": 0, "shares": verdict.shares, "gaps": verdict.gaps,
+                    "residual": residual})
     renumber(out)
     return out
 
 
 def renumber(entries: list[dict[str, Any]]) -> None:
-    """Number the modes within their kinds, from the lowest on."""
+    """Number the modes within their kinds, from the lowest on, those that do not vibrate last."""
     numbers: Counter[str] = Counter()
-    for entry in entries:
+    for entry in sorted(entries, key=lambda e: not e["omega"] and bool(e["growth"])):
         numbers[entry["kind"]] += 1
         entry["number"] = numbers[entry["kind"]]
 
 
 def table(entries: list[dict[str, Any]], verdicts: list[Verdict]) -> dict[str, list[Any]]:
     """Return the modes as the columns of a table."""
-    out: dict[str, list[Any]] = {k: [e[k] for e in entries] for k in ("omega", "hz", "kind", "number")}
-    out["growth"] = [e.get("growth", 0.0) for e in entries]
+    out: dict[str, list[Any]] = {k: [e[k] for e in entries]
+                                 for k in ("omega", "hz", "growth", "damping", "kind", "number", "residual")}
     for share in entries[0]["shares"] if entries else ():
         out[share] = [e["shares"][share] for e in entries]
     out["gaps"] = [v.gaps for v in verdicts]
@@ -100,11 +169,31 @@ def _warnings(spec: Eigen, modes: Modes) -> list[str]:
     if modes.counted is False:
         out.append("the inertia of the shifted stiffness differs from the number of modes found: some modes may be "
                    "missing")
-    unstable = int((modes.values < -modes.floor).sum())
-    if unstable:
-        out.append(f"{unstable} of the modes grow: this equilibrium is unstable")
+    out += _unstable(int((modes.values < -modes.floor).sum()))
     worst = float(modes.error.max(initial=0.0))
     if worst > POOR:
         out.append(f"round-off limits the frequencies to about {0.5 * worst:.1g} of their values. Fewer or longer "
                    "elements give more digits")
+    return out
+
+
+def _unstable(growing: int) -> list[str]:
+    return [f"{growing} of the modes grow: this state is unstable"] if growing else []
+
+
+def _pair_warnings(spec: Eigen, pairs: Pairs, s: Complex) -> list[str]:
+    """Return what is to be said of pairs; s (m,) are those that are reported."""
+    out = []
+    vibrating = int((s.imag > 0).sum())
+    if vibrating < spec.modes:
+        out.append(f"{vibrating} pairs vibrate, not {spec.modes}; what else moves decays or grows without vibrating")
+    if pairs.missing is None:
+        out.append("the pairs could not be counted: some may be missing")
+    elif pairs.missing > 0:
+        out.append(f"{pairs.missing} more eigenvalues lie among those that are listed: further real ones, or pairs "
+                   "that are missing")
+    out += _unstable(int((s.real > IMAGINARY * np.abs(s)).sum()))
+    worst = float(pairs.residual.max(initial=0.0))
+    if worst > POOR:
+        out.append(f"the residual of the eigenvalues is up to {worst:.1g}. Fewer or longer elements give more digits")
     return out

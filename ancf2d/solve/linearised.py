@@ -93,9 +93,26 @@ class Linearised:
         return stored(self.model, mass, mass.target.values)
 
     @cached_property
+    def viscous(self) -> csc_array | None:
+        """Kelvin-Voigt damping and Rayleigh's beta (n, n) alone, None where there is none."""
+        return self.rates.viscous_matrix(self.base.state.d)
+
+    def viscous_forces(self, x: Array) -> Array:
+        """Return what ``viscous`` makes of x (n,), by way of the strains."""
+        num = self.model.numbering
+        v = np.zeros(len(num.place))
+        num.expand(x, v)
+        return num.reduce(self.rates.viscous_forces(self.base.state.d, v))
+
+    @cached_property
+    def plain(self) -> csc_array:
+        """What else takes out energy (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
+        return self.rates.plain_damping(self.base.state.d, self.M if self.rates.alpha else None)
+
+    @property
     def dampers(self) -> csc_array:
-        """What takes out energy (n, n): dashpots, Kelvin-Voigt and Rayleigh damping, linearised at rest."""
-        return self.rates.damping(self.base.state.d, self.M)
+        """All that takes out energy (n, n)."""
+        return self.plain if self.viscous is None else self.plain + self.viscous
 
     @cached_property
     def coriolis(self) -> csc_array:
@@ -128,6 +145,14 @@ class RateForces:
         """Whether anything takes out energy."""
         return bool(self.alpha or self.viscous or self.dashpots)
 
+    def of_higher_order(self) -> list[int]:
+        """Return the springs that damp, but not to first order in the rates."""
+        out = []
+        for k, spring in enumerate(self.model.springs):
+            if spring.damped and not spring.forces(np.zeros(len(spring.p0)), 0.0)[2].any():
+                out.append(k)
+        return out
+
     @cached_property
     def _T(self) -> csc_array:
         return unknowns_to_coordinates(self.model)
@@ -141,9 +166,7 @@ class RateForces:
 
         Only dampers of plugins are of higher order. ``mass`` gives M (n_q, n_q), where it is asked for.
         """
-        out, n_q = np.zeros(len(v)), self.model.n_q
-        for tau, group in self.viscous:
-            viscous_force(group, tau, d, v, out)
+        out, n_q = self.viscous_forces(d, v), self.model.n_q
         for forces, dofs in self.model.interactions.rate_forces(d, v, linear) if self.dashpots else ():
             np.add.at(out, dofs, forces)
         if self.omega:
@@ -152,23 +175,23 @@ class RateForces:
             out[:n_q] += self.alpha * (mass() @ v[:n_q])
         return out
 
-    def damping(self, d: Array, M: csc_array | None) -> csc_array:
-        """Return what takes out energy, linearised at d (n_full,) at rest (n, n); M (n, n) is needed for alpha."""
+    def plain_damping(self, d: Array, M: csc_array | None) -> csc_array:
+        """Return dashpots, linearised at d (n_full,) at rest, and alpha M; M (n, n) is needed where there is alpha."""
         from scipy.sparse import csc_array
 
-        n = self.model.numbering.n_unknowns
-        out = csc_array((n, n))
-        if self.viscous:
-            out = out + _by_columns(self.model, lambda v: self._viscous(d, v))
+        n, n_q = self.model.numbering.n_unknowns, self.model.n_q
+        out = csc_array((n, n)) if M is None else self.alpha * M
         if self.dashpots:
-            n_q = self.model.n_q
             blocks = [(batch.dofs, batch.matrices(d, 0.0)[3]) for batch in self.model.interactions.springs]
-            out = out + csc_array(self._T.T @ scattered(blocks, n_q) @ self._T)
-        if self.alpha and M is not None:
-            out = out + self.alpha * M
+            out = out + self._T.T @ scattered(blocks, n_q) @ self._T
         return csc_array(out)
 
-    def _viscous(self, d: Array, v: Array) -> Array:
+    def viscous_matrix(self, d: Array) -> csc_array | None:
+        """Return Kelvin-Voigt damping at d (n_full,), Rayleigh's beta included (n, n); None where there is none."""
+        return _by_columns(self.model, lambda v: self.viscous_forces(d, v)) if self.viscous else None
+
+    def viscous_forces(self, d: Array, v: Array) -> Array:
+        """Return the Kelvin-Voigt forces (n_full,) that rates v (n_full,) cause at d, Rayleigh's beta included."""
         out = np.zeros(len(v))
         for tau, group in self.viscous:
             viscous_force(group, tau, d, v, out)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..model.model import Model
 from .matrix_pencil import Pencil, each, ritz
 
 # below this number of unknowns every mode is computed at once
@@ -47,20 +46,38 @@ class Modes:
     counted: bool | None
 
 
-def characteristic(model: Model) -> float:
-    """Return min EI/(m L^3) over the bodies [1/s^2], m the model's mass and L its length: below its elastic modes."""
+def characteristic(pencil: Pencil) -> float:
+    """Return a number below the elastic modes of a model [1/s^2].
+
+    It is min EI/(m L^3) over the bodies that deform, m the model's mass and L its length; of rigid bodies alone, a
+    share of the lowest K_ii/M_ii.
+    """
+    model = pencil.model
     plans = [m.plan for m in model.meshes.values()]
     length = sum(p.length for p in plans)
     mass = sum(p.section.rhoA * p.length for p in plans) + sum(m.mass for m in model.case.masses)
-    return min(p.section.EI for p in plans) / (mass * length**3)
+    stiff = [p.section.EI for p in plans if not p.rigid]
+    if stiff and mass:
+        return min(stiff) / (mass * length**3)
+    ratios = _ratios(pencil)
+    return SOFT * float(ratios[ratios > 0].min(initial=np.inf)) if (ratios > 0).any() else 1.0
+
+
+def _ratios(pencil: Pencil) -> Array:
+    """Return K_ii/M_ii of the unknowns that have a mass."""
+    K, M = pencil.diagonals()
+    heavy = M > 0
+    return K[heavy] / M[heavy]
+
+
+def first_shift(pencil: Pencil) -> float:
+    """Return the size of a shift near the lowest elastic eigenvalue, above round-off [1/s^2]."""
+    return max(characteristic(pencil), ROUND_OFF * float(np.max(_ratios(pencil), initial=0.0)))
 
 
 def find_shift(pencil: Pencil) -> float:
     """Factor K - shift M at a negative shift below every eigenvalue, near the lowest elastic ones; return it."""
-    K, M = pencil.diagonals()
-    heavy = M > 0
-    largest = float(np.max(K[heavy] / M[heavy], initial=0.0))
-    shift = max(characteristic(pencil.model), ROUND_OFF * largest)
+    shift = first_shift(pencil)
     for _ in range(60):
         pivots = pencil.factor(-shift)
         if pencil.negative(pivots) in (0, None) and pivots.bad < 0:
@@ -179,7 +196,7 @@ def lowest(pencil: Pencil, m: int) -> Modes:
         values, V = _lanczos(pencil, shift, m + EXTRA, np.zeros((0, pencil.n)), 0)
         values, V, rest, counted = _complete(pencil, m, shift, *_refine(pencil, values, V, shift))
     m = min(m, len(values))
-    floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil.model))
+    floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil))
     unsure = np.abs(values) <= UNSURE * rest * (np.abs(values) + abs(shift))
     values = np.where(unsure, 0.0, values)
     return Modes(values[:m], V[:m], rest[:m], floor, counted)

@@ -18,7 +18,6 @@ from ..case import (
     Prescribed,
     Static,
 )
-from ..elements.rigid import RIGID_TYPE
 from ..elements.shape import Array
 from ..errors import Problem
 from ..model.model import Model
@@ -49,10 +48,6 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
-    if model.case.steady_rotation is not None:
-        from .gyroscopic import solve_turning
-
-        return solve_turning(model, spec)
     from .eigen import solve_eigen
 
     return solve_eigen(model, spec)
@@ -77,33 +72,20 @@ SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
 
 
 def _without_potential(loaded: LoadedCase) -> list[Problem]:
-    """Return the loads that turn with the body where only a symmetric tangent has real frequencies and factors."""
+    """Return the loads that turn with the body where only a symmetric tangent has real factors."""
     case = loaded.case
-    acts = isinstance(case.solver, Buckling) or (isinstance(case.solver, Eigen) and case.solver.about == "static")
-    if not acts:
+    if not isinstance(case.solver, Buckling):
         return []
-    what = "buckling" if isinstance(case.solver, Buckling) else "eigen about the static state"
-    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, {what} needs "
+    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, buckling needs "
                                                 "an unsymmetric eigenvalue problem (flutter), which is not supported",
-                                  expected="loads of fixed direction, or eigen about the reference")
+                                  expected="loads of fixed direction")
             for i, load in enumerate(case.loads)
             if not load.potential]
 
 
-def _without_stiffness(loaded: LoadedCase) -> list[Problem]:
-    """Return the rigid bodies whose coordinates have no stiffness, where modes would need some."""
-    case = loaded.case
-    if not isinstance(case.solver, Eigen):
-        return []
-    return [loaded.source.problem(("bodies", name, "element"), f"bodies.{name} is rigid: modes of models with rigid "
-                                                               "bodies are not supported",
-                                  expected="a body that deforms, however stiff, or solver: dynamic")
-            for name, body in case.bodies.items() if body.element.type == RIGID_TYPE.name]
-
-
 def unavailable(loaded: LoadedCase) -> list[Problem]:
     """Return what a case asks of solvers that is not available."""
-    return [*_without_potential(loaded), *_without_stiffness(loaded)]
+    return _without_potential(loaded)
 
 
 def left_out(case: Case) -> list[str]:
@@ -114,7 +96,10 @@ def left_out(case: Case) -> list[str]:
                if body.material is not None and body.material.damping is not None]
     dampers += [f"springs.{i}.damping" if hasattr(spring, "damping") else f"springs.{i}"
                 for i, spring in enumerate(case.springs) if spring.damped]
-    out = [f"these modes are undamped: {', '.join(dampers)} have no effect"] if dampers else []
+    dampers += ["damping"] if case.damping is not None else []
+    out = []
+    if dampers and not case.solver.damped:
+        out.append(f"these modes are undamped (damped: false): {', '.join(dampers)} have no effect")
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []
         what += ["prescribed motions"] if any(isinstance(s, Prescribed) for s in case.boundary_conditions) else []

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from ancf2d.errors import CaseError
 from ancf2d.kernels.mass import band_product
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solve import lowest_modes as lowest_module
@@ -213,13 +212,6 @@ def test_loads_do_not_act_about_the_reference():
     assert [f["omega"] for f in with_loads] == [f["omega"] for f in without]
 
 
-def test_follower_loads_are_refused_about_the_static_state():
-    loaded = h.load({"b": beam(h.element("vallejo", 4))}, {"type": "eigen", "about": "static"}, bc=PINNED,
-                    loads=[{"type": "follower_force", "at": "b@1", "value": [-1, 0]}])
-    with pytest.raises(CaseError, match="no potential"):
-        prepare(loaded)
-
-
 def test_springs_that_pull_in_the_reference_are_reported():
     springs = [{"type": "translational", "between": ["b@0.5", [1.0, 1.0]], "stiffness": 10.0, "length": 0.5}]
     solution = h.solved({"b": beam(h.element("vallejo", 4))}, "eigen", bc=PINNED, springs=springs)
@@ -257,7 +249,7 @@ def test_what_modes_leave_out_is_told():
     spring = {"type": "translational", "between": ["b@1", [2, 0]], "stiffness": 1, "damping": 0.1}
     scene = {"bc": [{"type": "clamp", "at": "b@0"}], "springs": [spring], "loads": [
         {"type": "force", "at": "b@1", "value": [0, 1]}]}
-    told = prepare(h.load({"b": damped}, "eigen", **scene)).warnings
+    told = prepare(h.load({"b": damped}, {"type": "eigen", "damped": False}, **scene)).warnings
     assert any("bodies.b.material.damping, springs.0.damping" in w for w in told)
     assert any("these modes are about the reference" in w for w in told)
     still = {**scene, "springs": [{**spring, "damping": 0}]}

@@ -80,12 +80,14 @@ class Static:
 
 @record
 class Eigen:
-    """Natural frequencies and modes."""
+    """Natural frequencies, damping and modes."""
 
     tag = "eigen"
-    modes: int = key(Integer(), "Number of modes, from the lowest", default=10)
+    modes: int = key(Integer(), "Number of modes, from the lowest; where damping makes them complex, of pairs: real "
+                     "eigenvalues come in addition", default=10)
     about: str = key(Choice("reference", "static"), "State about which the model vibrates: the reference, or the "
                      "static equilibrium under the loads", default="reference")
+    damped: bool = key(Flag(), "Whether dashpots and damping act", default=True)
     verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
                        "spurious",
                        default=False)

@@ -1,0 +1,122 @@
+"""K + s C + s^2 M of small motions, and its projection on a space of few vectors."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..elements.shape import Array
+from .linearised import Linearised
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+Complex = NDArray[np.complex128]
+
+
+class Quadratic:
+    """K + s C + s^2 M of small motions, with or without what takes out energy."""
+
+    def __init__(self, small: Linearised, damped: bool = True) -> None:
+        C = small.C if damped else small.coriolis
+        self.small, self.K, self.C, self.M, self.damped = small, small.K, C, small.M, damped
+        self.n = small.n
+        num, weights = small.model.numbering, small.pencil.system.weights
+        self.weights, self.moved = weights, num.free < num.n_q
+        self.K_skew = None if small.model.symmetric else (self.K - self.K.T).tocsc()
+        self.C_skew = (C - C.T).tocsc() if small.rates.omega else None
+        self._formed = small.plain + small.coriolis if damped else small.coriolis
+
+    def matrix(self, s: complex) -> csc_array:
+        """Return K + s C + s^2 M."""
+        return (self.K + s * self.C + (s * s) * self.M).tocsc()
+
+    def stiffness(self, x: Array) -> Array:
+        """Return K x by way of the strains."""
+        return self.small.stiffness(x)
+
+    def damping(self, x: Array) -> Array:
+        """Return C x, Kelvin-Voigt damping by way of the strains."""
+        out = self._formed @ x
+        return out + self.small.viscous_forces(x) if self.damped and self.small.viscous is not None else out
+
+    def mass(self, x: Array) -> Array:
+        """Return M x."""
+        return np.asarray(self.M @ x)
+
+    def phases(self, x: Complex) -> tuple[Array, Array]:
+        """Return the real shapes (n,) of x at the phase of most kinetic energy and a quarter of a period later.
+
+        x^T M x of the first is 1.
+        """
+        a, b, c = (float(u @ self.mass(v)) for u, v in ((x.real, x.real), (x.imag, x.imag), (x.real, x.imag)))
+        turned = x * np.exp(0.5j * math.atan2(-2 * c, a - b))
+        size = math.sqrt(float(turned.real @ self.mass(turned.real))) or 1.0
+        return turned.real / size, -turned.imag / size
+
+    def size(self, x: Array) -> float:
+        """Return the size of vectors as displacements."""
+        return float(np.linalg.norm(self.weights * x))
+
+
+class Space:
+    """Vectors (k, n), orthonormal as displacements, with K, C and M projected on them."""
+
+    def __init__(self, problem: Quadratic) -> None:
+        self.problem, self.count = problem, 0
+        self._rows = np.empty((16, problem.n))
+        self._projected = np.zeros((3, 0, 0))
+
+    @property
+    def V(self) -> Array:
+        """The vectors (k, n)."""
+        return self._rows[:self.count]
+
+    def add(self, x: Array) -> tuple[Array, float]:
+        """Add what is new in x; return its parts (k,) along the vectors there were, and the size of what is new."""
+        w2, size, V = self.problem.weights**2, self.problem.size(x), self.V
+        along = np.zeros(len(V))
+        for _ in range(2):
+            part = V @ (w2 * x)
+            x = x - part @ V
+            along += part
+        new = self.problem.size(x)
+        if not new > 1e-12 * size:
+            return along, 0.0
+        if self.count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self.count] = x / new
+        self.count += 1
+        return along, new
+
+    def project(self) -> Array:
+        """Return V K V^T, V C V^T and V M V^T (3, k, k)."""
+        old, k, p = self._projected.shape[1], self.count, self.problem
+        out = np.zeros((3, k, k))
+        out[:, :old, :old] = self._projected
+        for m, (act, skew) in enumerate(((p.stiffness, p.K_skew), (p.damping, p.C_skew), (p.mass, None))):
+            for c, x in enumerate(self.V[old:], start=old):
+                y = act(x)
+                out[m, :, c] = self.V @ y
+                out[m, c, :old] = out[m, :old, c] if skew is None else self.V[:old] @ (y - skew @ x)
+        self._projected = out
+        return out
+
+
+def projected_pairs(matrices: Array, s0: float) -> tuple[Complex, Complex]:
+    """Return every finite eigenvalue (m,) of dense K, C and M (3, k, k), nearest to s0 first, and vectors (m, k)."""
+    K, C, M = matrices
+    k = len(K)
+    Q0 = K + s0 * C + s0 * s0 * M
+    A = np.linalg.solve(Q0, np.hstack([s0 * (C + 2 * s0 * M), s0 * s0 * M]))
+    companion = np.vstack([-A, np.hstack([np.eye(k), np.zeros((k, k))])])
+    mu, Z = np.linalg.eig(companion)
+    order = np.argsort(-np.abs(mu), kind="stable")
+    order = order[np.abs(mu[order]) > 1e-13 * np.abs(mu).max(initial=0.0)]
+    mu, X = mu[order].astype(complex), Z[:, order]
+    # [mu x, x]: the half that is not small
+    X = np.where(np.abs(mu) >= 1.0, X[:k] / mu, X[k:]).T
+    return s0 * (1.0 + 1.0 / mu), X.astype(complex)
