@@ -15,6 +15,7 @@ from ..kernels.motion import COUNT
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef
+from ..model.signals import rates_of
 from .energy import Kinds
 from .stepping import Stepper
 from .system import STILL
@@ -143,10 +144,14 @@ class Estimate:
         if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
             return ["the steps are too large for this motion: differences from runs with longer steps show order "
                     f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
-        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate)
+        flat = order is not None and self.factor ** order < ASYMPTOTIC
+        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, flat)
 
-    def _missed(self, estimate: float) -> list[str]:
-        """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion."""
+    def _missed(self, estimate: float, flat: bool) -> list[str]:
+        """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion.
+
+        ``flat``: the error with ten times the tolerance is about the same.
+        """
         case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
         # nobody has asked for the default, and what solves to an accuracy judges its runs itself
         asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
@@ -154,12 +159,23 @@ class Estimate:
             return []
         said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
                 f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
+        if estimate <= count * tolerance and flat:
+            return [said + "Ten times the tolerance leaves about the same error: the steps pass over fast vibrations, "
+                    "which only a much smaller one resolves. If they do not matter, use a larger one" + self._jump()]
         if estimate <= count * tolerance:
-            return [said + "Errors of single steps keep it and add up: use a smaller one"]
+            return [said + "Errors of single steps keep it and add up: use a smaller one" + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
         return [said + f"This is more than the errors of all {count} steps together: they grow, because the motion is "
                 "sensitive to its start, as chaotic motions are. A smaller tolerance moves the time from which on it "
                 "is not known; statistics of the motion may still be right"]
+
+    def _jump(self) -> str:
+        """Say that a prescribed motion starts a model at rest as an impact does, where one does."""
+        signals = (self.stepper.signals[k] for k in self.stepper.driving)
+        if self.stepper.model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals):
+            return ""
+        return (". A prescribed motion begins at full speed, which sets off vibrations as an impact does: let it begin "
+                "gradually, or give initial velocities")
 
     @property
     def _finer(self) -> str:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from motions import GRAVITY, RUBBER, rod
 
+from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion import COUNT
+from ancf2d.model.signals import Signal
 from ancf2d.solve.estimate import SAFETY, TENFOLD, Estimate
 from ancf2d.solve.registry import solve
 from ancf2d.solve.state import State
@@ -71,16 +73,19 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
     assert told == [w for w in last.warnings if "is inverted" in w]
 
 
-def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True) -> Estimate:
-    """An estimate whose levels differ by ``fine`` and ten times that, where the largest displacement is 1."""
+def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, growth: float = 10.0,
+                driven: str | None = None) -> Estimate:
+    """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1."""
     model = SimpleNamespace(extent=1.0, case=SimpleNamespace(
-        accuracy=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)))
+        accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)))
     numbers = np.zeros(COUNT + 1)
     numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)
-    found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers))
+    signals = [] if driven is None else [Signal(Expression(driven))]
+    found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers),
+                                    signals=signals, driving=range(len(signals)))
     found.factor, found.order, found.failed = TENFOLD, 1, ""
-    found.largest, found.moved = np.array([[fine], [10 * fine]]), np.ones(1)
+    found.largest, found.moved = np.array([[fine], [growth * fine]]), np.ones(1)
     return found
 
 
@@ -93,3 +98,16 @@ def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> No
     assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
     assert len(said) == bool(words)
     assert all(word in said[0] for word in words)
+
+
+def test_a_tolerance_that_ten_times_as_much_would_miss_as_well_is_told_to_resolve_vibrations() -> None:
+    (said,) = estimate_of(4e-4, 1e-5, 773, growth=1.1).warnings()
+    assert "fast vibrations" in said
+    assert "use a larger one" in said
+    assert "add up" not in said
+
+
+@pytest.mark.parametrize(("angle", "told"), [("30*t", True), ("30*t^2", False), (None, False)])
+def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: str | None, told: bool) -> None:
+    (said,) = estimate_of(4e-3, 1e-5, 773, driven=angle).warnings()
+    assert ("begins at full speed" in said) == told

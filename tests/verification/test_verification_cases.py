@@ -51,6 +51,11 @@ def test_expected_values_are_met(case: Path) -> None:
 
 
 @SOLVED
+def test_the_tolerance_of_a_case_is_one_that_it_keeps(case: Path) -> None:
+    assert not [w for w in solved(case)["warnings"] if "tolerance is missed" in w]
+
+
+@SOLVED
 def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest) -> None:
     file, now = stored_outputs.path(case, CASES), stored_outputs.outputs(solved(case))
     if request.config.getoption("--update"):
