@@ -30,8 +30,9 @@ ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
-# times the tolerance: errors beyond are told
-MISSED = 10.0
+# times the tolerance: errors beyond are told. Random ones of single steps add up to about the square root of their
+# number times the tolerance
+MISSED, RANDOM = 10.0, 2.0
 # fewer steps than so many between two breaks are no longer where they are to be twice as long
 BROKEN = 4
 
@@ -155,7 +156,9 @@ class Estimate:
         case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
         # nobody has asked for the default, and what solves to an accuracy judges its runs itself
         asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
-        if estimate <= MISSED * tolerance or not asked:
+        limit = max(MISSED, RANDOM * count**0.5) * tolerance
+        # differences that do not shrink may be the errors of the motion with ten times the tolerance
+        if estimate <= (self.factor * limit if flat else limit) or not asked:
             return []
         said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
                 f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
