@@ -121,6 +121,7 @@ def test_first_case_fits_on_a_screen() -> None:
     assert len(case.splitlines()) <= 20
 
 
+@pytest.mark.slow
 def test_generated_parts_are_current(capsys: pytest.CaptureFixture[str]) -> None:
     import make_docs
 
