@@ -13,6 +13,7 @@ from . import solve as _solvers  # noqa: F401
 del globals()["solve"]
 
 if TYPE_CHECKING:
+    from .api import Convergence as Convergence
     from .api import Solution as Solution
     from .api import convergence as convergence
     from .api import load as load
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from .results import Results as Results
     from .results import open_results as open_results
     from .solve.discrete import DiscreteModel as DiscreteModel
-    from .study.convergence import Convergence as Convergence
 
 __version__ = "0.1.0"
 
@@ -34,7 +34,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "load": "api", "solve": "api", "convergence": "api", "system": "api", "Solution": "api",
     "LoadedCase": "case", "DiscreteModel": "solve.discrete",
-    "open_results": "results", "Results": "results", "Convergence": "study.convergence",
+    "open_results": "results", "Results": "results", "Convergence": "api",
     "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
 }
 __all__ = ["__version__", *_PLACES]

@@ -19,6 +19,7 @@ from .html import shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 Array = np.ndarray
 
@@ -193,6 +194,13 @@ class Solution:
 
         with StatesWithFields(self.results.path) as results:
             return draw(results, kind, **options)
+
+    def to_xarray(self, states: bool = True) -> Dataset:
+        """Return probes, states, energies, modes and fields as a data set of xarray; see ``Results.to_xarray``.
+
+        Raises ImportError where xarray is not installed, ResultsError where no states were kept.
+        """
+        return self.results.to_xarray(states)
 
     # ------------------------------------------------------------------ shown
 

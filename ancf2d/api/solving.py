@@ -13,13 +13,14 @@ from ..errors import CaseError
 from ..results import check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.accuracy.pursuit import Target
-from ..study.convergence import Convergence, Steps
+from ..study.convergence import Steps
 from ..study.convergence import convergence as refine
 from ..study.digests import inputs_of
 from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file
 from ..study.variants import Variant, parse_variants
+from .refinement import Convergence
 from .solution import Solution, Temporary
 
 if TYPE_CHECKING:
@@ -101,7 +102,8 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
             variants = parse_variants(types if isinstance(types, str) else ",".join(types))
         except ValueError as error:
             raise CaseError(str(error)) from None
-    return refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
+    found = refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
+    return Convergence(**vars(found))
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:

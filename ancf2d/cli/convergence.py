@@ -149,11 +149,9 @@ def _variants(types: str | None, formulation: str | None) -> list[Variant]:
         raise click.UsageError(f"{error}.") from None
 
 
-def report(study: Convergence) -> str:
-    """Return a study as people read it: the table, then a line for each element type."""
-    lines = [study.title] if study.title else []
+def row_cells(study: Convergence) -> list[list[str]]:
+    """Return the table of a study as cells, its head first."""
     timed = study.over != "elements"
-    lines += [f"{study.goal} over {'time steps' if timed else 'meshes'}", ""]
     several = len({s.formulation for s in study.series}) > 1
     rows = [["element", *(["formulation"] if several else []), "elements", "coordinates",
              *([study.over] if timed else []), study.goal, "error", "order", "time", ""]]
@@ -165,13 +163,27 @@ def report(study: Convergence) -> str:
                      number(row.value, 10),
                      "-" if row.error is None else f"{row.error:.1e}", order, wall,
                      f"failed: {row.reason}" if row.reason else ""])
-    last = len(rows[0]) - 1
-    lines += [*table(rows, left=(0, 1, last) if several else (0, last)), ""]
-    limits = [_limit(s, several) for s in study.series]
-    lines += [line.replace("finer meshes", "smaller steps") if timed else line for line in limits]
+    return rows
+
+
+def limits(study: Convergence) -> list[str]:
+    """Return a line on the limit of each type, and what errors are relative to."""
+    timed = study.over != "elements"
+    several = len({s.formulation for s in study.series}) > 1
+    lines = [_limit(s, several) for s in study.series]
+    lines = [line.replace("finer meshes", "smaller steps") if timed else line for line in lines]
     if study.reference is None and any(s.reference is not None for s in study.series):
         lines += ["", "errors are relative to the limit of each type and formulation; they exclude model error"]
-    return "\n".join(lines)
+    return lines
+
+
+def report(study: Convergence) -> str:
+    """Return a study as people read it: the table, then a line for each element type."""
+    rows = row_cells(study)
+    left = (0, 1, len(rows[0]) - 1) if "formulation" in rows[0] else (0, len(rows[0]) - 1)
+    over = "meshes" if study.over == "elements" else "time steps"
+    return "\n".join([*([study.title] if study.title else []), f"{study.goal} over {over}", "",
+                      *table(rows, left=left), "", *limits(study)])
 
 
 def _limit(series: Series, several: bool) -> str:

@@ -71,6 +71,11 @@ def automatic_scale(sources: Sequence[Source], state: int) -> float:
             end = outline(source.results, body, state, 1.0).axis
             extent = max(extent, float(np.hypot(*np.ptp(start, axis=0))))
             moved = max(moved, float(np.linalg.norm(end - start, axis=1).max(initial=0.0)))
+    return visible_scale(extent, moved)
+
+
+def visible_scale(extent: float, moved: float) -> float:
+    """Return what magnifies a largest displacement ``moved`` so that it is seen beside ``extent``, 1 where it is."""
     # a motion at the level of round-off stays unseen
     if not 1e-13 * extent < moved < INVISIBLE * extent:
         return 1.0

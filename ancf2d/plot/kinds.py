@@ -6,6 +6,7 @@ import difflib
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -150,12 +151,21 @@ def draw(results: Input, kind: str | None = None, *, figure: Figure | None = Non
     return rendered(picture, figure, look)
 
 
+class ShownFigure(Figure):
+    """A figure that notebooks show by itself, without pyplot and magic commands."""
+
+    def _repr_png_(self) -> bytes:
+        with BytesIO() as stream:
+            self.savefig(stream, format="png")
+            return stream.getvalue()
+
+
 def rendered(picture: Picture, figure: Figure | None = None, look: Look | None = None) -> Figure:
     """Draw a picture into a figure, a new one unless an empty one is given, and return the figure."""
     look = look or Look()
     with style(look):
         if figure is None:
-            figure = Figure()
+            figure = ShownFigure()
             FigureCanvasAgg(figure)
         figure.set_layout_engine("constrained")
         figure.set_size_inches(*(look.size or picture.size))

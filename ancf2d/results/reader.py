@@ -18,6 +18,7 @@ from ancf2d.results.columns import Table, read_columns
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
 from ancf2d.results.rows import StateRows
+from ancf2d.results.shown import as_html, one_line, to_xarray
 
 
 class Results:
@@ -84,8 +85,7 @@ class Results:
     @cached_property
     def units(self) -> Units:
         """Labels of length, force and time."""
-        return Units(*(self._attr(f"units_{k}") or getattr(Units, k)
-                       for k in ("length", "force", "time")))
+        return Units(*(self._attr(f"units_{k}") or getattr(Units, k) for k in ("length", "force", "time")))
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -380,6 +380,8 @@ class Results:
         with safe.damage(self.path):
             dataset = self.arrays[path]
             return safe.values(dataset, dataset.ndim)
+
+    __repr__, _repr_html_, to_xarray = one_line, as_html, to_xarray
 
     def close(self) -> None:
         """Close the file, after which nothing more can be read from it."""

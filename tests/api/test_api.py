@@ -208,7 +208,7 @@ def test_a_failure_is_raised_with_its_advice_or_returned_with_what_was_reached()
     assert found.status == "failed"
     assert found.failure is not None
     assert str(found) == found.failure.text()
-    assert "<pre>" in found._repr_html_()
+    assert "<pre " in found._repr_html_()
 
 
 def test_an_accuracy_is_reached_and_told(tmp_path: Path) -> None:
@@ -245,6 +245,59 @@ def test_notebooks_show_the_bodies_before_and_after_and_the_report(solution: anc
     assert "A cantilever <of steel>" in "".join(page.itertext())
 
 
+def test_notebooks_magnify_what_would_not_be_seen_and_say_so() -> None:
+    page = ancf2d.solve(TEXT, {"loads.0.value": [0, -1]})._repr_html_()
+    assert "displacements magnified" in page
+    assert "magnified" not in ancf2d.solve(TEXT)._repr_html_()
+
+
+def test_figures_show_themselves(solution: ancf2d.Solution) -> None:
+    """IPython asks objects for _repr_png_; nothing has to be imported or switched on before."""
+    assert solution.plot("shape")._repr_png_().startswith(b"\x89PNG")
+
+
+def test_results_say_what_is_in_them(solution: ancf2d.Solution) -> None:
+    from xml.etree import ElementTree
+
+    results = solution.results
+    assert repr(results) == "<Results 'A cantilever <of steel>': converged, static, 11 states, solution.h5>"
+    text = " ".join(ElementTree.fromstring(f"<div>{results._repr_html_()}</div>").itertext())
+    for words in ("A cantilever <of steel>", "11 states", "load factor 0 to 1", "4 elements", "ux [m]"):
+        assert words in text
+
+
+def test_a_solution_as_a_data_set_of_xarray(solution: ancf2d.Solution) -> None:
+    xarray = pytest.importorskip("xarray")
+    data = solution.to_xarray()
+    assert isinstance(data, xarray.Dataset)
+    assert data["uy"].dims == ("t", "probe")
+    assert data["uy"].units == "m"
+    np.testing.assert_array_equal(data["uy"].sel(probe="tip"), solution.course["tip"]["uy"])
+    np.testing.assert_array_equal(data["d"], solution.d)
+    np.testing.assert_array_equal(data["t_state"], solution.t)
+    assert "d" not in solution.to_xarray(states=False)
+    assert data.attrs["solver"] == "static"
+
+
+def test_fields_motions_and_modes_as_data_sets(tmp_path: Path) -> None:
+    pytest.importorskip("xarray")
+    case = {"output.fields": ["stress", "M"]}
+    data = ancf2d.solve(TEXT, case).to_xarray()
+    assert data["beam.M"].dims == ("state", "element_beam", "xi", "eta_1")
+    assert data["beam.stress"].sel(component="xx").shape == (*data["beam.M"].shape[:3], data.sizes["eta_5"])
+    modal = {"solver": {"type": "eigen", "modes": 2}, "loads": [], "goal": {"kind": "bending", "number": 1}}
+    modes = ancf2d.solve(TEXT, modal).to_xarray()
+    assert modes["mode_omega"].shape == (2,)
+    assert modes["mode_shape"].dims == ("mode", "coordinate")
+
+
+def test_without_xarray_the_message_says_what_to_install(
+        monkeypatch: pytest.MonkeyPatch, solution: ancf2d.Solution) -> None:
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"pip install 'ancf2d\[xarray\]'"):
+        solution.to_xarray()
+
+
 def test_a_solution_is_drawn(solution: ancf2d.Solution) -> None:
     assert solution.plot("shape", title="As it bends")._suptitle or solution.plot("shape").axes
 
@@ -259,6 +312,20 @@ def test_refinement_has_rows_and_limits_of_each_type() -> None:
     assert beam.estimate.value == pytest.approx(-0.6808644866, rel=1e-6)
     assert beam.rows[-1].error is not None
     assert beam.rows[-1].error < 1e-5
+
+
+def test_a_study_is_printed_as_the_command_prints_it_and_is_a_table_in_notebooks() -> None:
+    from xml.etree import ElementTree
+
+    study = ancf2d.convergence(TEXT, elements=[2, 4])
+    assert "\n" not in repr(study)
+    assert repr(study).startswith("<Convergence 'A cantilever <of steel>': tip uy, 2 rows")
+    lines = str(study).splitlines()
+    assert lines[1] == "tip uy over meshes"
+    page = ElementTree.fromstring(f"<div>{study._repr_html_()}</div>")
+    rows = [["".join(cell.itertext()) for cell in row] for row in page.iter("tr")]
+    assert rows[0][:4] == ["element", "elements", "coordinates", "tip uy"]
+    assert [row[1] for row in rows[1:]] == ["2", "4"]
 
 
 def test_refinement_by_types_that_do_not_exist_names_the_nearest() -> None:
