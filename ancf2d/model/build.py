@@ -56,6 +56,13 @@ def must_be_held(case: Case) -> bool:
     return isinstance(case.solver, LinearStatic | Static | Buckling)
 
 
+def weighs(case: Case) -> bool:
+    """Return whether the solver follows a mechanism to where gravity holds it."""
+    static = isinstance(case.solver, Eigen) or (isinstance(case.solver, Static) and case.solver.method == "newton")
+    return static and course_of(case)[1] > 0.0 and any(
+        isinstance(load, Gravity) and any(load.value) for load in case.loads)
+
+
 def course_of(case: Case) -> tuple[float, float]:
     """Return the load factors or times that a case goes through, as (lowest, highest)."""
     solver = case.solver
@@ -106,6 +113,7 @@ class _Builder:
         self.springs: list[Spring] = []
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
+        self.hangs = False
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
         for warning in (locking_warning, hidden_warning):
             self.warnings += filter(None, map(warning, self.meshes.values()))
@@ -214,8 +222,12 @@ class _Builder:
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):
             return
-        motions = free_motions(list(self.meshes.values()), self.equations.rows, self.equations.constraints,
-                               self.springs, self.e0)
+        scene = (list(self.meshes.values()), self.equations.rows, self.equations.constraints, self.springs, self.e0)
+        motions = free_motions(*scene)
+        if motions and weighs(self.case):
+            # gravity holds what turns; what only slides or falls has no equilibrium, or any number of them
+            motions = free_motions(*scene, sliding=True)
+            self.hangs = not motions
         for motion in motions:
             self.report(("boundary_conditions",), f"{motion}, so there is no static solution",
                         "a support, joint or spring that prevents this")
@@ -251,4 +263,4 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0), moving, moving or symmetric(b.loads))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
-                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded)
+                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs)

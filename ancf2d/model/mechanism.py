@@ -78,20 +78,26 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
     return " while ".join(words)
 
 
+def _kernel(A: Array) -> Array:
+    """Return what A (m, n) maps to nothing, as orthonormal rows (k, n)."""
+    # all of vt, whose last rows these are, but no more of u than there are columns
+    _, s, vt = np.linalg.svd(A, full_matrices=A.shape[0] < A.shape[1])
+    rank = int((s > 1e-9 * s[0]).sum()) if len(s) else 0
+    return vt[rank:]
+
+
 def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
-                 e0: Array) -> list[str]:
-    """Return a sentence for each independent rigid motion that no support, joint or spring resists."""
+                 e0: Array, sliding: bool = False) -> list[str]:
+    """Return a sentence for each independent rigid motion that no support, joint or spring resists.
+
+    With ``sliding``, only for those in which no body turns.
+    """
     centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
     sizes = [m.plan.length for m in meshes]
     held = _held(meshes, rows, constraints, springs, e0, centres, sizes)
-    n = 3 * len(meshes)
-    if len(held):
-        # all of vt, whose last rows are the motions, but no more of u than there are unknowns
-        _, s, vt = np.linalg.svd(held, full_matrices=len(held) < n)
-        rank = int((s > 1e-9 * s[0]).sum())
-        null = vt[rank:]
-    else:
-        null = np.eye(n)
+    null = _kernel(held) if len(held) else np.eye(3 * len(meshes))
+    if sliding:
+        null = _kernel(null[:, 2::3].T) @ null
     # reduced row echelon form: one body's motion at a time, as far as they are independent
     null = null.copy()
     for k in range(len(null)):

@@ -119,6 +119,8 @@ class Model:
     timing: Timing
     warnings: list[str] = field(default_factory=list)
     loaded: LoadedCase | None = None
+    # whether only gravity holds it, so that the reference is a mechanism
+    hangs: bool = False
 
     @property
     def n_q(self) -> int:

@@ -16,14 +16,11 @@ import numpy as np
 from ..case import Probe
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..model.inversion import check_inverted
 from ..model.model import Model
-from ..model.point_patch import check_facing
 from ..model.points import PointRef
 from ..model.rotation import Rotation
-from ..model.sliding import check_ends
 from .linear import GeneralSparse
-from .newton import at_floor, balanced, check_divergence, has_converged
+from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 from .post import place
 from .system import Balance, System
 
@@ -252,9 +249,7 @@ class Curve:
 
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
-        check_ends(self.model.constraints, found.d)
-        check_facing(self.model.constraints, found.d, found.t)
-        check_inverted(self.model, found.d, None, found.t)
+        check_sound(self.model, found.d, None, found.t)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         self.system.check_tangent(found.d, found.t, pivots)

@@ -9,15 +9,24 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .system import Balance, System
+from ..model.inversion import check_inverted
+from ..model.model import Model
+from ..model.point_patch import check_facing
+from ..model.sliding import check_ends
+from .state import State
+from .system import STILL, Balance, System
 from .vector_chunks import largest, pieces
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
 # residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
 BALANCE = 1e-8
+# displacements known to less than this many digits are worth a word
+POOR = 1e-6
 # a residual within this multiple of the bound of round-off cannot be told from zero
 FLOOR = 4.0
+# an equilibrium further from a guess than this share of the guess may be on another branch
+NEAR = 0.5
 
 
 @dataclass
@@ -124,3 +133,62 @@ def check_divergence(increments: list[float], extent: float, at: dict[str, Any],
     grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
     if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
         raise ComputationError("Newton's method diverges", at=at, history=residuals)
+
+
+def check_sound(model: Model, d: Array, last: Array | None, t: float) -> None:
+    """Raise ComputationError where a solution of the equations, that follows on ``last``, is no state of the model."""
+    check_ends(model.constraints, d)
+    check_facing(model.constraints, d, t)
+    check_inverted(model, d, last, t)
+
+
+def negative_pivots(system: System, d: Array, t: float) -> int:
+    """Return the negative pivots of the tangent at the equilibrium itself, not one increment before it."""
+    system.assemble(d, t)
+    return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
+
+
+def state_of(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
+    """Return what is yielded of an equilibrium: step ``number``, which was cut so many times."""
+    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
+               "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
+               "energy": result.energy, "negative_pivots": result.negative_pivots}
+    size = system.norm(result.d[system.model.numbering.where])
+    if result.uncertainty > max(POOR * size, STILL * system.model.extent):
+        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
+                    f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
+    turned = system.count(result.d, t)
+    return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there.
+
+    ``turned`` (bodies,) are its whole turns.
+    """
+
+    d: Array
+    negative_pivots: int
+    turned: Array | None = None
+
+
+def equilibrium_near(system: System, start: Start, t: float, tolerance: float, max_iterations: int
+                     ) -> NewtonResult | None:
+    """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
+    free, turns = system.model.numbering.free, system.turns()
+    guess = system.model.displacements(start.d[free], t)
+    if start.turned is not None:
+        system.count_from((guess, start.turned))
+    try:
+        result = newton(system, guess.copy(), t, t, tolerance, max_iterations)
+        check_sound(system.model, result.d, None, t)
+    except ComputationError:
+        system.count_from(turns)
+        return None
+    strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
+    crossed = system.knows_inertia and negative_pivots(system, result.d, t) != start.negative_pivots
+    if strayed or crossed:
+        system.count_from(turns)
+        return None
+    return result

@@ -12,11 +12,11 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from .continuation import Curve, Found, PathPoint
-from .newton import MAX_ITERATIONS, TOLERANCE
+from .newton import MAX_ITERATIONS, POOR, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
 from .path_steps import ArcSteps, ProbeSteps, Steps
 from .state import State
-from .static import POOR, unscaled
+from .static import unscaled
 from .system import System
 
 MOST_STEPS = 1000

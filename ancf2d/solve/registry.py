@@ -24,7 +24,7 @@ from ..model.model import Model
 from .state import State
 
 if TYPE_CHECKING:
-    from .static import Start
+    from .newton import Start
 
 Checkpoint = dict[str, Array]
 

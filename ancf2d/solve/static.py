@@ -9,21 +9,30 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError, SingularTangentError
-from ..model.inversion import check_inverted
 from ..model.model import Model
-from ..model.point_patch import check_facing
-from ..model.sliding import check_ends
 from ..model.timing import PathTiming
-from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, at_floor, moved_balance, newton
+from .hanging import hanging, slack
+from .newton import (
+    MAX_ITERATIONS,
+    POOR,
+    TOLERANCE,
+    NewtonResult,
+    Start,
+    at_floor,
+    check_sound,
+    equilibrium_near,
+    moved_balance,
+    negative_pivots,
+    newton,
+    state_of,
+)
 from .refine import refined
 from .state import State
-from .system import STILL, System, Turned
+from .system import System, Turned
 from .vector_chunks import largest, pieces
 
 STEPS = 10
-# displacements known to less than this many digits are worth a word
-POOR = 1e-6
-# and of no use where this share of them is not known
+# displacements are of no use where this share of them is not known
 HOPELESS = 0.5
 # a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
 # unless it moves less than this share of the model's extent
@@ -44,20 +53,6 @@ PATIENCE = 2
 CORNERED = 1e-4
 # a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
 NEXT = 1e-3
-# an equilibrium further from a guess than this share of the guess may be on another branch
-NEAR = 0.5
-
-
-@dataclass(frozen=True)
-class Start:
-    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there.
-
-    ``turned`` (bodies,) are its whole turns.
-    """
-
-    d: Array
-    negative_pivots: int
-    turned: Array | None = None
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -133,17 +128,30 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
-    near = None if start is None else _near(system, start, end, tolerance, max_iterations)
+    near = None if start is None else equilibrium_near(system, start, end, tolerance, max_iterations)
     if near is not None:
-        yield _state(system, near, end, 1, 0, [])
+        yield state_of(system, near, end, 1, 0, [])
         return
     march = _March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
-    iterations, warnings = march.settle()
-    for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0)) if end != 0.0 else [march.resting()]:
-        state.history["iterations"] += iterations
-        state.warnings = warnings + state.warnings
-        iterations, warnings = 0, []
-        yield state
+    soft = end != 0.0 and slack(model)
+    try:
+        if model.hangs:
+            raise ComputationError("only gravity holds the model", at={"factor": 0.0})
+        iterations, warnings = march.settle()
+        for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0)) if end != 0.0 else [march.resting()]:
+            if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
+                break
+            state.history["iterations"] += iterations
+            state.warnings = warnings + state.warnings
+            iterations, warnings = 0, []
+            yield state
+        else:
+            return
+    except ComputationError:
+        if not (model.hangs or soft):
+            raise
+    march.take(_Load(end, 1.0))
+    yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, not model.hangs)
 
 
 def unscaled(model: Model, tolerance: float | None = None, max_iterations: int | None = None) -> Iterator[State]:
@@ -230,7 +238,7 @@ class _March:
         self.system, self.model, self.longest = system, system.model, longest
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
-        self.negative = 0
+        self.negative, self.load = 0, _Load(0.0, 0.0)
         # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
         self.held: Array | None = None
         self.system.count(self.d, 0.0)
@@ -256,7 +264,11 @@ class _March:
         R = balance.R
         negative = self.system.factor({"factor": 0.0}).negative - self.model.numbering.n_multipliers
         result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
-        return _state(self.system, result, 0.0, 1, 0, [])
+        return state_of(self.system, result, 0.0, 1, 0, [])
+
+    def take(self, load: _Load) -> None:
+        """Let a load act where the march stands."""
+        self._set(load, self.turns)
 
     def _set(self, load: _Load, turns: Turned) -> None:
         """Let a load act, and count turns from a state on."""
@@ -277,7 +289,7 @@ class _March:
                 turns = self.system.turns()
                 changed = result.negative_pivots != self.negative and self.system.knows_inertia
                 if changed:
-                    result.negative_pivots = _negative_pivots(self.system, result.d, new.factor)
+                    result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
                 if not stride.cut(target, isinstance(error, SingularTangentError)):
                     raise _stuck(error, old.factor, number) from error
@@ -286,11 +298,11 @@ class _March:
                 continue
             number += 1
             self.system.count_from(turns)
-            state = _state(self.system, result, new.factor, number, stride.cutbacks,
-                           self._stability(result, new.factor))
+            stability = self._stability(result, new.factor)
+            state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
             self.turns = self.system.turns()
             yield state
-            self.d, self.negative, old = result.d, result.negative_pivots, new
+            self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
             path.push(target, result.d)
             stride.accept(target)
 
@@ -300,9 +312,7 @@ class _March:
         self._set(new, self.turns)
         result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
                         self.max_iterations)
-        check_ends(model.constraints, result.d)
-        check_facing(model.constraints, result.d, t)
-        check_inverted(model, result.d, last, t)
+        check_sound(model, result.d, last, t)
         # where Newton's method has changed little of what the last states foretold, nothing has jumped
         if sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
@@ -331,7 +341,7 @@ class _March:
         """Whether a stable path may bend away before an unstable state, which a shorter step would show."""
         if self.negative > 0 or result.negative_pivots <= 0:
             return False
-        return len(path.t) > 1 or _negative_pivots(self.system, path.d[-1], t_old) <= 0
+        return len(path.t) > 1 or negative_pivots(self.system, path.d[-1], t_old) <= 0
 
     def _stability(self, result: NewtonResult, t: float) -> list[str]:
         """Return what to say of a state whose stability is not that of the last one."""
@@ -343,46 +353,6 @@ class _March:
         return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
                 f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
                 "leads onto the buckled branch; method: arc_length passes limit points"]
-
-
-def _near(system: System, start: Start, t: float, tolerance: float, max_iterations: int) -> NewtonResult | None:
-    """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
-    free, turns = system.model.numbering.free, system.turns()
-    guess = system.model.displacements(start.d[free], t)
-    if start.turned is not None:
-        system.count_from((guess, start.turned))
-    try:
-        result = newton(system, guess.copy(), t, t, tolerance, max_iterations)
-        check_ends(system.model.constraints, result.d)
-        check_facing(system.model.constraints, result.d, t)
-        check_inverted(system.model, result.d, None, t)
-    except ComputationError:
-        system.count_from(turns)
-        return None
-    strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
-    crossed = system.knows_inertia and _negative_pivots(system, result.d, t) != start.negative_pivots
-    if strayed or crossed:
-        system.count_from(turns)
-        return None
-    return result
-
-
-def _negative_pivots(system: System, d: Array, t: float) -> int:
-    """Return the negative pivots of the tangent at the equilibrium itself, not one increment before it."""
-    system.assemble(d, t)
-    return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
-
-
-def _state(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
-    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
-               "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
-               "energy": result.energy, "negative_pivots": result.negative_pivots}
-    size = system.norm(result.d[system.model.numbering.where])
-    if result.uncertainty > max(POOR * size, STILL * system.model.extent):
-        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
-                    f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
-    turned = system.count(result.d, t)
-    return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:

@@ -25,7 +25,7 @@ from .record import Progress, Recorder
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
     from ..solve.state import State
-    from ..solve.static import Start
+    from ..solve.newton import Start
 
 
 def vocabulary() -> Vocabulary:

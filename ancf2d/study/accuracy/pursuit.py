@@ -19,7 +19,7 @@ from ..run import Begin, Outcome, prepare
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
-    from ...solve.static import Start
+    from ...solve.newton import Start
     from ..variants import Variant
 
 # of all bodies, on the way to an accuracy
@@ -104,7 +104,7 @@ class Pursuit:
     def _guess(self, model: Model, level: Level) -> Start | None:
         """Return the latest state of the same element types on another mesh."""
         from ...model.transfer import transferred
-        from ...solve.static import Start
+        from ...solve.newton import Start
 
         latest = self.latest.get(_named(level.setting.types))
         if latest is None:
