@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,17 +49,40 @@ def functions_per_element(mesh: BodyMesh) -> Array:
     return np.array([on_axis, on_axis, across, across])
 
 
+def _turned(mesh: BodyMesh, e: Array) -> BodyMesh:
+    """Return a mesh whose elements' frames have turned with their chords to nodal coordinates e (n_q,)."""
+    x = mesh.dofs[:, mesh.kinds[mesh.dofs[0] - mesh.first_dof] == 0][:, [0, -1]]
+    if np.any(x[:, 0] == x[:, 1]):
+        return mesh
+    here, there = (values[x[:, 1]] - values[x[:, 0]] + 1j * (values[x[:, 1] + 1] - values[x[:, 0] + 1])
+                   for values in (e, _reference(mesh, len(e))))
+    turn = (mesh.turn[:, 0] + 1j * mesh.turn[:, 1]) * np.exp(1j * np.angle(here / there))
+    out = copy(mesh)
+    out.turn = np.ascontiguousarray(np.stack([turn.real, turn.imag], axis=1))
+    return out
+
+
+def _reference(mesh: BodyMesh, n_q: int) -> Array:
+    """Return reference coordinates (n_q,), those of other bodies zero."""
+    out = np.zeros(n_q)
+    out[mesh.first_dof:mesh.first_dof + mesh.n_dofs] = mesh.e0
+    return out
+
+
 class Classifier:
     """Names the modes of one model; ``d`` is the state that vibrates."""
 
     def __init__(self, model: Model, d: Array) -> None:
         self.model, self.d = model, d
+        # along and across are those of the state, which may hang where the reference lay
+        self.meshes = {name: _turned(mesh, model.e0 + d[:model.n_q]) if d.any() else mesh
+                       for name, mesh in model.meshes.items()}
         self.classes: dict[str, list[ClassMotions]] = {
             name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()}
 
     def __call__(self, v: Array, zero: bool) -> Verdict:
         """Classify the velocity field v (n_q,); ``zero`` tells that it has no strain energy beyond round-off."""
-        parts = {name: energies(mesh, self.classes[name], v) for name, mesh in self.model.meshes.items()}
+        parts = {name: energies(mesh, self.classes[name], v) for name, mesh in self.meshes.items()}
         extra = self._point_masses(v)
         motions = sum((e.motions for e in parts.values()), extra)
         total = sum(e.total for e in parts.values()) + float(extra.sum())

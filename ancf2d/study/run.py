@@ -24,8 +24,8 @@ from .record import Progress, Recorder
 
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
-    from ..solve.state import State
     from ..solve.newton import Start
+    from ..solve.state import State
 
 
 def vocabulary() -> Vocabulary:

@@ -15,9 +15,9 @@ from ancf2d.model.transfer import transferred
 from ancf2d.results import open_results
 from ancf2d.solve import stepping
 from ancf2d.solve.dynamic import Run
+from ancf2d.solve.newton import Start
 from ancf2d.solve.post import Observer, reactions
 from ancf2d.solve.registry import solve
-from ancf2d.solve.newton import Start
 from ancf2d.solve.static import solve_static
 from ancf2d.study.run import load, run_case
 

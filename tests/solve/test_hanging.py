@@ -1,0 +1,162 @@
+"""What only gravity holds: ropes, chains and pendulums come to rest where they hang, from any start."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import jn_zeros
+
+from ancf2d.case import load_case_text
+from ancf2d.errors import CaseError
+from ancf2d.study.run import run_case, vocabulary
+
+G = 9.81
+GRAVITY = [{"type": "gravity", "value": [0, -G]}]
+PIN = {"name": "top", "type": "pin", "at": "l0@0"}
+ROPE = {"EA": 1e6, "kGA": 1e6, "EI": 1e-6, "rhoA": 1.0}
+
+
+def solved(folder: Path, **case: Any) -> dict[str, Any]:
+    text = json.dumps({"loads": GRAVITY, "solver": {"type": "static"}, **case})
+    outcome = run_case(load_case_text(text, vocabulary=vocabulary()), str(folder / "a.h5"), force=True)
+    assert outcome.failure is None, outcome.failure
+    return outcome.summary
+
+
+def chain(links: int, angle: float, element: dict[str, Any], length: float = 1.0) -> dict[str, Any]:
+    """Return a straight chain of pinned links that hangs on its first one, drawn at an angle."""
+    ends = [[length * k / links * math.cos(angle), length * k / links * math.sin(angle)] for k in range(links + 1)]
+    bodies = {f"l{k}": {"geometry": {"type": "line", "start": ends[k], "end": ends[k + 1]}, "element": element,
+                        "section": {"EA": 1e6, "kGA": 1e6, "EI": 1.0, "rhoA": 1.0, "rhoI": 1e-4}}
+              for k in range(links)}
+    return {"bodies": bodies, "boundary_conditions": [PIN],
+            "joints": [{"type": "pin", "between": [f"l{k}@1", f"l{k + 1}@0"]} for k in range(links - 1)],
+            "output": {"probes": {"tip": f"l{links - 1}@1"}}}
+
+
+def rope(geometry: dict[str, Any], count: int = 32, **section: float) -> dict[str, Any]:
+    body = {"geometry": geometry, "section": {**ROPE, **section}, "element": {"type": "cable", "count": count}}
+    return {"bodies": {"l0": body}, "boundary_conditions": [PIN],
+            "output": {"probes": {"tip": "l0@1", "mid": "l0@0.5"}}}
+
+
+def line(angle: float) -> dict[str, Any]:
+    return {"type": "line", "start": [0, 0], "end": [math.cos(angle), math.sin(angle)]}
+
+
+@pytest.mark.parametrize("element", [{"type": "rigid"}, {"type": "reissner3", "count": 2}], ids=lambda e: e["type"])
+@pytest.mark.parametrize(("links", "angle"), [(1, 0.0), (1, 1.5), (5, 0.3), (5, 3.0)])
+def test_chains_hang_below_their_pin_from_any_angle(tmp_path: Path, element: dict[str, Any], links: int,
+                                                    angle: float) -> None:
+    found = solved(tmp_path, **chain(links, angle, element))
+    tip, top = found["probes"]["tip"], found["reactions"]["top"]
+    # a hanging bar of weight w L is longer by w L^2/(2 EA)
+    stretch = 0.0 if element["type"] == "rigid" else G / 2e6
+    assert (tip["x"], tip["y"]) == pytest.approx((0, -1 - stretch), abs=1e-7)
+    assert (top["fx"], top["fy"]) == pytest.approx((0, G), abs=1e-6)
+    assert found["warnings"] == []
+
+
+@pytest.mark.parametrize("case", [chain(1, math.pi / 2, {"type": "rigid"}), chain(3, math.pi / 2, {"type": "rigid"}),
+                                  rope(line(math.pi / 2), count=8, EI=1e-4)], ids=["pendulum", "chain", "rope"])
+def test_an_upright_start_is_called_unstable_and_left(tmp_path: Path, case: dict[str, Any]) -> None:
+    found = solved(tmp_path, **case)
+    assert found["probes"]["tip"]["y"] == pytest.approx(-1, abs=1e-4)
+    (said,) = found["warnings"]
+    links = len(case["bodies"])
+    assert "next to an unstable equilibrium (negative pivots: " in said
+    assert links == 1 or f"negative pivots: {links})" in said  # each link may fall to its side
+
+
+def test_a_rope_from_any_start_swings_with_the_frequencies_of_bernoulli(tmp_path: Path) -> None:
+    """j/2 sqrt(g/L), j the zeros of J0; transverse although the rope was drawn along x."""
+    case = rope(line(0.0), EA=1e8, kGA=1e8)
+    found = solved(tmp_path, **{**case, "solver": {"type": "eigen", "about": "static", "modes": 2}})
+    omega = [f["omega"] for f in found["frequencies"]]
+    np.testing.assert_allclose(omega, jn_zeros(0, 2) / 2 * math.sqrt(G), rtol=1e-5)
+    assert [f["kind"] for f in found["frequencies"]] == ["bending", "bending"]
+
+
+def catenary(length: float, span: float, EA: float) -> tuple[float, float]:
+    """Return the horizontal force and the sag of an elastic catenary of unit mass per length (Irvine 1981)."""
+    def gap(H: float) -> float:
+        return H * length / EA + 2 * H / G * math.asinh(G * length / 2 / H) - span
+
+    H = brentq(gap, 1e-6, 1e3, xtol=1e-13)
+    V = G * length / 2
+    return H, H / G * (math.sqrt(1 + (V / H) ** 2) - 1) + V * V / (2 * EA * G)
+
+
+@pytest.mark.parametrize("to", [2 * math.pi, pytest.param(0.0, marks=pytest.mark.slow)], ids=["below", "above"])
+def test_a_rope_between_two_points_is_a_catenary(tmp_path: Path, to: float) -> None:
+    """Drawn as half a circle below its ends, or above them, from where it has to fall."""
+    arc = {"type": "arc", "center": [0, 0], "radius": 0.5, "from": math.pi, "to": to}
+    case = rope(arc, count=64, EI=1e-7)
+    case["boundary_conditions"] = [PIN, {"name": "end", "type": "pin", "at": "l0@1"}]
+    found = solved(tmp_path, **case)
+    H, sag = catenary(math.pi / 2, 1.0, 1e6)
+    end = found["reactions"]["end"]
+    assert (end["fx"], end["fy"]) == pytest.approx((H, G * math.pi / 4), rel=1e-6)
+    assert found["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-6)
+    assert ["sinks to" in w for w in found["warnings"]] == ([True] if to == 0.0 else [])
+
+
+def test_a_rope_whose_end_moves_in_sags_to_a_catenary(tmp_path: Path) -> None:
+    case = rope(line(0.0), count=40)
+    case["boundary_conditions"] = [PIN, {"name": "end", "type": "prescribed", "at": "l0@1", "uy": 0,
+                                         "ux": {"type": "ramp", "scale": -0.4}}]
+    found = solved(tmp_path, **case)
+    H, sag = catenary(1.0, 0.6, 1e6)
+    assert found["reactions"]["end"]["fx"] == pytest.approx(H, rel=1e-4)
+    assert found["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-4)
+
+
+def test_a_load_on_a_rope_from_a_crane_starts_to_move_from_rest(tmp_path: Path) -> None:
+    """Three bodies: nothing moves from the static state, which is the one found when everything was drawn level."""
+    steel = {"material": {"E": 2e11, "nu": 0.3, "rho": 7850}, "section": {"height": 0.1, "width": 0.1}}
+    bodies = {
+        "boom": {"geometry": {"type": "line", "start": [0, 0], "end": [3, 1]}, **steel,
+                 "element": {"type": "reissner3", "count": 2}},
+        "rope": {"geometry": {"type": "line", "start": [3, 1], "end": [4.5, 1]}, "section": {**ROPE, "EI": 1e-3},
+                 "element": {"type": "cable", "count": 6}},
+        "load": {"geometry": {"type": "line", "start": [4.5, 1], "end": [4.8, 1]}, **steel,
+                 "element": {"type": "rigid"}}}
+    joints = [{"type": "pin", "between": ["boom@1", "rope@0"]}, {"type": "pin", "between": ["rope@1", "load@0"]}]
+    foot = {"type": "clamp", "at": "boom@0", "name": "foot"}
+    case = {"bodies": bodies, "joints": joints, "boundary_conditions": [foot],
+            "output": {"probes": {"hook": "rope@1", "head": "boom@1"}}}
+    still = solved(tmp_path, **case)
+    weight = G * (7850 * 0.01 * (math.sqrt(10) + 0.3) + 1.5)
+    assert still["reactions"]["foot"]["fy"] == pytest.approx(weight, rel=1e-9)
+    assert still["probes"]["hook"]["x"] == pytest.approx(still["probes"]["head"]["x"], abs=1e-8)
+    moving = solved(tmp_path, **case, initial={"from": "static"}, **{"solver": {"type": "dynamic", "t_end": 0.2}})
+    hook = moving["probes"]["hook"]
+    assert (hook["x"], hook["y"]) == pytest.approx([still["probes"]["hook"][k] for k in "xy"], abs=1e-7)
+    assert math.hypot(hook["vx"], hook["vy"]) < 1e-6
+
+
+def test_what_slides_or_falls_is_refused_as_before(tmp_path: Path) -> None:
+    case = rope(line(0.0), count=2)
+    for supports, said in (([], "'l0' is free to move along"),
+                           ([{"type": "roller", "fixed": "y", "at": "l0@0"}], r"'l0' is free to move along \(1, 0\)")):
+        with pytest.raises(CaseError, match=said):
+            solved(tmp_path, **{**case, "boundary_conditions": supports})
+    for other in ({"loads": []}, {"solver": {"type": "linear_static"}},
+                  {"solver": {"type": "static", "method": "arc_length"}}):
+        with pytest.raises(CaseError, match=r"'l0' is free to turn about \(0, 0\)"):
+            solved(tmp_path, **{**case, **other})
+
+
+def test_what_rests_in_any_position_is_no_answer(tmp_path: Path) -> None:
+    bar = chain(1, 0.0, {"type": "rigid"})
+    bar["boundary_conditions"] = [{"type": "pin", "at": "l0@0.5"}]
+    text = json.dumps({"loads": GRAVITY, "solver": {"type": "static"}, **bar})
+    outcome = run_case(load_case_text(text, vocabulary=vocabulary()), str(tmp_path / "a.h5"))
+    assert outcome.failure is not None
+    assert "has no stiffness" in str(outcome.failure)
