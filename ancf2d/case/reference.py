@@ -24,6 +24,25 @@ Every value can be overridden on the command line: `--set bodies.beam.element.co
 optional key or an item. `ancf2d run -` reads the case from stdin.
 """
 
+# what is said of a key of the case beside its records
+_NOTES = {"units": """\
+Nothing is converted: labels are printed beside results, and all numbers of the case are in one consistent set. Its unit
+of mass is force time^2/length. In mm, N and s, which suit small parts, it is the tonne (t = N s^2/mm):
+
+| | in m, N, s | in mm, N, s |
+| --- | --- | --- |
+| length of a beam | 2 m | 2000 mm |
+| E of steel | 2.07e11 Pa | 2.07e5 N/mm^2 (MPa) |
+| rho of steel | 7850 kg/m^3 | 7.85e-9 t/mm^3 |
+| gravity | 9.81 m/s^2 | 9810 mm/s^2 |
+| line load | 1 N/m | 1e-3 N/mm |
+| moment | 1 N m | 1000 N mm |
+| mass, moment of inertia | 1 kg, 1 kg m^2 | 1e-3 t, 1e3 t mm^2 |
+
+`ancf2d validate` and `run` warn of a density or modulus that no material has in the labelled units, and of gravity that
+differs from that of the earth by a power of 1000.
+"""}
+
 
 def markdown_reference(vocabulary: Vocabulary | None = None) -> str:
     """Return the reference of every key of a case file: its value, default and meaning."""
@@ -47,6 +66,7 @@ def markdown_reference(vocabulary: Vocabulary | None = None) -> str:
         if isinstance(k.kind, Record):
             # the section of the key is the section of its record
             writer.record(k.kind.cls, level=2)
+            writer.lines += [_NOTES[k.name]] if k.name in _NOTES else []
         else:
             for cls in records:
                 writer.record(cls, level=3)

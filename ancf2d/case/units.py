@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
+from typing import Any
 
 # SI unit -> exponents of force, length and time
 _EXPONENTS = {
@@ -33,3 +35,47 @@ def unit_label(unit: str, labels: tuple[str, str, str] = SI) -> str:
         elif power < 0:
             below.append(text)
     return "/".join([above or "1", *below])
+
+
+# what common labels are in SI; others are not checked
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+_FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "lbf": 4.4482216}
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+# of solids [kg/m^3]: from the lightest foams to osmium
+_DENSITIES = 0.1, 23e3
+# of stiff matter [Pa], and the waves in it [m/s]: more than those of diamond
+_STIFFEST, _FASTEST = 2e12, 3e4
+# softer matter [Pa] may be a model without units, of which nothing can be told
+_SOFTEST = 1e5
+_EARTH = 9.81
+_STEEL = {"density": 7850.0, "modulus": 2.07e11}
+
+
+def unit_warnings(case: Any) -> list[str]:
+    """Return what to say of densities, moduli and gravity that no material has, or the earth, in the case's units."""
+    labels = (case.units.length, case.units.force, case.units.time)
+    if labels[0] not in _LENGTHS or labels[1] not in _FORCES or labels[2] not in _TIMES:
+        return []
+    L, F, T = _LENGTHS[labels[0]], _FORCES[labels[1]], _TIMES[labels[2]]
+    units, out = ", ".join(labels), []
+    for name, body in case.bodies.items():
+        m = body.material
+        if m is None or m.E is None or m.rho is None:
+            continue
+        rho, E = m.rho * F * T**2 / L**4, m.E * F / L**2
+        known = _DENSITIES[0] <= rho <= _DENSITIES[1] and E <= _STIFFEST and E / rho <= _FASTEST**2
+        if known or E < _SOFTEST:
+            continue
+        out.append(f"bodies.{name}.material: no material is like rho: {m.rho:g} with E: {m.E:g} in {units} (that is "
+                   f"{rho:.3g} kg/m^3 and {E:.3g} Pa). In these units, steel has rho: "
+                   f"{_STEEL['density'] * L**4 / (F * T**2):.3g} and E: {_STEEL['modulus'] * L**2 / F:.3g}. Mend the "
+                   "numbers, or say in 'units' which units they are in")
+    for i, load in enumerate(case.loads):
+        g = math.hypot(*load.value) * L / T**2 if getattr(load, "tag", "") == "gravity" else 0.0
+        power = round(math.log(g / _EARTH, 1000.0)) if g > 0.0 else 0
+        if power and 0.9 < g / _EARTH / 1000.0**power < 1.1:
+            out.append(f"loads.{i}: gravity of {math.hypot(*load.value):g} in {units} is {g:.3g} m/s^2. In these "
+                       f"units, that of the earth is {_EARTH * T**2 / L:.4g}. Mend the number, or say in 'units' which "
+                       "units it is in")
+    return out
+

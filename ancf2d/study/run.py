@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Case, Dynamic, LoadedCase, Vocabulary, load_case
+from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
@@ -69,7 +70,7 @@ def prepare(loaded: LoadedCase) -> Model:
     problems += [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
-    model.warnings += left_out(loaded.case)
+    model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case)]
     return model
 
 

@@ -1,0 +1,53 @@
+"""Densities, moduli and gravity that do not fit the labelled units are told."""
+
+from __future__ import annotations
+
+import pytest
+
+from ancf2d.case import load_case_text
+from ancf2d.study.run import prepare
+
+CASE = """
+{units}
+bodies:
+  b:
+    geometry: {{type: line, start: [0, 0], end: [100, 0]}}
+    section: {{height: 10, width: 10}}
+    material: {{E: {E}, nu: 0.3, rho: {rho}}}
+    element: {{type: reissner3, count: 2}}
+boundary_conditions: [{{type: clamp, at: b@0}}]
+loads: [{{type: gravity, value: [0, {g}]}}]
+solver: {{type: linear_static}}
+"""
+SI, MM, KN = "", "units: {length: mm, force: N, time: s}", "units: {length: m, force: kN, time: s}"
+
+
+def said(units: str, E: float, rho: float, g: float) -> list[str]:
+    warnings = prepare(load_case_text(CASE.format(units=units, E=E, rho=rho, g=g))).warnings
+    return [w for w in warnings if "In these units" in w]
+
+
+@pytest.mark.parametrize(("units", "E", "rho", "g"), [
+    (SI, 2.07e11, 7850, -9.81), (MM, 2.07e5, 7.85e-9, -9810), (KN, 2.07e8, 7.85, -9.81), (SI, 1.05e12, 3500, -1.62),
+    (SI, 1e5, 20, -9.81), (MM, 1.0, 1.1e-9, -9810), (SI, 1.2e10, 0.5e3, 0), ("units: {length: barn}", 1, 1e9, -3),
+    (SI, 1.0, 1.0, -1.0)],
+    ids=["steel", "steel in mm", "steel in kN", "diamond on the moon", "foam", "rubber in mm", "wood", "unknown labels",
+         "a model without units"])
+def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: float, g: float) -> None:
+    assert said(units, E, rho, g) == []
+
+
+@pytest.mark.parametrize(("units", "E", "rho", "steel"), [
+    (MM, 2.07e5, 7850, "7.85e-09"), (MM, 2.07e5, 7.85e-6, "7.85e-09"), (MM, 2.07e11, 7850, "7.85e-09"),
+    (SI, 2.07e11, 7.85, "7.85e+03"), (SI, 2.07e5, 7.85e-9, "7.85e+03"), (SI, 2.07e8, 7.85e6, "7.85e+03"),
+    (KN, 2.07e11, 7.85, "7.85")])
+def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rho: float, steel: str) -> None:
+    (warning,) = said(units, E, rho, 0.0)
+    assert f"steel has rho: {steel} and E:" in warning
+
+
+@pytest.mark.parametrize(("units", "E", "rho", "g", "earth"), [
+    (MM, 2.07e5, 7.85e-9, -9.81, "9810"), (SI, 2.07e11, 7850, -9810, "9.81"), (SI, 2.07e11, 7850, 9.81e-3, "9.81")])
+def test_gravity_in_other_units_is_told(units: str, E: float, rho: float, g: float, earth: str) -> None:
+    (warning,) = said(units, E, rho, g)
+    assert f"that of the earth is {earth}" in warning
