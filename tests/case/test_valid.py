@@ -1,11 +1,13 @@
 """Every valid case loads, is complete when written out, and satisfies its JSON Schema."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+import ancf2d
 from ancf2d.case import (
     TEMPLATES,
     GroundPoint,
@@ -179,3 +181,34 @@ def test_a_motion_without_steps_has_those_that_are_documented(vocabulary):
     solver = load_case(Path(__file__).parent / "valid" / "motion_without_steps.yaml", vocabulary=vocabulary).case.solver
     assert (solver.dt, solver.tolerance, solver.local_error) == (None, None, 1e-6)
     assert "default 1e-06" in markdown_reference(vocabulary)
+
+
+def variants(kind: str) -> list[str]:
+    """Return a template with each of its offers taken: '# or:' in place of the line above, '# and:' in addition."""
+    lines, out, last = template("case", kind).splitlines(), [], 0
+    for k, line in enumerate(lines):
+        offer = re.match(r"( *)# (or|and): (.+)$", line)
+        if offer is None:
+            last = k
+            continue
+        taken = [*lines]
+        taken[k] = offer[1] + offer[3]
+        if offer[2] == "or":
+            taken[last] = ""
+        out.append("\n".join(taken) + "\n")
+    return out
+
+
+OFFERS = [pytest.param(text, id=f"{kind} {k}") for kind in TEMPLATES for k, text in enumerate(variants(kind))]
+
+
+def test_templates_make_offers() -> None:
+    assert len(OFFERS) > 2 * len(TEMPLATES)
+    assert not any("also:" in template("case", kind) for kind in TEMPLATES)
+
+
+@pytest.mark.parametrize("text", OFFERS)
+def test_what_the_comments_of_a_template_offer_works(text: str) -> None:
+    """Uncommented, each line makes a case that is solved; motions for a short time."""
+    solution = ancf2d.solve(text, ["solver.t_end=0.02"] if "t_end" in text else [], states=False)
+    assert solution.status == "converged"
