@@ -43,7 +43,8 @@ _ACCURACY = _is("object?", "of the goal, or of a motion's steps in time: estimat
 def _run() -> Schema:
     frequency = _object(
         "a mode", {"gaps": NUMBER, "verified": FLAG, "growth": _is("number", "real part of the eigenvalue [1/s]"),
-                   "damping": _is("number", "-real part/modulus"), "residual": _is("number", "relative")},
+                   "damping": _is("number", "-real part/modulus"), "residual": _is("number", "relative"),
+                   "strain": _named(NUMBER, "shares of the strain energy")},
         omega=_is("number", "imaginary part of the eigenvalue [rad/s]"), hz=NUMBER, kind=TEXT,
         number=_is("integer", "within its kind"),
         shares=_named(NUMBER, "of its energy"))

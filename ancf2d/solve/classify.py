@@ -1,9 +1,9 @@
-"""What a mode is: its kind, from the kinetic energy shares of what the cross-sections do."""
+"""What a mode is: its kind, from the shares of what the cross-sections do in kinetic and in strain energy."""
 
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,28 +16,32 @@ from ..model.model import Model
 from ..model.points import dot
 from .section_motions import MOTIONS, ClassMotions, Energies, class_motions, element_velocities, energies
 
-KINDS = {"axial": "axial", "transverse": "bending", "rotation": "shear", "stretch": "thickness"}
+KINDS = {"rotation": "shear", "stretch": "thickness"}
+# stations in an element at which strains are sampled, from 0 to 1
+STATIONS = np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])
 # the largest share below which a mode has no single kind
 MIXED = 0.6
 # share of the kinetic energy in gaps between neighbours beyond which a mode is the mesh's, not the beam's
 GAPS = 0.1
 # functions per wave length below which a wave is beyond what a mesh can show (2 is the most rapid change of sign)
 RESOLVED = 3.0
-# kinetic energy that a rigid motion may leave unexplained
-RIGID = 1e-6
+# kinetic energy of a body that its rigid motions may leave unexplained; that beside all others' which is round-off
+RIGID, STILL = 1e-6, 1e-12
 
 
 @dataclass(frozen=True)
 class Verdict:
     """Kind of a mode; shares of its kinetic energy by section motion, what is left being ``higher``; share in gaps.
 
-    ``functions``: shape functions per wave length of the dominant motion.
+    ``functions``: shape functions per wave length of the dominant motion; ``strain``: shares of the bodies' strain
+    energy in stretch, bending and shear of the axis, empty where there is none.
     """
 
     kind: str
     shares: dict[str, float]
     gaps: float
     functions: float
+    strain: dict[str, float]
 
 
 def functions_per_element(mesh: BodyMesh) -> Array:
@@ -69,6 +73,35 @@ def _reference(mesh: BodyMesh, n_q: int) -> Array:
     return out
 
 
+def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
+    """Return twice the strain energy (3,) of a small displacement v (n_q,) about coordinates e (n_q,).
+
+    Stretch, bending and shear of a beam with this axis and these sections, sampled at two stations of each element.
+    """
+    element, section = mesh.plan.element, mesh.plan.section
+    nc, zero = element.components, np.zeros(len(STATIONS))
+
+    def along(q: Array, i: int, j: int, c: int) -> Array:
+        rows = np.array([cls.shape(STATIONS, zero, i, j) for cls in mesh.classes])
+        return np.einsum("esk,ek->es", rows[mesh.cls], q[mesh.dofs][:, c::nc])
+
+    rx, dx = (np.array([along(q, 1, 0, c) for c in (0, 1)]) for q in (e, v))
+    length = np.hypot(*rx)
+    stretch = (rx * dx).sum(axis=0) / length
+    turn = (rx[0] * dx[1] - rx[1] * dx[0]) / length**2
+    if element.has_theta:
+        theta = along(v, 0, 0, 2)
+    elif element.section_kind == "interpolated":
+        ry, dy = (np.array([along(q, 0, 1, c) for c in (0, 1)]) for q in (e, v))
+        theta = (ry[0] * dy[1] - ry[1] * dy[0]) / (ry**2).sum(axis=0)
+    else:
+        theta = turn
+    bent = (theta[:, 1] - theta[:, 0]) / ((STATIONS[1] - STATIONS[0]) * mesh.lengths)
+    weights = 0.5 * mesh.lengths[:, None]
+    terms = weights * stretch**2, mesh.lengths * bent**2, weights * (turn - theta) ** 2
+    return np.array([section.EA, section.EI, section.kGA]) * [float(term.sum()) for term in terms]
+
+
 class Classifier:
     """Names the modes of one model; ``d`` is the state that vibrates."""
 
@@ -78,11 +111,12 @@ class Classifier:
         self.meshes = {name: _turned(mesh, model.e0 + d[:model.n_q]) if d.any() else mesh
                        for name, mesh in model.meshes.items()}
         self.classes: dict[str, list[ClassMotions]] = {
-            name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()}
+            name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()
+            if mesh.plan.section.rhoA or not mesh.plan.rigid}
 
     def __call__(self, v: Array, zero: bool) -> Verdict:
         """Classify the velocity field v (n_q,); ``zero`` tells that it has no strain energy beyond round-off."""
-        parts = {name: energies(mesh, self.classes[name], v) for name, mesh in self.meshes.items()}
+        parts = {name: energies(self.meshes[name], classes, v) for name, classes in self.classes.items()}
         extra = self._point_masses(v)
         motions = sum((e.motions for e in parts.values()), extra)
         total = sum(e.total for e in parts.values()) + float(extra.sum())
@@ -91,25 +125,52 @@ class Classifier:
         shares["higher"] = max(0.0, 1.0 - sum(shares.values()))
         gaps = sum(e.gaps for e in parts.values()) / total
         functions = self._resolution(parts)
-        return Verdict(self._kind(shares, gaps, functions, zero, v), shares, gaps, functions)
+        strain = self._strain(v)
+        verdict = Verdict("", shares, gaps, functions, strain)
+        return replace(verdict, kind=self._kind(verdict, zero, v))
 
-    def _kind(self, shares: dict[str, float], gaps: float, functions: float, zero: bool, v: Array) -> str:
-        if zero:
+    def _kind(self, verdict: Verdict, zero: bool, v: Array) -> str:
+        if zero or all(mesh.plan.rigid for mesh in self.model.meshes.values()):
             # what deforms without resistance is no motion of a beam
             return "rigid" if self.is_rigid(v) else "spurious"
-        if gaps > GAPS or functions < RESOLVED:
+        if verdict.gaps > GAPS or verdict.functions < RESOLVED:
             return "spurious"
-        return self.shape_kind(shares)
+        # on soft springs, strains of stiff bodies may be round-off
+        return self.shape_kind(verdict.shares, {} if self.is_rigid(v) else verdict.strain)
 
     @staticmethod
-    def shape_kind(shares: dict[str, float]) -> str:
-        """Return the kind that the shares alone say."""
+    def shape_kind(shares: dict[str, float], strain: dict[str, float]) -> str:
+        """Return the kind that the shares alone say.
+
+        Where the axis moves, it is bending or axial by the strain energy: the beam of a portal that sways moves along
+        its axis, but what strains are bent columns. Without strain energy it is so by the direction of the motion.
+        """
         largest = max(shares, key=lambda k: shares[k])
-        return KINDS[largest] if largest in KINDS and shares[largest] >= MIXED else "mixed"
+        if largest in KINDS:
+            return KINDS[largest] if shares[largest] >= MIXED else "mixed"
+        if not strain:
+            strain = {"axial": shares["axial"], "bending": shares["transverse"], "shear": 0.0}
+        elif shares["transverse"] + shares["axial"] < MIXED:
+            return "mixed"
+        if strain["axial"] >= MIXED:
+            return "axial"
+        return "bending" if strain["bending"] + strain["shear"] >= MIXED else "mixed"
+
+    def _strain(self, v: Array) -> dict[str, float]:
+        """Return the shares of the strain energy of a displacement v (n_q,) in stretch, bending and shear."""
+        every = np.array([axis_energies(mesh, self.model.e0 + self.d[:self.model.n_q], v)
+                          for mesh in self.model.meshes.values() if not mesh.plan.rigid]).reshape(-1, 3).sum(axis=0)
+        total = float(every.sum())
+        if not total > 0.0:
+            return {}
+        return dict(zip(("axial", "bending", "shear"), (every / total).tolist(), strict=True))
 
     def _resolution(self, parts: dict[str, Energies]) -> float:
         """Return the functions per wave length, of the dominant motion of the body that moves most."""
-        name = max(parts, key=lambda k: parts[k].total)
+        deform = [name for name in parts if not self.model.meshes[name].plan.rigid]
+        if not deform:
+            return np.inf
+        name = max(deform, key=lambda k: parts[k].total)
         e, mesh = parts[name], self.model.meshes[name]
         k = int(np.argmax(e.motions))
         if e.gradient[k] <= 0:
@@ -139,18 +200,22 @@ class Classifier:
         return out
 
     def is_rigid(self, v: Array) -> bool:
-        """Whether every body moves as one piece: the kinetic energy that its three rigid motions leave is nothing."""
-        left = total = 0.0
-        for name, mesh in self.model.meshes.items():
+        """Whether every body moves as one piece: the kinetic energy that its three rigid motions leave is nothing.
+
+        Bodies that do not move beside the others do not count.
+        """
+        left, total = [], []
+        for name in self.classes:
+            mesh = self.model.meshes[name]
             coords = mesh.first_dof + np.arange(mesh.n_dofs)
             e = self.model.e0 + self.d[:self.model.n_q]
             fields = np.zeros((4, self.model.n_q))
             fields[:3, coords] = rigid_motion(mesh, coords, e, np.asarray(mesh.plan.position(0.5)[0])).T
             fields[3] = v
             G = self._products(name, mesh, fields)
-            left += max(0.0, G[3, 3] - G[:3, 3] @ np.linalg.solve(G[:3, :3], G[:3, 3]))
-            total += G[3, 3]
-        return left <= RIGID * total
+            left.append(max(0.0, G[3, 3] - G[:3, 3] @ np.linalg.solve(G[:3, :3], G[:3, 3])))
+            total.append(G[3, 3])
+        return bool(np.all(np.array(left) <= RIGID * np.array(total) + STILL * sum(total)))
 
     def _products(self, name: str, mesh: BodyMesh, fields: Array) -> Array:
         local = [element_velocities(mesh, f) for f in fields]

@@ -131,14 +131,14 @@ def frequencies(found: Found, verdicts: list[Verdict]) -> list[dict[str, Any]]:
     """Return the entries of ``frequencies``, lowest omega first.
 
     omega [rad/s] and growth [1/s] are the imaginary and the real part of the eigenvalue, hz = omega/(2 pi), damping =
-    -Re s/|s|; kind, number within the kind, shares, gaps; residual, relative.
+    -Re s/|s|; kind, number within the kind, shares, gaps; residual, relative; strain: shares of the strain energy.
     """
     out = []
     for s, residual, verdict in zip(found.s.tolist(), found.residual.tolist(), verdicts, strict=True):
         damping = -s.real / abs(s) if s.real else 0.0
         out.append({"omega": s.imag, "hz": s.imag / (2 * math.pi), "growth": s.real or 0.0, "damping": damping,
                     "kind": verdict.kind, "number": 0, "shares": verdict.shares, "gaps": verdict.gaps,
-                    "residual": residual})
+                    "residual": residual, "strain": verdict.strain})
     renumber(out)
     return out
 

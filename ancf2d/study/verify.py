@@ -94,7 +94,8 @@ def verified(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
             near = shared & (np.abs(omegas - entry["omega"]) <= NEAR * entry["omega"])
             entry["verified"] = bool(((others[near] @ ours(shape)) ** 2).sum() >= ALIKE)
             if entry["kind"] != "rigid":
-                entry["kind"] = Classifier.shape_kind(entry["shares"]) if entry["verified"] else "spurious"
+                kind = Classifier.shape_kind(entry["shares"], entry["strain"])
+                entry["kind"] = kind if entry["verified"] else "spurious"
         renumber(entries)
         state.tables["modes"].update({k: [e[k] for e in entries] for k in ("kind", "number")})
         state.tables["modes"]["verified"] = [int(e["verified"]) for e in entries]

@@ -7,6 +7,7 @@ import helpers as h
 import numpy as np
 import pytest
 
+import ancf2d
 from ancf2d.elements.section import timoshenko
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solve.classify import Classifier
@@ -165,3 +166,29 @@ def test_refined_halves_every_element():
     nodes = [prepare(case).meshes["b"].starts for case in (loaded, refined(loaded), refined(refined(loaded)))]
     for factor, found in zip((1, 2, 4), nodes, strict=True):
         np.testing.assert_allclose(found, np.linspace(0.0, 2.0, 5 * factor + 1)[:-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("table", ["reissner3", "rigid"])
+def test_the_sway_of_a_stage_on_leaf_springs_is_its_first_bending_mode(table: str) -> None:
+    """Stiffness method: omega^2 = 2 (12 EI/L^3)/m; the table moves along its axis, but what strains is bent blades."""
+    L, E, b, t = 0.1, 2e11, 0.02, 0.0005
+    blade = {"section": {"height": t, "width": b}, "material": {"E": E, "nu": 0.3, "rho": 1.0},
+             "element": {"type": "cable", "count": 8}}
+    stiff = {"section": {"height": 0.05, "width": b}, "material": {"E": E, "nu": 0.3, "rho": 7800.0},
+             "element": {"type": table} | ({} if table == "rigid" else {"count": 4})}
+
+    def line(start: list[float], end: list[float]) -> dict[str, object]:
+        return {"geometry": {"type": "line", "start": start, "end": end}}
+    case = {"bodies": {"left": {**line([0, 0], [0, L]), **blade}, "right": {**line([L, 0], [L, L]), **blade},
+                       "table": {**line([0, L], [L, L]), **stiff}},
+            "boundary_conditions": [{"type": "clamp", "at": "left@0"}, {"type": "clamp", "at": "right@0"}],
+            "joints": [{"type": "weld", "between": ["left@1", "table@0"]},
+                       {"type": "weld", "between": ["right@1", "table@1"]}],
+            "goal": {"kind": "bending", "number": 1}, "solver": {"type": "eigen", "modes": 2}}
+    solution = ancf2d.solve(case)
+    first = solution.summary["frequencies"][0]
+    assert (first["kind"], first["number"]) == ("bending", 1)
+    assert first["shares"]["axial"] > 0.99
+    assert first["strain"]["bending"] > 0.99
+    wanted = math.sqrt(2 * E * b * t**3 / L**3 / (7800 * 0.05 * b * L))
+    assert first["omega"] == pytest.approx(wanted, rel=1e-3)
