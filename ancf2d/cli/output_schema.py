@@ -48,6 +48,8 @@ def _run() -> Schema:
         omega=_is("number", "imaginary part of the eigenvalue [rad/s]"), hz=NUMBER, kind=TEXT,
         number=_is("integer", "within its kind"),
         shares=_named(NUMBER, "of its energy"))
+    critical = _object("where small motions begin to grow", factor=NUMBER, kind=_is("string", "flutter or divergence"),
+                       omega=_is("number", "[rad/s]"))
     limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
     check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,
                     allowed=NUMBER, met=FLAG, source=TEXT)
@@ -56,6 +58,7 @@ def _run() -> Schema:
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
         "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
+        "critical": _list(critical, "those load factors"),
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -61,8 +62,13 @@ def _frequencies(found: list[dict[str, Any]]) -> list[str]:
     return table(rows, left=(len(rows[0]) - 2, len(rows[0]) - 1))
 
 
-def _load_factors(found: list[Any]) -> list[str]:
-    return table([["buckling mode", "load factor"], *([str(k), number(f, 8)] for k, f in enumerate(found, start=1))])
+def _critical(found: list[dict[str, Any]]) -> list[str]:
+    vibrates = any(c["omega"] for c in found)
+    rows = [["buckling mode", "load factor", "kind", *(["omega [rad/s]", "f [Hz]"] if vibrates else [])]]
+    for k, c in enumerate(found, start=1):
+        told = [number(c["omega"], 7), number(c["omega"] / (2 * math.pi))] if vibrates else []
+        rows.append([str(k), number(c["factor"], 8), c["kind"], *told])
+    return table(rows, left=(2,))
 
 
 def _limit_points(found: list[dict[str, Any]]) -> list[str]:
@@ -80,7 +86,7 @@ def _bifurcations(found: list[dict[str, Any]]) -> list[str]:
 
 # what solvers report beyond probes and reactions
 _FINDINGS: dict[str, Callable[[list[Any]], list[str]]] = {
-    "frequencies": _frequencies, "load_factors": _load_factors, "limit_points": _limit_points,
+    "frequencies": _frequencies, "critical": _critical, "limit_points": _limit_points,
     "bifurcations": _bifurcations,
 }
 

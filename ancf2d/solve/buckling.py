@@ -13,8 +13,11 @@ from ..errors import ComputationError
 from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
+from .flutter import critical_factors
 from .ldl import Symmetric
+from .linearised import Base, Linearised, stored
 from .matrix_pencil import Pencil, each, ritz
+from .reduced import Quadratic
 from .state import State
 from .static import unscaled
 from .system import System
@@ -36,6 +39,8 @@ UNSTRESSED = 1e-12
 RESTARTS = 200
 # share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
 GAPS = 1e-3
+# rotation or strain of the linear response beyond which critical factors are estimates
+FAR = 0.1
 # share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
 ROUGH, MISSED = 0.02, 0.5
 
@@ -48,6 +53,9 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     """
     base, turned, warnings, iterations = _begin(model)
     pencil = Pencil(model, base, 0.0, True, turned)
+    if not model.symmetric:
+        yield _begins_to_grow(pencil, spec, warnings, iterations)
+        return
     pivots = pencil.system.factor({"solver": "buckling"})
     pencil.system.check_strained(pencil.stiffness, pivots, {"solver": "buckling"})
     unstable = pencil.negative(pivots)
@@ -79,6 +87,45 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
                         + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
     yield _state(pencil, base, u, factors, V, warnings, iterations)
+
+
+def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
+    """Return the linear response with the factors at which small motions about it begin to grow.
+
+    Loads that turn with the body have no potential: what vibrates may grow while no other equilibrium is near.
+    """
+    model, d = pencil.model, pencil.d
+    lacking = [name for name, mesh in model.meshes.items() if not mesh.plan.section.rhoA and not mesh.plan.rigid]
+    if lacking:
+        raise ComputationError(f"flutter depends on the mass: {', '.join(lacking)} has none", at={"solver": "buckling"},
+                               advice="material.rho, or section.rhoA where the section is given by stiffnesses")
+    pencil.system.factor({"solver": "buckling"})
+    u = _response(pencil)
+    size = response_size(pencil, u)
+    rate = stored(model, pencil.matrix, tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0))
+    zero = np.zeros(len(d))
+    small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
+    from scipy.sparse import diags_array
+
+    moved = diags_array((model.numbering.free < model.n_q).astype(float))
+    found = critical_factors(small, (moved @ rate @ moved).tocsc(), spec.modes)
+    problem = Quadratic(small)
+    factors = np.array([c.factor for c in found.critical])
+    V = np.array([problem.phases(c.vector)[0] for c in found.critical]).reshape(-1, problem.n)
+    if not len(factors):
+        warnings.append(f"no small motion grows up to the load factor {found.last:.6g}")
+    elif len(factors) < spec.modes:
+        warnings.append(f"{len(factors)} critical load factors were found up to {found.last:.6g}, not {spec.modes}")
+    for c in found.critical:
+        if c.factor * size > FAR:
+            warnings.append(f"load factor {c.factor:.6g}: the linear response turns or strains the model by "
+                            f"{c.factor * size:.2g} there, so this factor is an estimate")
+    state = _state(pencil, d, u, factors, V, warnings, iterations)
+    state.report["critical"] = [{"factor": c.factor, "kind": c.kind, "omega": c.omega} for c in found.critical]
+    state.tables["modes"] |= {"omega": [c.omega for c in found.critical],
+                              "instability": [c.kind for c in found.critical]}
+    state.tables["locus"] = dict(found.locus)
+    return state
 
 
 def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
@@ -190,8 +237,8 @@ def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
         system.assemble(pencil.d + k * h * u, k * h)
         out += weight / (12 * h) * system.matrix.target.values
-    assert isinstance(system.matrix, Symmetric)
-    system.matrix.drop_multipliers(out)
+    if isinstance(system.matrix, Symmetric):
+        system.matrix.drop_multipliers(out)
     return out
 
 
@@ -260,6 +307,8 @@ def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warn
     history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
     energy = pencil.balance.energy + 0.5 * float(elastic @ u)
     return State(1.0, d, Q, F, energy, linear=True, last=True, history=history,
-                 warnings=warnings, report={"load_factors": [float(f) for f in factors]},
+                 warnings=warnings, report={"load_factors": [float(f) for f in factors],
+                                            "critical": [{"factor": float(f), "kind": "divergence", "omega": 0.0}
+                                                         for f in factors]},
                  arrays={"modes/shapes": (shapes, "1", "buckling shapes: rows of nodal coordinates")},
                  tables={"modes": {"load_factor": [float(f) for f in factors]}})

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..case import Eigen
 from ..elements.shape import Array
+from ..errors import ComputationError
 from ..model.model import Model
 from .classify import Classifier, Verdict
 from .linearised import Linearised, base_state
@@ -35,6 +36,9 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     Without C and with a symmetric K, s^2 = -omega^2 is real.
     """
     turns = model.case.steady_rotation is not None
+    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
+        raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": "eigen"},
+                               advice="fewer supports or joints")
     base = base_state(model, "static" if turns else spec.about)
     small = Linearised(base)
     found = _real(small, spec) if base.model.symmetric and not turns and not (spec.damped and small.rates.damps) else \

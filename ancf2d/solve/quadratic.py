@@ -27,8 +27,9 @@ BEYOND, STRIDE = 24, 12
 MOST = 400
 # looks after which fewer pairs than were asked for are all that there are; random starts
 CALM, TRIES = 5, 3
-# relative change of eigenvalues that have come to rest
-SETTLED = 1e-10
+# relative change of eigenvalues that have come to rest, and of those that may be held up by round-off, where they
+# change by more than a share of what they changed by before
+SETTLED, ROUGH, STALLED = 1e-10, 1e-6, 0.1
 # residual beyond which a Ritz pair is no eigenpair
 TRUSTED = 1e-5
 # share of an eigenvalue within which its imaginary part is round-off
@@ -78,7 +79,7 @@ class Search:
     """The lowest pairs of a quadratic problem, by |s|."""
 
     def __init__(self, problem: Quadratic, s0: float, still: float) -> None:
-        self.problem, self.s0, self.still = problem, s0, still
+        self.problem, self.s0, self.still, self.complete = problem, s0, still, False
         self.factors = Factors(problem.matrix(s0))
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
@@ -100,6 +101,14 @@ class Search:
             x = np.zeros(p.n)
             x[p.moved] = column / p.weights[p.moved]
             self.space.add(x)
+
+    def fill(self, number: int) -> None:
+        """Fill the space with what the ``number`` lowest pairs need."""
+        if self.problem.n <= max(DENSE, 2 * number + BEYOND):
+            self.everything()
+            self.complete = True
+            return
+        self.extend(2 * number + BEYOND, 0)
 
     def extend(self, steps: int, seed: int) -> None:
         """Go on by so many steps of the two-level Arnoldi method, from a random start where ``seed`` is new."""
@@ -186,8 +195,8 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pa
     far below the lowest elastic frequency: what is slower and strains nothing is at rest.
     """
     search = Search(problem, s0, still)
-    if problem.n <= max(DENSE, 2 * number + BEYOND):
-        search.everything()
+    search.fill(number)
+    if search.complete:
         s, Y = search.corrected(*search.ritz(), number)
         return _chosen(search, s, Y, number, complete=True)
     for seed in range(TRIES):
@@ -201,13 +210,16 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pa
 
 def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
     """Extend the space until the pairs asked for have come to rest; return all eigenvalues in it."""
-    search.extend(2 * number + BEYOND, seed)
-    before, calm = np.zeros(0, dtype=complex), 0
+    if seed:
+        search.extend(2 * number + BEYOND, seed)
+    before, calm, last = np.zeros(0, dtype=complex), 0, 1.0
     while True:
         s, Y = search.ritz()
         wanted = s[_upper(s) & (np.abs(s) > search.still)][:number]
         moved = max((float(np.abs(before - one).min(initial=np.inf)) / abs(one) for one in wanted), default=0.0)
-        calm = calm + 1 if moved <= SETTLED else 0
+        # where round-off of K moves them for ever, they are as good as they get
+        calm = calm + 1 if moved <= SETTLED or last * STALLED < moved <= ROUGH else 0
+        last = moved
         if (calm and len(wanted) == number) or calm >= CALM or search.space.count >= min(MOST, search.problem.n):
             return s, Y
         before, count = s, search.space.count

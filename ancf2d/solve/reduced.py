@@ -18,15 +18,16 @@ Complex = NDArray[np.complex128]
 
 
 class Quadratic:
-    """K + s C + s^2 M of small motions, with or without what takes out energy."""
+    """K + s C + s^2 M of small motions, with or without what takes out energy; ``load`` (n, n) is added to K."""
 
-    def __init__(self, small: Linearised, damped: bool = True) -> None:
-        C = small.C if damped else small.coriolis
-        self.small, self.K, self.C, self.M, self.damped = small, small.K, C, small.M, damped
+    def __init__(self, small: Linearised, damped: bool = True, load: csc_array | None = None) -> None:
+        C, self.load = small.C if damped else small.coriolis, load
+        K = small.K if load is None else (small.K + load).tocsc()
+        self.small, self.K, self.C, self.M, self.damped = small, K, C, small.M, damped
         self.n = small.n
         num, weights = small.model.numbering, small.pencil.system.weights
         self.weights, self.moved = weights, num.free < num.n_q
-        self.K_skew = None if small.model.symmetric else (self.K - self.K.T).tocsc()
+        self.K_skew = None if small.model.symmetric and load is None else (self.K - self.K.T).tocsc()
         self.C_skew = (C - C.T).tocsc() if small.rates.omega else None
         self._formed = small.plain + small.coriolis if damped else small.coriolis
 
@@ -36,7 +37,8 @@ class Quadratic:
 
     def stiffness(self, x: Array) -> Array:
         """Return K x by way of the strains."""
-        return self.small.stiffness(x)
+        out = self.small.stiffness(x)
+        return out if self.load is None else out + self.load @ x
 
     def damping(self, x: Array) -> Array:
         """Return C x, Kelvin-Voigt damping by way of the strains."""

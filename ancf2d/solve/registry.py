@@ -13,13 +13,11 @@ from ..case import (
     Dynamic,
     Eigen,
     LinearStatic,
-    LoadedCase,
     LoadFactor,
     Prescribed,
     Static,
 )
 from ..elements.shape import Array
-from ..errors import Problem
 from ..model.model import Model
 from .state import State
 
@@ -69,23 +67,6 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
     LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling, Dynamic: _dynamic,
 }
-
-
-def _without_potential(loaded: LoadedCase) -> list[Problem]:
-    """Return the loads that turn with the body where only a symmetric tangent has real factors."""
-    case = loaded.case
-    if not isinstance(case.solver, Buckling):
-        return []
-    return [loaded.source.problem(("loads", i), f"loads.{i}: a follower load has no potential: with it, buckling needs "
-                                                "an unsymmetric eigenvalue problem (flutter), which is not supported",
-                                  expected="loads of fixed direction")
-            for i, load in enumerate(case.loads)
-            if not load.potential]
-
-
-def unavailable(loaded: LoadedCase) -> list[Problem]:
-    """Return what a case asks of solvers that is not available."""
-    return _without_potential(loaded)
 
 
 def left_out(case: Case) -> list[str]:

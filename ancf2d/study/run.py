@@ -59,15 +59,11 @@ def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
     from ..solve.fields import field_problems
     from ..solve.initial import initial_problems
-    from ..solve.registry import left_out, unavailable
+    from ..solve.registry import left_out
     from ..solve.schemes import method_problems
 
-    problems = unavailable(loaded)
-    try:
-        model = build_model(loaded)
-    except CaseError as error:
-        raise CaseError([*problems, *error.problems]) from None
-    problems += [*initial_problems(model), *method_problems(model), *field_problems(model)]
+    model = build_model(loaded)
+    problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case)]

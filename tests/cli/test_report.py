@@ -79,6 +79,7 @@ def test_modes_are_listed_with_their_kind_and_largest_share() -> None:
 
 def test_limit_points_bifurcations_and_buckling_loads_are_listed() -> None:
     point = {"factor": 18544.527, "probes": {"load": {"ux": 26.8784, "uy": -48.7543, "theta": -0.5}}}
-    text = _found(limit_points=[point], bifurcations=[{"factor": 77.5}], load_factors=[2.4674])
+    critical = {"factor": 2.4674, "kind": "divergence", "omega": 0.0}
+    text = _found(limit_points=[point], bifurcations=[{"factor": 77.5}], critical=[critical])
     for expected in ("18544.527", "load uy", "-48.7543", "77.5", "2.4674"):
         assert expected in text

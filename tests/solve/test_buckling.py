@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from ancf2d.elements.section import timoshenko
-from ancf2d.errors import CaseError, ComputationError
+from ancf2d.errors import ComputationError
 from ancf2d.solve import buckling as buckling_module
 from ancf2d.solve.matrix_pencil import Pencil
-from ancf2d.study.run import prepare
 
 E, L = 2e11, 1000.0
 EULER = E / 12 * (math.pi / L) ** 2
@@ -133,14 +132,6 @@ def test_sway_of_a_portal_frame():
         joints=[{"type": "weld", "between": ["a@1", "top@0"]}, {"type": "weld", "between": ["b@1", "top@1"]}],
         loads=[{"type": "force", "at": p, "value": [0, -1.0]} for p in ("a@1", "b@1")]))
     assert found[0] == pytest.approx(math.pi**2, rel=1e-4)
-
-
-def test_follower_loads_are_refused():
-    loaded = h.load({"c": h.body(h.line(L), h.element("vallejo", 4), SECTION, MATERIAL)}, "buckling",
-                    bc=[{"type": "clamp", "at": "c@0"}],
-                    loads=[{"type": "follower_force", "at": "c@1", "value": [-1, 0]}])
-    with pytest.raises(CaseError, match="no potential"):
-        prepare(loaded)
 
 
 def test_a_case_without_scaled_loads_says_so():

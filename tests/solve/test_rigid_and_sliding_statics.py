@@ -9,7 +9,6 @@ import pytest
 from ancf2d.errors import ComputationError
 from ancf2d.solve.ldl import SymmetricFronts
 from ancf2d.solve.linear import GeneralSparse, make_matrix
-from ancf2d.solve.registry import unavailable
 
 SECTION = {"height": 0.05, "width": 0.05}
 EI = 2.07e11 * 0.05**4 / 12
@@ -180,13 +179,6 @@ def test_a_rigid_column_on_a_torsion_spring_buckles_at_spring_over_length():
     assert min(passed) == pytest.approx(3.1415 / 4, rel=1e-3)
     assert sum("unstable" in w for s in sol.states for w in s.warnings) == 1
     assert not any(s.warnings for s in sol.states if s.t < 0.7)
-
-
-def test_modes_of_rigid_bodies_are_refused_with_a_word():
-    lever = {"geometry": helpers.line(2.0), "element": {"type": "rigid", "mass": 1, "inertia": 1}}
-    loaded = helpers.load({"lever": lever}, {"type": "eigen", "modes": 2}, bc=[{"type": "clamp", "at": "lever@0"}])
-    (problem,) = unavailable(loaded)
-    assert "lever is rigid" in problem.message
 
 
 @pytest.mark.parametrize("force", [(0.0, 0.0), (3.0, -4.0)])

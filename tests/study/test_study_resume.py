@@ -69,7 +69,6 @@ def turning(model: Model, resume: dict[str, np.ndarray] | None = None, stop: int
 @pytest.fixture
 def loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCase:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(registry, "unavailable", lambda loaded: [])
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
     return load_case_text(CASE, vocabulary=vocabulary())
 

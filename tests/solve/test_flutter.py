@@ -1,0 +1,155 @@
+"""Flutter and divergence under loads that turn with the body: published and closed-form critical loads."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.errors import ComputationError
+
+TIP = {"type": "follower_force", "at": "c@1", "value": [-1, 0]}
+
+
+def column(load: dict[str, Any] = TIP, modes: int = 1, element: str = "cable", count: int = 16, solver: Any = None,
+           **more: Any) -> dict[str, Any]:
+    """A slender clamped column of EI = rhoA = L = 1."""
+    body = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "element": {"type": element, "count": count},
+            "section": {"EA": 1e7, "kGA": 1e7, "EI": 1, "rhoA": 1, "rhoI": 1e-7}, **more.pop("body", {})}
+    return {"bodies": {"c": body}, "boundary_conditions": [{"type": "clamp", "at": "c@0"}], "loads": [load],
+            "solver": solver or {"type": "buckling", "modes": modes}, **more}
+
+
+def first(case: dict[str, Any]) -> dict[str, Any]:
+    summary = ancf2d.solve(case).summary
+    assert summary["load_factors"] == [c["factor"] for c in summary["critical"]]
+    found: dict[str, Any] = summary["critical"][0]
+    return found
+
+
+@pytest.mark.parametrize(("element", "count"), [("cable", 16), ("reissner3", 24)])
+def test_becks_column(element: str, count: int) -> None:
+    """Beck 1952: 20.0509; the frequency there is 11.0156."""
+    found = first(column(element=element, count=count))
+    assert found["kind"] == "flutter"
+    assert found["factor"] == pytest.approx(20.0509, rel=1e-4)
+    assert found["omega"] == pytest.approx(11.0156, rel=1e-4)
+
+
+def test_leipholz_column() -> None:
+    """Leipholz 1962: 40.0537 under a uniform tangential load."""
+    load = {"type": "distributed", "on": "c", "value": [-1, 0], "follower": True}
+    assert first(column(load))["factor"] == pytest.approx(40.0537, rel=1e-4)
+
+
+def test_internal_damping_destabilises_becks_column() -> None:
+    """Bolotin & Zhinzher 1969: 10.94 with Kelvin-Voigt damping that vanishes; damping by air changes little."""
+    found = first(column(body={"material": {"damping": {"kelvin_voigt": 1e-4}}}))
+    assert found["factor"] == pytest.approx(10.94, rel=1e-3)
+    assert found["omega"] == pytest.approx(5.40, rel=1e-2)
+    assert first(column(damping={"rayleigh": {"alpha": 1e-3}}))["factor"] == pytest.approx(20.0509, rel=1e-3)
+
+
+def pflueger(mass: float) -> float:
+    """The critical load of Beck's column with a mass at its tip, from w'''' + P w'' = omega^2 w by bisection.
+
+    w(0) = w'(0) = w''(1) = 0, w'''(1) = -m omega^2 w(1): the two lowest frequencies meet.
+    """
+    def determinant(P: float, omega2: Any) -> Any:
+        root = np.sqrt(P * P / 4 + omega2)
+        a, b = np.sqrt(root - P / 2), np.sqrt(root + P / 2)
+        ch, sh, co, si = np.cosh(a), np.sinh(a), np.cos(b), np.sin(b)
+        w1, w2 = ch - co, b * sh - a * si
+        m1, m2 = a * a * ch + b * b * co, a * b * (a * sh + b * si)
+        q1, q2 = a**3 * sh - b**3 * si, a * b * (a * a * ch + b * b * co)
+        return m1 * (q2 + mass * omega2 * w2) - m2 * (q1 + mass * omega2 * w1)
+
+    def roots(P: float) -> int:
+        values = determinant(P, np.linspace(1e-3, 600, 400001))
+        return int((np.diff(np.sign(values)) != 0).sum())
+    low, high = 5.0, 25.0
+    while high - low > 1e-5:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if roots(middle) >= 2 else (low, middle)
+    return low
+
+
+def test_pfluegers_column_with_a_mass_at_its_tip() -> None:
+    assert pflueger(0.0) == pytest.approx(20.0509, rel=1e-4)
+    found = first(column(masses=[{"at": "c@1", "mass": 1}]))
+    assert found["factor"] == pytest.approx(pflueger(1.0), rel=1e-4)
+
+
+# Ziegler's pendulum: rigid links of length 1, masses 2 and 1 at their ends, springs of stiffness 1 at their joints
+def ziegler(damping: float, load: float = -1.0, **more: Any) -> dict[str, Any]:
+    link = {"element": {"type": "rigid", "mass": 1e-9, "inertia": 1e-9}}
+    return {"bodies": {"lower": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, **link},
+                       "upper": {"geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}, **link}},
+            "boundary_conditions": [{"type": "pin", "at": "lower@0"}],
+            "joints": [{"type": "pin", "between": ["lower@1", "upper@0"]}],
+            "masses": [{"at": "lower@1", "mass": 2}, {"at": "upper@1", "mass": 1}],
+            "springs": [{"type": "rotational", "between": between, "stiffness": 1, "damping": damping}
+                        for between in (["lower@0", [0, 0]], ["lower@1", "upper@0"])],
+            "loads": [{"type": "follower_force", "at": "upper@1", "value": [load, 0]}],
+            "solver": {"type": "buckling", "modes": 2}, **more}
+
+
+def test_zieglers_pendulum() -> None:
+    """Ziegler 1952: 7/2 - sqrt 2 without damping, 41/28 with equal dampers that vanish; divergence at 7/2 + sqrt 2."""
+    still, divergence = ancf2d.solve(ziegler(0.0)).summary["critical"]
+    assert still["factor"] == pytest.approx(3.5 - math.sqrt(2), rel=1e-7)
+    assert still["omega"] == pytest.approx(2**-0.25, rel=1e-4)
+    assert divergence == {"factor": pytest.approx(3.5 + math.sqrt(2), rel=1e-6), "kind": "divergence", "omega": 0.0}
+    assert first(ziegler(1e-4))["factor"] == pytest.approx(41 / 28, rel=1e-4)
+
+
+def ziegler_eigenvalues(P: float, c: float) -> np.ndarray:
+    """M = [[3, 1], [1, 1]], C = c [[2, -1], [-1, 1]], K = [[2 - P, P - 1], [-1, 1]] in the angles of the links."""
+    M, C = np.array([[3.0, 1], [1, 1]]), c * np.array([[2.0, -1], [-1, 1]])
+    K = np.array([[2 - P, P - 1], [-1, 1.0]])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    return np.linalg.eigvals(A)
+
+
+def test_modes_about_a_state_under_a_follower_load() -> None:
+    case = ziegler(0.1, -1.8, solver={"type": "eigen", "modes": 2, "about": "static"})
+    summary = ancf2d.solve(case).summary
+    found = [complex(f["growth"], f["omega"]) for f in summary["frequencies"]]
+    exact = ziegler_eigenvalues(1.8, 0.1)
+    np.testing.assert_allclose(found, sorted(exact[exact.imag > 0], key=lambda s: float(s.imag)), rtol=1e-6)
+    assert max(s.real for s in found) > 0
+    assert any("unstable" in w for w in summary["warnings"])
+
+
+@pytest.mark.slow
+def test_a_motion_beyond_the_critical_load_grows_as_its_eigenvalue_says() -> None:
+    P, c = 1.8, 0.1
+    s = max(ziegler_eigenvalues(P, c), key=lambda s: float(s.real))
+    case = ziegler(c, -P, solver={"type": "dynamic", "t_end": 200, "tolerance": 1e-8},
+                   initial={"bodies": {"upper": {"rotation_rate": {"omega": 1e-6, "about": [1, 0]}}}},
+                   output={"interval": 0.1, "probes": {"tip": "upper@1"}})
+    solution = ancf2d.solve(case)
+    tip = solution.course["tip"]
+    t, size = solution.course_t, np.hypot(tip["vy"] / s.imag, tip["uy"])
+    period = 2 * math.pi / s.imag
+    late, later = 120.0, 120.0 + 8 * period
+    grown = math.log(np.interp(later, t, size) / np.interp(late, t, size)) / (later - late)
+    assert grown == pytest.approx(s.real, rel=1e-2)
+
+
+def test_dead_loads_diverge_and_pulling_loads_do_nothing() -> None:
+    dead = {"type": "force", "at": "c@1", "value": [-1, 0]}
+    assert first(column(dead)) == {"factor": pytest.approx(math.pi**2 / 4, rel=1e-4), "kind": "divergence",
+                                   "omega": 0.0}
+    pulled = ancf2d.solve(column({**TIP, "value": [1, 0]})).summary
+    assert pulled["critical"] == []
+    assert any("no small motion grows" in w for w in pulled["warnings"])
+
+
+def test_flutter_needs_a_mass() -> None:
+    massless = column(body={"section": {"EA": 1e7, "kGA": 1e7, "EI": 1}})
+    with pytest.raises(ComputationError, match="depends on the mass"):
+        ancf2d.solve(massless)
