@@ -112,6 +112,23 @@ class Integer(Kind):
         return {"type": "integer", "minimum": self.least, "maximum": self.most}
 
 
+class Sign(Integer):
+    """1 or -1."""
+
+    def __init__(self) -> None:
+        super().__init__(-1, 1)
+
+    def words(self, binder: Binder) -> str:
+        return "1 or -1"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        value: Any = node.value if isinstance(node, Scalar) and node.shape == "number" else None
+        return int(value) if value in (1, -1) else binder.wrong(node, path, self.words(binder))
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"enum": [1, -1]}
+
+
 class Flag(Kind):
     """``true`` or ``false``."""
 

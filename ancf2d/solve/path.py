@@ -11,6 +11,7 @@ from ..case import Static
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from .branch import leave
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
@@ -48,6 +49,8 @@ class Follower:
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
+        # whether the path is still to be left
+        self.branches = spec.branch is not None
         # how far ahead a change of inertia was seen, and the step to go on with when it is passed
         self.suspect, self.resume = 0.0, 0.0
 
@@ -69,6 +72,8 @@ class Follower:
             if self.number >= self.most:
                 raise self._too_long(a)
             b, events, warnings = self._next(a, h)
+            if self.branches and self._at_branch(a, b):
+                b, events, warnings = self._leave(a, b)
             for point, kind in events:
                 state = self._state(point, kind, warnings)
                 yield state
@@ -181,6 +186,26 @@ class Follower:
             start = end
         return out
 
+    def _at_branch(self, a: PathPoint, b: PathPoint) -> bool:
+        """Whether the bifurcation between two points is the one at which the path is to be left."""
+        assert self.spec.branch is not None
+        return self._inertia_differs(a, b) and len(self.log.bifurcations) == self.spec.branch.at
+
+    def _leave(self, a: PathPoint, b: PathPoint) -> tuple[PathPoint, list[Event], list[str]]:
+        """Return the first point of the branch between two points, as ``_next`` does."""
+        assert self.spec.branch is not None
+        assert isinstance(self.steps, ArcSteps)
+        branch = leave(self.curve, a, b, float(self.spec.branch.direction), self.steps.scale)
+        self.branches, self.suspect = False, 0.0
+        goal, first = self.goal, branch.point
+        passed = goal is not None and goal.distance(a.d, a.t) * goal.distance(first.d, first.t) < 0
+        if passed:
+            raise ComputationError(f"{goal} lies between the bifurcation at load factor {branch.factor:.6g} and the "
+                                   "first point of the branch", at={"factor": float(f"{branch.factor:.6g}")},
+                                   advice="an end of the path further along the branch")
+        warning = self.log.left(branch.factor, self.spec.branch.direction, first.negative, self.curve.knows_inertia)
+        return first, [(first, "step")], [warning]
+
     def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
         """Return the step to try after one of h: closing in on a suspect, or by the iterations that it took."""
         rest, near = self.suspect - b.s, CORNERED * b.s
@@ -208,11 +233,19 @@ class Follower:
         state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)
         self.log.observe(state, kind == "limit")
+        if kind == "end" and self.branches:
+            state.warnings = [*state.warnings, self._unbranched()]
         state.last = kind == "end" or (kind == "limit" and len(self.log.limit_points) == self.count)
         state.report = self.log.report()
         if state.last:
             state.tables = self.log.tables()
         return state
+
+    def _unbranched(self) -> str:
+        """Return what to say of a path that came to its end before the bifurcation at which it was to be left."""
+        assert self.spec.branch is not None
+        return (f"solver.branch: the path ends before its bifurcation {self.spec.branch.at} (it met "
+                f"{len(self.log.bifurcations)}), so no branch was followed")
 
     def _too_long(self, a: PathPoint) -> ComputationError:
         aim = str(self.goal or f"limit point {self.count}")

@@ -227,7 +227,19 @@ class PathLog:
         self.bifurcations.append({"factor": factor, "negative_pivots": [a.negative, b.negative],
                                   "direction": direction})
         return (f"a bifurcation was passed at load factor {factor:.6g} ({a.negative} negative pivots before, "
-                f"{b.negative} after), {direction}; an imperfection leads onto a branch")
+                f"{b.negative} after), {direction}; an imperfection leads onto a branch, and so does branch: {{at: "
+                f"{len(self.bifurcations)}}} under solver")
+
+    def left(self, factor: float, direction: int, negative: int, known: bool) -> str:
+        """Note that the path was left at the last bifurcation, at a load factor now known better; return it in words.
+
+        ``negative`` are the pivots at the first point of the branch.
+        """
+        stable = "" if not known else (", which is stable there" if negative <= 0 else ", which is unstable there "
+                                       f"(negative pivots: {negative})")
+        way = f"and the path was left along its mode in direction {direction}"
+        self.bifurcations[-1].update(factor=factor, direction=way, branch_negative_pivots=negative)
+        return f"a bifurcation was met at load factor {factor:.6g}, {way}: onto a branch{stable}"
 
     def report(self) -> dict[str, Any]:
         """Return what the summary tells."""

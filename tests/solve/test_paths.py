@@ -346,6 +346,56 @@ def test_sway_of_a_symmetric_arch_is_a_bifurcation_and_its_snap_through_a_limit_
         assert state.d[out.point("arch@0.5").dofs()[0]] == pytest.approx(0, abs=1e-7)
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("at", [1, 2])
+def test_a_perfect_column_leaves_its_straight_path_onto_the_elastica(at, direction):
+    """A cantilever in its n-th mode is 2 n - 1 quarter waves of the same curve, by elliptic integrals (Timoshenko)."""
+    from scipy.special import ellipe, ellipk
+
+    # with one quarter wave more than whole ones the end turns one way, with three the other
+    turn = math.pi / 3 * direction * (-1 if at == 1 else 1)
+    out = column(0.0, path(reaches("top", "theta", turn), branch={"at": at, "direction": direction}))
+    k = math.sin(math.pi / 6)
+    K, waves = ellipk(k * k), 2 * at - 1
+    x, y = out.u("column@1")
+    assert out.state.t == pytest.approx((waves * K) ** 2, rel=2e-5 * waves**4)
+    assert abs(x) == pytest.approx(2 * k / K / waves, rel=1e-4 * waves**2)
+    assert y == pytest.approx(2 * ellipe(k * k) / K - 2, rel=1e-4 * waves**2)
+    assert at == 2 or x * direction > 0
+    found = out.state.report["bifurcations"]
+    assert len(found) == at
+    assert found[-1]["factor"] == pytest.approx((waves * math.pi / 2) ** 2, rel=1e-4 * waves**2)
+    assert found[-1]["branch_negative_pivots"] == at - 1
+    (said,) = [w for s in out.states for w in s.warnings if "onto a branch, which" in w]
+    assert ("is stable" if at == 1 else "is unstable there (negative pivots: 1)") in said
+
+
+def test_the_branches_of_a_symmetric_arch_sway_to_either_side_and_fall():
+    """The load falls along both branches, which are unstable and mirror images of each other."""
+    arc = {"type": "arc", "center": [0, -100], "radius": 100, "from": math.pi / 2 + 0.25, "to": math.pi / 2 - 0.25}
+    body = helpers.body(arc, helpers.element("reissner3", 16), {"height": 2, "width": 1}, {"E": 1e6, "nu": 0.3})
+    bc = [{"type": "pin", "at": "arch@0"}, {"type": "pin", "at": "arch@1"}]
+    left, right = (helpers.solved({"arch": body}, path(reaches("apex", "uy", -2.5), branch={"direction": side}), bc=bc,
+                                  output={"probes": {"apex": "arch@0.5"}},
+                                  loads=[{"type": "force", "at": "arch@0.5", "value": [0, -1]}]) for side in (1, -1))
+    for s in (0.25, 0.5, 0.75):
+        np.testing.assert_allclose(left.u(f"arch@{s}"), right.u(f"arch@{1 - s}") * [-1, 1], rtol=1e-6)
+    assert abs(left.u("arch@0.25")[1] - left.u("arch@0.75")[1]) > 0.5
+    for out in (left, right):
+        (critical,) = out.state.report["bifurcations"]
+        assert critical["branch_negative_pivots"] == 1
+        assert out.state.t < critical["factor"]
+
+
+def test_a_branch_that_is_not_met_or_cannot_be_followed_is_told():
+    out = column(0.0, path({"load_factor": 1}, branch={"at": 1, "direction": 1}))
+    assert any("the path ends before its bifurcation 1 (it met 0)" in w for w in out.state.warnings)
+    with pytest.raises(CaseError, match="method newton follows no branches"):
+        column(0.0, {"type": "static", "branch": {"at": 1}})
+    with pytest.raises(CaseError, match=r"direction must be .*1 or -1"):
+        column(0.0, path({"load_factor": 1}, branch={"at": 1, "direction": 0}))
+
+
 @pytest.mark.parametrize(("low", "high", "rise", "hidden"), [(1, 1, 1, False), (1, 1, -0.5, True), (1, 1, 0.4, False),
                                                              (1, -1, 0, False), (-1, -1, 0.5, True), (1, 1, 0.2, True)])
 def test_pairs_of_limit_points_within_a_step_are_seen_by_the_cubic(low, high, rise, hidden):

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Flag, Integer, Known, Name, Number
-from ..records import ByKeys
+from ..kinds import Choice, Flag, Integer, Known, Name, Number, Sign
+from ..records import ByKeys, Record
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
 SHORTEST = 1e-12
@@ -40,6 +40,15 @@ class ProbeReaches:
 
 
 @record
+class BranchAt:
+    """Leave the path at a bifurcation, without an imperfection."""
+
+    at: int = key(Integer(), "Number of the bifurcation along the path, from 1", default=1)
+    direction: int = key(Sign(), "Sign of the mode that the branch begins along; with 1, the point that moves "
+                         "most moves towards positive x or y", default=1)
+
+
+@record
 class LinearStatic:
     """Static equilibrium for small displacements."""
 
@@ -64,6 +73,8 @@ class Static:
                (ProbeReaches, ("probe", "quantity", "reaches")), (LoadFactor, ())),
         "Where the path ends (default: load factor 1)", default=LoadFactor(1.0),
         example={"load_factor": 1})
+    branch: BranchAt | None = key(Record(BranchAt), "Where to leave the path, and to which side (arc_length)",
+                                  default=None, example={"at": 1, "direction": 1})
 
     def check(self) -> Iterator[Issue]:
         """Yield ends of the path that the method cannot find."""
@@ -76,6 +87,8 @@ class Static:
         if isinstance(self.until, LoadFactor) and self.method == "displacement":
             yield Issue(("until",), "{}: method displacement ends where a probe reaches a value",
                         "until: {probe, quantity, reaches}")
+        if self.branch is not None and self.method != "arc_length":
+            yield Issue(("branch",), f"{{}}: method {self.method} follows no branches", "method: arc_length")
 
 
 @record
