@@ -20,6 +20,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from references.timoshenko import exact_mode, overlap
+
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.model.model import Model
@@ -27,7 +29,6 @@ from ancf2d.solve.classify import GAPS
 from ancf2d.solve.registry import solve
 from ancf2d.solve.state import State
 from ancf2d.study.run import load, prepare
-from ancf2d.study.timoshenko import exact_mode, overlap
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "paper" / "table3_2d2n.yaml"
 PAGE = CASE.parents[2] / "docs" / "modes.md"

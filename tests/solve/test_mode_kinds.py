@@ -6,6 +6,7 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
+from references.timoshenko import exact_mode, overlap
 
 import ancf2d
 from ancf2d.elements.section import timoshenko
@@ -13,7 +14,6 @@ from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solve.classify import Classifier
 from ancf2d.solve.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
-from ancf2d.study.timoshenko import exact_mode, overlap
 from ancf2d.study.verify import refined
 
 THICK = {"height": 0.4, "width": 0.4}

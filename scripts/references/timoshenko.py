@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..elements.section import Section
-from ..elements.shape import Array
-from ..model.mesh import BodyMesh
-from ..solve.section_motions import class_motions, section_motions
+from ancf2d.elements.section import Section
+from ancf2d.elements.shape import Array
+from ancf2d.model.mesh import BodyMesh
+from ancf2d.solve.section_motions import class_motions, section_motions
 
 
 @dataclass(frozen=True)
