@@ -9,27 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from .blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
-from .jit import inlined, inner, kernel, kernel_with_memory
+from .jit import inlined, inner, kernel
 from .stack_arrays import numbers
 
 # below this half bandwidth, blocks of four would reach over more than one row
 NARROW = 4
 
 
-@kernel_with_memory
-def ldl_factor(A, tiny):  # type: ignore[no-untyped-def]
+@kernel
+def ldl_factor(A, tiny, scale):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad row or -1, negative pivots, smallest relative pivot).
 
-    ``A`` holds L below and D on the diagonal afterwards. A pivot is bad where it is not a number or
-    smaller than ``tiny`` times the terms that it is the difference of: the system is singular there.
+    ``A`` holds L below and D on the diagonal afterwards; ``scale`` (n,) is room to work in. A pivot is bad where it is
+    not a number or smaller than ``tiny`` times the terms that it is the difference of: the system is singular there.
     Sizes of complex numbers are |re| + |im|.
     """
-    return ldl_factor_with(A, tiny, np.empty(len(A)))
-
-
-@kernel
-def ldl_factor_with(A, tiny, scale):  # type: ignore[no-untyped-def]
-    """Do as ``ldl_factor`` does, with an array (n,) to work in."""
     n, w = A.shape
     bw = w - 1
     for i in range(n):

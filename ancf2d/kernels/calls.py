@@ -10,13 +10,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from .batch import no_group
+from .forces import GROUP
 from .motion import method_of, motion, scratch
 from .pointers import address_of, call_at
 from .records import type_of
@@ -24,7 +23,7 @@ from .records import type_of
 _f, _i, _b = types.float64, types.int64, types.boolean
 _x, _xx, _z = types.float64[::1], types.float64[:, ::1], types.complex128[::1]
 _pair, _nothing = types.UniTuple(_f, 2), types.none
-_GROUP, _MOTION, _SCRATCH = numba.typeof(no_group()), type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
+_MOTION, _SCRATCH = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
 _METHOD = type_of(method_of(0, np.zeros((1, 1)), 0))
 # the function of each call, and the types of those of its arguments that differ
 Functions = Mapping[Any, tuple[Any, ...]]
@@ -74,10 +73,10 @@ def compilations(functions: Functions) -> list[Callable[[], object]]:
 
 
 # elements of a group, and those with a matrix: (p, number of the group, ...)
-force = _call(_f, _GROUP, _x, _x)
-noise = _call(_nothing, _GROUP, _x, _x)
-viscous = _call(_f, _GROUP, _f, _x, _x, _x)
-mean = _call(_pair, _GROUP, _f, _x, _x, _x)
+force = _call(_f, GROUP, _x, _x)
+noise = _call(_nothing, GROUP, _x, _x)
+viscous = _call(_f, GROUP, _f, _x, _x, _x)
+mean = _call(_pair, GROUP, _f, _x, _x, _x)
 tangent = _call(_f, None, _i, _f, _x, _x, _x)
 mean_tangent = _call(_f, None, _i, _f, _x, _x, _x, _x)
 # point laws, and prismatic joints

@@ -22,18 +22,18 @@ FORCES, TANGENTS, FACTORS = range(3)
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    bodies : all elements; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]; points,
-    sliding : tables of point laws and prismatic joints; patched : whether there are any; turning : section directions
-    whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr, index,
-    value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of ``width`` entries a
-    row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries
-    (j + d, j); load_*, motion_* : dead loads, entry by entry, entries of P and (signals, n) T^T M P; alpha : mass
-    damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a coordinate
-    theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights, straining : (n,) [m], those of
-    ``Model``, and coordinate : (n,) 1, all 0 for multipliers; extent : of the scene [m].
+    groups : addresses of those of elements; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
+    [s]; points, sliding : tables of point laws and prismatic joints; patched : whether there are any; turning :
+    section directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place,
+    indptr, index, value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of
+    ``width`` entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are
+    not zero, entries (j + d, j); load_*, motion_* : dead loads, entry by entry, entries of P and (signals, n) T^T M
+    P; alpha : mass damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it
+    turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights, straining :
+    (n,) [m], those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers; extent : of the scene [m].
     """
 
-    bodies: Any
+    groups: Any
     calls: Any
     tau: Any
     points: Any

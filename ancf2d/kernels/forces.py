@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from functools import cache
 
-import numba
 import numpy as np
 from numba import types
 
@@ -31,6 +30,7 @@ from .compiled_laws import MEAN, PULL, PUSH, STRAIN
 from .jit import addressed, inner
 from .lanes import Slots, array_at, vectors_of
 from .pointers import address_of, caller
+from .records import type_of, whole
 from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
@@ -69,12 +69,13 @@ _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(7)])
 
 
 @addressed
-def element_batch(what, group, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
+def element_batch(what, record, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
     """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
 
     STRAINS leaves strains and stresses of one part of the stations in the work buffer; all else goes through all parts.
     Returns (strain energy at d, of a step at e, or power lost for RATE; energy dissipated by a step).
     """
+    group = whole(record)
     law = group.law
     _, slot = layout(law)
     lanes = law.B.shape[2] * count
@@ -115,7 +116,7 @@ def element_batch(what, group, d, e, first, count, part, factor):  # type: ignor
 
 
 # the type of every group of elements
-GROUP = numba.typeof(no_group())
+GROUP = type_of(no_group())
 _x, _i = types.float64[::1], types.int64
 _BATCH = types.UniTuple(types.float64, 2)(_i, GROUP, _x, _x, _i, _i, _i, types.float64)
 call_batch = caller(_BATCH)

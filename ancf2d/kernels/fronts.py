@@ -69,7 +69,7 @@ def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def
 def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad unknown or -1, negative pivots, smallest relative pivot).
 
-    As ``kernels.band.ldl_factor_with``, with an array (n,) to work in.
+    As ``kernels.band.ldl_factor`` does.
     """
     C, sizes = numbers(values, room(fronts.largest)), vector(fronts.largest)
     for q in range(len(fronts.parent)):

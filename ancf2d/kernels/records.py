@@ -114,6 +114,15 @@ def _of_record(_: Any, record: Any) -> Any:
 whole: Any = intrinsic(_of_record)
 
 
+def at(kind: RecordType) -> Any:
+    """Return what takes, in kernels, the record of a type that is at an address."""
+    @intrinsic
+    def record_at(_: Any, address: Any) -> Any:
+        return kind(types.int64), lambda context, builder, signature, args: args[0]
+
+    return record_at
+
+
 @unbox(RecordType)
 def _unbox(kind: RecordType, record: Any, c: Any) -> Any:
     number = c.pyapi.object_getattr_string(record, "address")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import calls
-from .band import ldl_factor_with, ldl_solve
+from .band import ldl_factor, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
 from .jit import addressed, inlined
 from .lanes import array_at
@@ -39,7 +39,7 @@ def in_fronts(p, A):  # type: ignore[no-untyped-def]
 @addressed
 def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
     """Factor A = L D L^T in place; return whether it could be. What is in ``scale`` (n,) is lost."""
-    return ldl_factor_with(_band(p, A), _TINY, scale)[0] < 0
+    return ldl_factor(_band(p, A), _TINY, scale)[0] < 0
 
 
 @addressed

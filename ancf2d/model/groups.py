@@ -10,6 +10,7 @@ from ..kernels.blas import dgemm_address
 from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
+from ..kernels.records import Record
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .mesh import Index
@@ -23,8 +24,8 @@ WHOLE = 2000
 ALONE = 200_000
 
 
-def make_group(pool: Pool) -> Group:
-    """Return the kernel group of bodies alike, their elements one body after another."""
+def make_group(pool: Pool) -> Record:
+    """Return the kernel group (``Group``) of bodies alike, their elements one body after another."""
     plan = pool.plan
     samples = [plan.formulation.sample(c.sampler, plan.rule) for c in pool.classes]
     B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
@@ -37,8 +38,8 @@ def make_group(pool: Pool) -> Group:
     law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    return Group(law, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
-                 np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches)
+    return Record(Group(law, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
+                        np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..elements.shape import Array
-from ..kernels.band import ldl_factor_with, ldl_solve
+from ..kernels.band import ldl_factor, ldl_solve
 from ..kernels.fronts import fronts_factor, fronts_product, fronts_solve
 from ..kernels.mass import band_product
 from ..kernels.matrix import Nested, SymBand
@@ -223,7 +223,7 @@ class SymmetricBand(Symmetric):
         return i * self.bw + self.bw + j
 
     def _factored(self) -> tuple[int, int, float]:
-        return ldl_factor_with(self.values, SINGULAR, self.scale)  # type: ignore[no-any-return]
+        return ldl_factor(self.values, SINGULAR, self.scale)  # type: ignore[no-any-return]
 
     def _solved(self, x: Array) -> None:
         ldl_solve(self.values, x)

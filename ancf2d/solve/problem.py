@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.bodies import element_functions, make_bodies
+from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
 from ..kernels.ode import ode_functions
@@ -155,7 +155,7 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        bodies=make_bodies([]), calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
+        groups=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -171,10 +171,10 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     weights, straining = np.zeros(num.n_unknowns), np.zeros(num.n_unknowns)
     weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
     pairs, turns = _pairs(model)
-    tau, bodies = np.array([pool.tau for pool in model.pools]), make_bodies(model.groups)
+    tau = np.array([pool.tau for pool in model.pools])
     damping = model.case.damping
     data: dict[str, Any] = {
-        "bodies": bodies, "tau": tau,
+        "groups": addresses(model.groups), "tau": tau,
         "calls": table(functions(model)), "points": _points(model, signals),
         "turning": turning_table(model.turns), "winds": model.winds,
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,

@@ -11,6 +11,7 @@ from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import tangent_action, viscous_force
+from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
 from ..model.masses import mass_terms
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
@@ -42,7 +43,8 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> t
     group, dofs = model.groups[pool], mesh.dofs[chosen]
     some = first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
-    alone = group._replace(cls=group.cls[some], turn=turn, dofs=np.arange(dofs.size).reshape(dofs.shape))
+    alone = Record(group.values._replace(cls=group.cls[some], turn=turn,
+                                         dofs=np.arange(dofs.size).reshape(dofs.shape)))
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:
         tangent_action(alone, np.zeros_like(d), d, Q)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
+from ..kernels.records import Record
 from ..model.model import Model, Numbering
 from ..processors import threads
 
@@ -57,10 +58,11 @@ def _share(group: Any, num: Numbering) -> list[list[Any]]:
 
 def _some(group: Any, which: Any) -> Any:
     """Return a group of some elements, with room of its own to work in."""
-    plan = group.plan._replace(held=np.full_like(group.plan.held, -1), work=np.zeros_like(group.plan.work))
+    plan = group.values.plan
+    plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
-    return group._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn,
-                          dofs=np.ascontiguousarray(group.dofs[which]), plan=plan)
+    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn,
+                                        dofs=np.ascontiguousarray(group.dofs[which]), plan=plan))
 
 
 def _apart(parts: list[Array], num: Numbering) -> bool:

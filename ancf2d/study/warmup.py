@@ -195,8 +195,9 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     from ..kernels.batch import no_group
     from ..kernels.elements import force, force_noise, force_tangent, tangent_action
     from ..kernels.matrix import scatter_patches
+    from ..kernels.records import Record
 
-    num, none, out = model.numbering, no_group(), list[Callable[[], object]]()
+    num, none, out = model.numbering, Record(no_group()), list[Callable[[], object]]()
     tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
     d = np.zeros(len(num.place))
     if not all(mesh.plan.rigid for mesh in model.meshes.values()):
