@@ -82,8 +82,8 @@ def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) 
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
               help="For a motion: tolerances of adaptive steps to compare, instead of meshes.")
 @click.option("--element", "types", metavar="TYPE,...", shell_complete=complete_types,
-              help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). "
-                   "Default: the case's own.")
+              help="Element types to compare, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION), own.yaml (a "
+                   "file that describes one). Default: the case's own.")
 @click.option("--formulation", help="Formulation of the types given without one.")
 @click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
               help="Reference for the errors: a number, or auto for the extrapolated limit of each type.")

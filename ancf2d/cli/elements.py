@@ -13,14 +13,15 @@ from .session import Session
 from .text import many, table
 
 
-@click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"'))
+@click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"',
+                               "ancf2d elements own.yaml"))
 @click.argument("name", required=False, metavar="[NAME]", shell_complete=complete_types)
 @json_option
 @quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str | None) -> int:
-    """List element types, or tell all about one.
+    """List element types, or tell all about one, listed or described in a file.
 
     The formulation that a type has by default is marked with *.
     """
@@ -49,10 +50,12 @@ def command(session: Session, name: str | None) -> int:
 
 
 def _named(name: str) -> Any:
-    """Return an element type by name; CaseError with the nearest where there is none."""
+    """Return an element type by name or from its file; CaseError with the nearest where there is none."""
     from ..elements.rigid import RIGID_TYPE
-    from ..study.variants import element_named
+    from ..study.variants import described, element_named, is_file
 
+    if is_file(name):
+        return described(name)[0]
     if name == RIGID_TYPE.name:
         return RIGID_TYPE
     try:

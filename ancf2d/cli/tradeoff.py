@@ -53,7 +53,8 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
                                "--dt 0.02,0.01 --element reissner3 --budget 5s"))
 @case_argument
 @click.option("--element", "types", metavar="TYPE,...", shell_complete=complete_types,
-              help="Element types, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION). Default: the case's "
+              help="Element types, e.g. 2d2n, ancf[3,2], vallejo:structural (TYPE:FORMULATION), own.yaml (a file that "
+                   "describes one). Default: the case's "
                    "own, reissner3, cable, vallejo, ancf[3,1], 2d2n and 2d3n.")
 @click.option("--elements", "meshes", callback=element_counts, metavar="N,N,...",
               help="Numbers of elements of the whole model. Default: doubling from the coarsest mesh that has the "

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import dataclass
 from typing import Any
 
-from ..case import Body, Case, Polyline, Selective
+from ..case import Body, Case, Polyline, Selective, Source, read_definition
 from ..case.binder import listed, nearest
 from ..elements import registry
 from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS
+from ..elements.rigid import RIGID_TYPE
+from ..errors import CaseError
 from ..model.curve import stretches
+from ..model.own_element import DefinitionError, own_element
 from ..model.plan import acting_points, has_regular_nodes
+from .run import vocabulary
 
 # elements per stretch of the coarsest mesh that others are refinements of
 ENOUGH = 2
+# files that describe an element
+SUFFIXES = (".yaml", ".yml", ".json")
 _MEMBER = re.compile(r"(\w+)\[\s*(\d+)\s*,\s*(\d+)\s*\]")
 
 
@@ -34,6 +41,20 @@ def element_named(name: str) -> ElementType:
     raise ValueError(f"there is no element type '{name}'; {hint}")
 
 
+def is_file(name: str) -> bool:
+    """Whether a name is that of a file that describes an element, and not of a listed type."""
+    return name.endswith(SUFFIXES) or (os.path.isfile(name) and name not in (*registry.names(), RIGID_TYPE.name))
+
+
+def described(path: str) -> tuple[ElementType, Source]:
+    """Return the element type that a file describes. Raises CaseError with all that is wrong with the file."""
+    definition, source = read_definition(path, vocabulary())
+    try:
+        return own_element(definition, path), source
+    except DefinitionError as error:
+        raise CaseError([source.problem(p, message, expected) for p, message, expected in error.problems]) from None
+
+
 def formulation_named(name: str) -> str:
     """Return the name if it is a formulation. Raises ValueError with the nearest name."""
     if name not in FORMULATIONS:
@@ -45,11 +66,15 @@ def formulation_named(name: str) -> str:
 
 @dataclass(frozen=True)
 class Variant:
-    """An element type with a formulation that replaces those of a case; None keeps what the case has."""
+    """An element type with a formulation that replaces those of a case; None keeps what the case has.
+
+    ``definition``: the file that describes the type, where it is a user's own.
+    """
 
     type: str | None = None
     order: tuple[int, int] | None = None
     formulation: str | None = None
+    definition: str | None = None
 
     @property
     def element(self) -> str:
@@ -64,20 +89,21 @@ class Variant:
 
 
 def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
-    """Return the variants in ``2d2n,ancf[3,2],vallejo:structural``; ``formulation`` for those without one.
+    """Return the variants in ``2d2n,ancf[3,2],vallejo:structural,own.yaml``; ``formulation`` for those without one.
 
-    Raises ValueError for what is no type or formulation.
+    Raises ValueError for what is no type or formulation, CaseError for files that describe none.
     """
     found = []
     for part in re.split(r",(?![^\[]*\])", text):
         name, colon, own = (p.strip() for p in part.partition(":"))
-        element = element_named(name)
+        path = os.path.abspath(name) if is_file(name) else None
+        element = element_named(name) if path is None else described(path)[0]
         chosen = own if colon else formulation
         if chosen is not None:
             formulation_named(chosen)
         member = _MEMBER.fullmatch(element.name)
         kind, order = (member[1], (int(member[2]), int(member[3]))) if member else (element.name, None)
-        variant = Variant(kind, order, chosen)
+        variant = Variant(kind, order, chosen, path)
         if variant not in found:
             found.append(variant)
     return found
@@ -158,7 +184,7 @@ def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[st
     where it shears, and the preset, where the paper has the type.
     """
     own = body.element
-    same = variant.type is None or (variant.type, variant.order) == (own.type, own.order)
+    same = variant.type is None or (variant.type, variant.order, variant.definition) == (own.type, own.order, None)
     data: dict[str, Any] = {"shear_factor": own.shear_factor,
                             "nodes": "regular" if has_regular_nodes(own) else own.nodes}
     data |= divided(count, base)
@@ -166,8 +192,12 @@ def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[st
         data.update(type=own.type, order=own.order, preset=own.preset, definition=own.definition,
                     formulation=own.formulation, quadrature=_written(own.quadrature))
     else:
-        data.update(type=variant.type, order=variant.order)
-        element = registry.element_type(str(variant.type), variant.order)
+        if variant.definition is None:
+            data.update(type=variant.type, order=variant.order)
+            element = registry.element_type(str(variant.type), variant.order)
+        else:
+            data["definition"] = variant.definition
+            element = described(variant.definition)[0]
         if element.preset and variant.formulation is None:
             data["preset"] = own.preset
         if element.section_kind == "tangent":

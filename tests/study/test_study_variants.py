@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ancf2d
 from ancf2d.case import Case, LoadedCase, load_case_text
+from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.study.run import vocabulary
 from ancf2d.study.variants import (
@@ -105,6 +109,32 @@ def test_types_are_read_with_orders_and_formulations() -> None:
 def test_unknown_names_are_answered_with_known_ones(text: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         parse_variants(text)
+
+
+MINE = """name: mine
+basis: [1, x, y, x*y, x^2 + nu*y^2, x^3]
+nodes:
+  - {at: 0, coordinates: [r, r_x, r_y]}
+  - {at: 1, coordinates: [r, r_x, r_y]}
+"""
+
+
+def test_an_element_in_a_file_is_a_type_among_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.yaml").write_text(MINE)
+    monkeypatch.chdir(tmp_path)
+    mine, other = parse_variants("mine.yaml:continuum,cable")
+    assert (mine.element, mine.formulation, other.element) == ("mine", "continuum", "cable")
+    loaded = frame()
+    case = varied(loaded, mine, {"post": 6, "strut": 4})
+    assert {b.element.definition for b in case.bodies.values()} == {str(tmp_path / "mine.yaml")}
+    study = ancf2d.convergence(loaded, elements=[10, 20], types=["mine.yaml"])
+    assert [row.element for row in study.rows] == ["mine", "mine"]
+
+
+def test_a_file_that_describes_no_element_is_told_with_its_lines(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(MINE.replace("x^3", "x^^3"))
+    with pytest.raises(CaseError, match=r"mine\.yaml:2"):
+        parse_variants(str(tmp_path / "mine.yaml"))
 
 
 def test_member_of_the_family_is_the_registrys() -> None:

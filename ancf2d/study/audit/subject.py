@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from ...case import Source, read_definition
+from ...case import Source
 from ...elements import registry
 from ...elements.definition import ElementType
 from ...elements.formulations import Formulation, Rule
@@ -15,13 +15,10 @@ from ...elements.shape import ShapeFunctions
 from ...errors import CaseError, Problem
 from ...model.build import build_model
 from ...model.model import Model
-from ...model.own_element import DefinitionError, own_element, undetermined
+from ...model.own_element import undetermined
 from ...model.plan import BodyPlan, plan_bodies
-from ..run import vocabulary
-from ..variants import element_named
+from ..variants import described, element_named, is_file
 from .beams import HEIGHT, NU, beam_case
-
-SUFFIXES = (".yaml", ".yml", ".json")
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def subject(name: str, preset: str | None = None, formulation: str | None = None
     """
     options = {"preset": preset, "formulation": formulation, "quadrature": quadrature}
     chosen = {k: v for k, v in options.items() if v is not None}
-    if name.endswith(SUFFIXES) or (os.path.isfile(name) and name not in (*registry.names(), RIGID_TYPE.name)):
+    if is_file(name):
         return _described(name, chosen)
     if name == RIGID_TYPE.name:
         raise CaseError(Problem(f"{name} has no strain: there is nothing to examine", expected="a type that deforms"))
@@ -110,11 +107,7 @@ def subject(name: str, preset: str | None = None, formulation: str | None = None
 
 def _described(path: str, chosen: dict[str, Any]) -> Subject:
     """Return the element that a file describes."""
-    definition, source = read_definition(path, vocabulary())
-    try:
-        element = own_element(definition, path)
-    except DefinitionError as error:
-        raise CaseError([source.problem(p, message, expected) for p, message, expected in error.problems]) from None
+    element, source = described(path)
     spec = {"definition": os.path.abspath(path), **chosen}
     flaw = undetermined(element)
     return Subject(element.name, element, spec, None if flaw else _plan(element.name, spec, source), flaw)
