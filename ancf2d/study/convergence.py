@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -36,6 +35,10 @@ def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, solver=solver))
 
 
+# a level takes about as long as so many elements, whatever its mesh; adaptive steps grow with this power of a tolerance
+OVERHEAD, ORDER = 100, 0.2
+
+
 @dataclass(frozen=True)
 class Job:
     """One mesh, and time step, of one variant: everything that another process needs to solve it."""
@@ -52,6 +55,12 @@ class Job:
         """Return the case with this element type, mesh and step. Raises CaseError."""
         loaded = load_case_text(self.text, self.file, self.overrides, vocabulary(), os.path.dirname(self.file))
         return loaded if self.step is None else with_step(loaded, self.key, self.step)
+
+    @property
+    def cost(self) -> float:
+        """About how much work this level is, compared with others of the study."""
+        steps = 1.0 if self.step is None else 1.0 / self.step if self.key == "dt" else self.step**-ORDER
+        return (self.elements + OVERHEAD) * steps
 
     @property
     def row(self) -> Row:
@@ -175,8 +184,13 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     jobs = [[_job(loaded, v, c, workers, steps, x) for c in counts for x in _values(steps)] for v in variants]
     _warm_up([group[0] for group in jobs], compiling)
     flat = [job for group in jobs for job in group]
-    count = itertools.count(1)
-    rows = run_jobs(solve_job, flat, workers, _lost, lambda i, row: done(next(count) / len(flat)))
+    total, behind = sum(job.cost for job in flat), [0.0]
+
+    def solved(i: int, row: Row) -> None:
+        behind[0] += flat[i].cost
+        done(min(behind[0] / total, 1.0))
+
+    rows = run_jobs(solve_job, flat, workers, _lost, solved)
     if any(row.kinks for row in rows):
         warnings.append("something acts inside elements of some meshes because of nodes: regular or preset: paper, so "
                         "orders are rough")
