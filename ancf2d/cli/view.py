@@ -12,25 +12,29 @@ from .session import Session
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
 @click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page to a single self-contained file "
               "instead of serving it.")
+@click.option("--field", "fields", multiple=True, metavar="NAME", help="Field to show as colour, computed from the "
+              "states if it is not stored: stress, strain, energy, N, Q or M; may be repeated. [default: what is stored]")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address; do not open a browser.")
 @force_option
 @quiet_option
 @debug_option
 @click.pass_obj
-def command(session: Session, file: str, save: str | None, port: int, no_browser: bool, force: bool) -> int:
-    """Look at a result: bodies in motion, modes, probes, in the browser.
+def command(session: Session, file: str, save: str | None, fields: tuple[str, ...], port: int, no_browser: bool,
+            force: bool) -> int:
+    """Look at a result: bodies in motion, fields, modes, probes, in the browser.
 
     The page needs nothing from the network. Long runs are thinned so that it stays below 5 MB; the file itself
     keeps everything.
     """
     from ..results import check_output, open_results
     from ..results.replace import replacing
+    from ..study.fields_of_states import StatesWithFields
     from ..view import make_page, serve
 
     check_output(save, force, file)
-    with open_results(file) as results:
-        page = make_page(results)
+    with StatesWithFields(file) if fields else open_results(file) as results:
+        page = make_page(results, fields=fields)
     if save is not None:
         content = page.html.encode()
         with replacing(save, force) as private:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ancf2d.errors import ResultsError
 from ancf2d.results import Results
 from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of
 from ancf2d.results.geometry import axis_shapes
@@ -84,12 +85,18 @@ def _values(row: tuple[np.ndarray, np.ndarray], e: np.ndarray) -> np.ndarray:
 # ---------------------------------------------------------------------- fields
 
 
-def fields(results: Results, drawn: Sequence[Drawn], chosen: Sequence[int | None], budget: int) -> list[dict[str, Any]]:
-    """Return the stored fields in some states (None: rest), each component with its values as codes of 8 bits.
+def fields(results: Results, drawn: Sequence[Drawn], chosen: Sequence[int | None], budget: int,
+           wanted: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Return fields in some states (None: rest), each component with its values as codes of 8 bits.
 
     ``frames`` are the positions in ``chosen`` at which values are given: for (frame, body, element, station, across).
+    Without names that are ``wanted``, all fields that the results have. Raises ResultsError for one that they have not.
     """
-    shown = [(name, part) for name in _names(results) for part in _parts(results, name)]
+    known = _names(results)
+    for name in wanted:
+        if name not in known:
+            raise ResultsError(f"'{results.path}' has no field '{name}' (it has {', '.join(known) or 'none'})")
+    shown = [(name, part) for name in (wanted or known) for part in _parts(results, name)]
     if not shown:
         return []
     names = [name for name, _ in shown]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -30,9 +31,12 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def make_page(results: Results, budget: int = BUDGET) -> Page:
-    """Return the page of a result file; ``budget`` bounds the bytes of its states. Raises ResultsError."""
-    data = scene(results, budget)
+def make_page(results: Results, budget: int = BUDGET, fields: Sequence[str] = ()) -> Page:
+    """Return the page of a result file; ``budget`` bounds the bytes of its states. Raises ResultsError.
+
+    ``fields`` names those that are shown, without any all that the results have.
+    """
+    data = scene(results, budget, fields)
     # a title with a tag in it is no tag
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     script = "".join(map(_part, SCRIPTS))

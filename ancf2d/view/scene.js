@@ -69,6 +69,10 @@ function move() {
     const first = state.mode * width;
     const swing = factor * Math.cos(state.phase);
     for (let i = 0; i < width; i++) points[i] = reference[i] + swing * moves[first + i];
+    if (!data.turning) return;
+    const later = first + frames * width;
+    const turn = factor * Math.sin(state.phase);
+    for (let i = 0; i < width; i++) points[i] += turn * moves[later + i];
     return;
   }
   const p = place();
@@ -114,7 +118,7 @@ const ends = data.symbols.filter((s) => s.kind === "spring").flatMap((s) => [s.f
 function everything() {
   const found = box(reference, [Infinity, Infinity, -Infinity, -Infinity]);
   const kept = [state.at, state.phase];
-  const all = modal ? [0, Math.PI] : axis.filter((_, i) => i % Math.ceil(frames / 60) === 0 || i === frames - 1);
+  const all = modal ? [0, 0.5 * Math.PI, Math.PI, 1.5 * Math.PI] : axis.filter((_, i) => i % Math.ceil(frames / 60) === 0 || i === frames - 1);
   for (const at of all) {
     if (modal) state.phase = at;
     else state.at = at;

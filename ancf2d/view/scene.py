@@ -21,6 +21,7 @@ SHOWN_MODES = 24
 MODE_SIZE = 0.12  # of the extent: displacement that a mode is drawn with
 SMALL = 1e-6  # of the extent: motion that the rates of a section are read from
 INVISIBLE, VISIBLE = 0.01, 0.1  # of the extent: smaller displacements are magnified to that share
+QUARTER = "modes/quarter"
 NO_CURVES: dict[str, Any] = {"series": [], "probes": [], "traces": [], "goal": None}
 
 
@@ -31,8 +32,8 @@ def _quantised(moves: np.ndarray) -> tuple[str, float]:
     return packed(codes, "i2"), step
 
 
-def scene(results: Results, budget: int = BUDGET) -> dict[str, Any]:
-    """Return everything that a page shows as a JSON-able object.
+def scene(results: Results, budget: int = BUDGET, wanted: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything that a page shows as a JSON-able object; of the fields those that are ``wanted``, or all.
 
     ``reference`` (points, 2) are points of all bodies (f4); ``moves`` (frames, points, 2) their displacements in
     ``step`` (i2). Raises ResultsError for a file without bodies or states.
@@ -47,7 +48,7 @@ def scene(results: Results, budget: int = BUDGET) -> dict[str, Any]:
     bodies, count = listed(drawn)
     extent = float(np.hypot(*np.ptp(_points(drawn, base), axis=0))) or 1.0
     stage = Stage(drawn, Attached(results, extent), base, count)
-    part = _modes(results, stage, extent, budget) if modes else _states(results, stage, extent, budget)
+    part = _modes(results, stage, extent, budget) if modes else _states(results, stage, extent, budget, wanted)
     units = results.units
     return {"title": results.title or results.path.name, "file": results.path.name, "solver": results.solver,
             "status": results.status, "units": {"length": units.length, "time": units.time, "force": units.force},
@@ -69,6 +70,11 @@ class Stage:
     def points(self, e: np.ndarray) -> np.ndarray:
         """Return all points (n, 2) at nodal coordinates e (nq,)."""
         return np.concatenate([_points(self.drawn, e), self.attached.points(e)])
+
+    def rate(self, shape: np.ndarray, extent: float) -> np.ndarray:
+        """Return the rates (points, 2) of all points where the nodal coordinates change by ``shape`` (nq,)."""
+        size = SMALL * extent / (float(np.abs(shape).max()) or 1.0)
+        return (self.points(self.base + size * shape) - self.start) / size
 
     def largest(self, moves: np.ndarray) -> float:
         """Return the largest displacement of a body among those of all points (..., points, 2)."""
@@ -92,8 +98,8 @@ def _even(t: np.ndarray, most: int) -> np.ndarray:
     return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], most)).clip(0, len(t) - 1))
 
 
-def _states(results: Results, stage: Stage, extent: float, budget: int) -> dict[str, Any]:
-    colours = int(FIELDS * budget) if any(results.fields.values()) else 0
+def _states(results: Results, stage: Stage, extent: float, budget: int, wanted: Sequence[str]) -> dict[str, Any]:
+    colours = int(FIELDS * budget) if wanted or any(results.fields.values()) else 0
     chosen = _even(results.t, stage.most(budget - colours))
     moves = np.array([stage.points(results.e(int(i))) - stage.start for i in chosen])
     t = results.t[chosen]
@@ -105,7 +111,7 @@ def _states(results: Results, stage: Stage, extent: float, budget: int) -> dict[
     codes, step = _quantised(moves)
     return {"kind": "time" if dynamic else "load", "t": t.tolist(), "stored": max(results.nt, len(t)),
             "moves": codes, "step": step, "magnify": _magnification(stage.largest(moves), extent),
-            "fields": fields(results, stage.drawn, shown, colours) if colours else [],
+            "fields": fields(results, stage.drawn, shown, colours, wanted) if colours else [],
             **(curves(results, t) if len(t) == len(chosen) else NO_CURVES)}
 
 
@@ -121,15 +127,16 @@ def _magnification(largest: float, extent: float) -> float:
 
 def _modes(results: Results, stage: Stage, extent: float, budget: int) -> dict[str, Any]:
     shapes = results.array("modes/shapes")[:min(stage.most(budget), SHOWN_MODES)]
+    # of modes whose points do not pass through rest together: where they are a quarter of a period later
+    later = results.array(QUARTER)[:len(shapes)] if QUARTER in results.arrays else np.zeros_like(shapes)
     moves = []
-    for shape in shapes:
-        size = SMALL * extent / (float(np.abs(shape).max()) or 1.0)
-        rate = (stage.points(stage.base + size * shape) - stage.start) / size
-        largest = stage.largest(rate)
-        moves.append(rate * (MODE_SIZE * extent / largest if largest else 0.0))
-    codes, step = _quantised(np.array(moves))
+    for parts in zip(shapes, later, strict=True):
+        rates = np.array([stage.rate(shape, extent) for shape in parts])
+        largest = stage.largest(rates)
+        moves.append(rates * (MODE_SIZE * extent / largest if largest else 0.0))
+    codes, step = _quantised(np.array(moves).swapaxes(0, 1) if later.any() else np.array(moves)[:, 0])
     return {"kind": "modes", "t": list(range(1, len(shapes) + 1)), "stored": len(results.array("modes/shapes")),
-            "moves": codes, "step": step, "magnify": 1.0, "fields": [], **NO_CURVES,
+            "moves": codes, "step": step, "magnify": 1.0, "fields": [], **NO_CURVES, "turning": bool(later.any()),
             "modes": [_mode_label(results, k) for k in range(len(shapes))]}
 
 

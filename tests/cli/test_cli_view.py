@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,6 +35,17 @@ def test_a_page_is_saved_with_its_size_and_what_it_holds(solved: Call, folder: P
     assert text.startswith("<!doctype html>")
     size = round(len(text.encode()) / 1e3)
     assert result.stdout.startswith(f"wrote page.html ({size} kB; all 4 states, displacements to 1/32767")
+
+
+def test_a_page_shows_fields_that_are_not_stored(solved: Call, folder: Path) -> None:
+    assert solved("view", "beam.h5", "--field", "strain", "--field", "N", "--save", "page.html").exit_code == 0
+    text = (folder / "page.html").read_text(encoding="utf-8")
+    names = json.loads("[" + ",".join(re.findall(r'{"name":("[^"]*"),"frames"', text)) + "]")
+    assert names == ["strain along the axis, ε_xx", "strain across the axis, ε_yy", "shear strain, 2 ε_xy",
+                     "axial force N"]
+    result = solved("view", "beam.h5", "--field", "warp", "--save", "other.html")
+    assert result.exit_code == 2
+    assert "has no field 'warp' (it has stress, strain, energy, N, Q, M)" in result.stderr
 
 
 @pytest.mark.parametrize("flag", [True, False])

@@ -180,6 +180,33 @@ def test_modes_are_animated_with_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(moves, axis=-1).max(axis=1), 0.12 * data["extent"], rtol=1e-3)
 
 
+DAMPED = {
+    "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                        "section": {"EA": 1e5, "kGA": 1e5, "EI": 1.0, "rhoA": 1.0},
+                        "element": {"type": "cable", "count": 4}}},
+    "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+    "springs": [{"type": "translational", "between": ["beam@1", [1, 1]], "stiffness": 1, "damping": 0.3}],
+    "solver": {"type": "eigen", "modes": 2},
+}
+
+
+def test_damped_modes_are_animated_with_where_they_are_a_quarter_of_a_period_later(tmp_path: Path) -> None:
+    (tmp_path / "d.yaml").write_text(json.dumps(DAMPED))
+    run_case(load(tmp_path / "d.yaml"), str(tmp_path / "d.h5"))
+    with open_results(tmp_path / "d.h5") as results:
+        data = embedded(make_page(results).html)
+        parts = np.array([results.array("modes/shapes"), results.array("modes/quarter")])
+    tip = np.abs(parts[:, :, -3])  # y of the last node
+    assert data["turning"]
+    assert "decays with" in data["modes"][0]
+    moves = np.frombuffer(base64.b64decode(data["moves"]), "<i2").reshape(2, 2, -1, 2) * data["step"]
+    body = data["bodies"][0]
+    last = body["elements"] * body["samples"] - 1  # the lower corner of the tip
+    shares = moves[1, :, last, 1] / moves[0, :, last, 1]
+    np.testing.assert_allclose(np.abs(shares), tip[1] / tip[0], atol=1e-3)
+    assert np.linalg.norm(moves, axis=-1).max() == pytest.approx(0.12 * data["extent"], rel=1e-3)
+
+
 def test_a_linear_answer_grows_from_rest(tmp_path: Path) -> None:
     run_case(load(CASES / "paper" / "table1_2d2n.yaml"), str(tmp_path / "l.h5"))
     with open_results(tmp_path / "l.h5") as results:
