@@ -3,7 +3,7 @@
     python scripts/table3.py                                  the paper's 48 frequencies and the analytic row
     python scripts/table3.py --element vallejo:structural     the same table for another element (repeatable; or 'all')
     python scripts/table3.py --spurious                       how the spurious branch falls with the mesh
-    python scripts/table3.py --page                           all of it as docs/modes.md
+    python scripts/table3.py --page                           all of it as docs/table3.md
 
 ``overlap`` is the share of the mode's kinetic energy that is the exact Timoshenko, bar or stretch mode of the name
 (square of the cosine in kinetic energy). Exit code 0 where every printed frequency is a computed one to all its digits.
@@ -31,7 +31,7 @@ from ancf2d.solve.state import State
 from ancf2d.study.run import load, prepare
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "paper" / "table3_2d2n.yaml"
-PAGE = CASE.parents[2] / "docs" / "modes.md"
+PAGE = CASE.parents[2] / "docs" / "table3.md"
 MESHES = (16, 32, 64)
 NAMES = (("bending", 1), ("axial", 1), ("bending", 2), ("axial", 2), ("shear", 1), ("shear", 2), ("thickness", 1),
          ("thickness", 2))
@@ -232,7 +232,7 @@ def markdown(header: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
 
 
 def page() -> str:
-    """Return docs/modes.md."""
+    """Return docs/table3.md."""
     shares = ("transverse", "axial", "rotation", "stretch", "higher")
     names = [f"{k} {m}" for k, m in NAMES]
     table = [[title.replace(" elements", ""), r.name, r.printed, f"{r.omega:.3f}", r.kind, f"{r.overlap:.3f}",
@@ -266,7 +266,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--element", action="append", metavar="TYPE[:FORMULATION]", help="another element, or 'all'")
     parser.add_argument("--spurious", action="store_true", help="the lowest spurious frequency over the mesh")
     parser.add_argument("--json", action="store_true", help="the paper's table as one JSON object")
-    parser.add_argument("--page", action="store_true", help="write docs/modes.md")
+    parser.add_argument("--page", action="store_true", help="write docs/table3.md")
     options = parser.parse_args(arguments)
     if options.page:
         PAGE.write_text(page(), encoding="utf-8")

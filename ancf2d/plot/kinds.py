@@ -17,6 +17,7 @@ from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
+from ancf2d.plot.locus import ROOT_LOCUS
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, STEPS
 from ancf2d.plot.phase import PHASE, TRAJECTORY
@@ -30,8 +31,8 @@ from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
-    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ENERGY, STEPS,
-    DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
+    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ROOT_LOCUS, ENERGY,
+    STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
