@@ -34,8 +34,8 @@ ancf2d run cases/static/elastica.yaml
 ```
 
 [accuracy.md](accuracy.md) describes the discretisation and model errors to expect, [motion.md](motion.md) compares
-motions over their whole duration, [table3.md](table3.md) lists all printed frequencies, and [audit.md](audit.md) examines
-single elements.
+motions over their whole duration, [table3.md](table3.md) lists all printed frequencies, and
+[audit.md](audit.md) examines single elements.
 """
 
 
