@@ -16,7 +16,16 @@ from .goal_value import Answer, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .run import describe_goal, prepare, vocabulary
-from .variants import Variant, count_of, default_meshes, distribute, flexible, overrides_for, proportional
+from .variants import (
+    Variant,
+    check_flexible,
+    count_of,
+    default_meshes,
+    distribute,
+    flexible,
+    overrides_for,
+    proportional,
+)
 from .warmup import warm_up
 
 
@@ -173,6 +182,8 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     if steps is not None and not isinstance(loaded.case.solver, Dynamic):
         raise CaseError(loaded.source.problem(("solver", "type"), "there are no time steps to refine",
                                               expected="solver: {type: dynamic}, or meshes to refine"))
+    if steps is None:
+        check_flexible(loaded, "for a motion: time steps to refine (--dt, --tolerance)")
     if any(v == Variant(formulation=v.formulation) for v in variants):
         prepare(loaded)
     own = sum(count_of(b) for b in flexible(loaded.case).values())

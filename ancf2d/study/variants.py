@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from ..case import Body, Case, Polyline, Selective, Source, read_definition
+from ..case import Body, Case, LoadedCase, Polyline, Selective, Source, read_definition
 from ..case.binder import listed, nearest
 from ..elements import registry
 from ..elements.definition import ElementType
@@ -126,6 +126,13 @@ def stretches_of(case: Case) -> dict[str, list[float]]:
             for name, body in flexible(case).items()}
 
 
+def check_flexible(loaded: LoadedCase, instead: str) -> None:
+    """Raise CaseError where no body has a mesh to refine; ``instead``: what can be done then."""
+    if not flexible(loaded.case):
+        raise CaseError(loaded.source.problem(("bodies",), "every body is rigid, so there is no mesh to refine",
+                                              expected=f"a body that deforms, or {instead}"))
+
+
 def count_of(body: Body) -> int:
     """Return the number of elements that a case gives a body (one per piece where it leaves that open)."""
     return (body.element.count or pieces(body)) * (body.element.refine or 1)
@@ -150,6 +157,8 @@ def distribute(case: Case, total: int) -> dict[str, int]:
 def proportional(case: Case, counts: dict[str, int]) -> bool:
     """Whether counts are in the proportions of the case."""
     bodies = flexible(case)
+    if not bodies:
+        return True
     first = next(iter(bodies))
     return all(counts[n] * count_of(bodies[first]) == counts[first] * count_of(b) for n, b in bodies.items())
 

@@ -270,3 +270,33 @@ solver: {type: linear_static}
 goal: {probe: tip, quantity: uy}
 output: {probes: {tip: b@1}}
 """
+
+
+def rigid(solver: str) -> LoadedCase:
+    """A rigid bar on a torsion spring."""
+    text = SHARES.replace("reissner3, count: 2", "rigid").replace("type: clamp", "type: pin")
+    text = text.replace("material: {E: 2.07e11, nu: 0.3}", "material: {E: 2.07e11, nu: 0.3, rho: 7850}")
+    text += "springs: [{type: rotational, between: [b@0, [0, 0]], stiffness: 100}]\n"
+    return load_case_text(text.replace("{type: linear_static}", solver), vocabulary=vocabulary())
+
+
+def test_rigid_bodies_have_no_mesh_to_refine_but_their_motions_have_steps() -> None:
+    from ancf2d.study.tradeoff.plan import Choice
+    from ancf2d.study.tradeoff.study import tradeoff
+
+    with pytest.raises(CaseError, match="every body is rigid, so there is no mesh to refine"):
+        convergence(rigid("{type: static}"))
+    with pytest.raises(CaseError, match="every body is rigid, so there is no mesh to refine"):
+        tradeoff(rigid("{type: static}"), Choice())
+    study = convergence(rigid("{type: dynamic, t_end: 0.1, tolerance: 1e-4}"), steps=Steps("tolerance", (1e-3, 1e-5)))
+    assert [row.status for row in study.rows] == ["converged", "converged"]
+
+
+def test_an_accuracy_is_reached_where_nothing_has_a_mesh() -> None:
+    from ancf2d.study.accuracy.control import solve_to_accuracy
+
+    loaded = rigid("{type: static}")
+    pursued = load_case_text(loaded.text, overrides=["accuracy=1e-6"], vocabulary=vocabulary())
+    accuracy = solve_to_accuracy(pursued, None).outcome.summary["accuracy"]
+    assert accuracy["achieved"]
+    assert accuracy["estimate"] == 0.0

@@ -13,7 +13,7 @@ from ...solve.schemes import DEFAULT
 from ..convergence import meshes_of
 from ..order import ROUND_OFF
 from ..pool import Workers
-from ..variants import Variant, count_of, flexible, parse_variants, stretches_of
+from ..variants import Variant, check_flexible, count_of, flexible, parse_variants, stretches_of
 from .budget import predicted_cost
 from .measure import Measured, Setting, Task
 
@@ -132,6 +132,7 @@ class Planner:
         solver = loaded.case.solver
         self.motion = solver if isinstance(solver, Dynamic) else None
         self._check()
+        check_flexible(loaded, "of a motion: ancf2d convergence with --dt or --tolerance")
         self.key, self.steps = self._steps()
         self.totals = tuple(sorted(set(choice.meshes))) or self._default_meshes()
         self.counts, self.warnings = meshes_of(loaded, self.totals)
