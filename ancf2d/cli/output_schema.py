@@ -57,6 +57,7 @@ def _run() -> Schema:
         "reactions": _named(QUANTITIES, "fx, fy, m of each support"),
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
+        "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),
         "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
         "critical": _list(critical, "those load factors"),
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),

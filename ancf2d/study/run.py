@@ -167,6 +167,8 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
         out["reactions"] = reactions(model, state)
         out["energy"] = dict(state.history) if recorder.moves else energies(model, state)
         out["t" if recorder.moves else "load_factor"] = state.t
+        if "negative_pivots" in state.history and model.symmetric:
+            out["negative_pivots"] = int(state.history["negative_pivots"])
     out.update(recorder.report)
     out.update(recorder.totals)
     out["wall_s"] = recorder.clock.seconds

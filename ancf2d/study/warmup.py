@@ -209,7 +209,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
-    if isinstance(model.case.solver, Eigen | Buckling):
+    if model.hangs or isinstance(model.case.solver, Eigen | Buckling):
         from ..kernels.mass import scatter_classes
         from ..solve.linear import matrix_of_one
 
