@@ -135,8 +135,9 @@ class Classifier:
             return "rigid" if self.is_rigid(v) else "spurious"
         if verdict.gaps > GAPS or verdict.functions < RESOLVED:
             return "spurious"
+        kind, by_motion = (self.shape_kind(verdict.shares, strain) for strain in (verdict.strain, {}))
         # on soft springs, strains of stiff bodies may be round-off
-        return self.shape_kind(verdict.shares, {} if self.is_rigid(v) else verdict.strain)
+        return by_motion if kind != by_motion and self.is_rigid(v) else kind
 
     @staticmethod
     def shape_kind(shares: dict[str, float], strain: dict[str, float]) -> str:

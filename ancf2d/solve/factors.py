@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..elements.shape import Array
+from .ldl import Symmetric
+from .linear import TangentMatrix
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -60,6 +62,23 @@ class Factors:
         if self.bw <= BAND:
             return np.asarray(self._backward(self.lu, self.bw, self.bw, b, self.rows)[0])
         return np.asarray(self.sparse.solve(b))
+
+
+class SymmetricFactors:
+    """The factors of a symmetric sparse matrix, in the storage of a model's tangent, which exchanges no rows."""
+
+    def __init__(self, A: csc_array, storage: TangentMatrix) -> None:
+        i, j = A.indices.astype(np.int64), np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
+        lower = i >= j
+        self.storage, self.singular = storage, not isinstance(storage, Symmetric)
+        if isinstance(storage, Symmetric):
+            storage.clear()
+            storage.values.reshape(-1)[storage.at(i[lower], j[lower])] = A.data[lower]
+            self.singular = storage.factor().bad >= 0
+
+    def solve(self, b: Array) -> Array:
+        """Return A^-1 b."""
+        return self.storage.solve(np.ascontiguousarray(b))
 
 
 def _phase(pivots: Array, swaps: int) -> complex:

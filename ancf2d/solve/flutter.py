@@ -171,7 +171,7 @@ class _Track:
         omega = float(s[0].imag)
         flutters = omega > 1e-3 * self.lowest
         return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", omega if flutters else 0.0,
-                        Y[0] @ self.space.V)
+                        self.space.combined(Y[0]))
 
     def locus(self, factors: Array) -> dict[str, list[float]]:
         """Return the eigenvalues of lowest |s| over the factors as columns."""

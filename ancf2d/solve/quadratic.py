@@ -22,14 +22,14 @@ from .reduced import Complex, Quadratic, Space, projected_pairs
 # up to so many unknowns, every eigenvalue is computed at once
 DENSE = 40
 # vectors of the space beyond two for each pair that is asked for, and between two looks at the eigenvalues
-BEYOND, STRIDE = 24, 12
+BEYOND, STRIDE = 24, 8
 # vectors after which the search ends
 MOST = 400
 # looks after which fewer pairs than were asked for are all that there are; random starts
 CALM, TRIES = 5, 3
 # relative change of eigenvalues that have come to rest, and of those that may be held up by round-off, where they
 # change by more than a share of what they changed by before
-SETTLED, ROUGH, STALLED = 1e-10, 1e-6, 0.1
+SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
 # residual beyond which a Ritz pair is no eigenpair
 TRUSTED = 1e-5
 # share of an eigenvalue within which its imaginary part is round-off
@@ -62,10 +62,10 @@ class Pairs:
 
 def shift_of(problem: Quadratic, s0: float) -> float:
     """Return a real shift near the lowest |s|, from a first one that is not beyond it."""
-    factors = Factors(problem.matrix(s0))
+    factors = problem.factors(s0)
     while factors.singular:
         s0 *= 1.37
-        factors = Factors(problem.matrix(s0))
+        factors = problem.factors(s0)
     x = np.sin(1.0 + np.arange(problem.n))
     for _ in range(4):
         x = factors.solve(problem.mass(x))
@@ -80,7 +80,7 @@ class Search:
 
     def __init__(self, problem: Quadratic, s0: float, still: float) -> None:
         self.problem, self.s0, self.still, self.complete = problem, s0, still, False
-        self.factors = Factors(problem.matrix(s0))
+        self.factors = problem.factors(s0)
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
                                    advice="give a mass or a stiffness to whatever can move")
@@ -159,7 +159,7 @@ class Search:
         p, some = self.problem, 2 * number + MARGIN
         if len(s) <= some:
             return s, Y
-        X = Y[:some] @ self.space.V
+        X = [self.space.combined(y) for y in Y[:some]]
         self.space = Space(p)
         for one, x in zip(s, X, strict=False):
             tau = one - self.s0
@@ -241,7 +241,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
     for k in np.flatnonzero(s.imag >= -REAL * np.abs(s)):
         if pairs == number:
             break
-        x, is_pair = Y[k] @ search.space.V, bool(_upper(s[k:k + 1])[0])
+        x, is_pair = search.space.combined(Y[k]), bool(_upper(s[k:k + 1])[0])
         rest = abs(s[k]) <= search.still and search.strains_nothing(x)
         if not rest and not is_pair and real == number:
             continue

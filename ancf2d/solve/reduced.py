@@ -9,12 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..elements.shape import Array
+from .factors import Factors, SymmetricFactors
+from .linear import make_matrix
 from .linearised import Linearised
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
 Complex = NDArray[np.complex128]
+# vectors that are projected at a time
+BLOCK = 16
 
 
 class Quadratic:
@@ -34,6 +38,15 @@ class Quadratic:
     def matrix(self, s: complex) -> csc_array:
         """Return K + s C + s^2 M."""
         return (self.K + s * self.C + (s * s) * self.M).tocsc()
+
+    def factors(self, s: float) -> Factors | SymmetricFactors:
+        """Return the factors of K + s C + s^2 M, symmetric ones where they are and can be."""
+        A = self.matrix(s)
+        if self.K_skew is None and self.C_skew is None:
+            found = SymmetricFactors(A, make_matrix(self.small.model))
+            if not found.singular:
+                return found
+        return Factors(A)
 
     def stiffness(self, x: Array) -> Array:
         """Return K x by way of the strains."""
@@ -94,16 +107,23 @@ class Space:
         self.count += 1
         return along, new
 
+    def combined(self, y: Complex) -> Complex:
+        """Return the combination (n,) of the vectors with complex factors (k,)."""
+        return np.asarray(y.real @ self.V + 1j * (y.imag @ self.V))
+
     def project(self) -> Array:
         """Return V K V^T, V C V^T and V M V^T (3, k, k)."""
         old, k, p = self._projected.shape[1], self.count, self.problem
         out = np.zeros((3, k, k))
         out[:, :old, :old] = self._projected
         for m, (act, skew) in enumerate(((p.stiffness, p.K_skew), (p.damping, p.C_skew), (p.mass, None))):
-            for c, x in enumerate(self.V[old:], start=old):
-                y = act(x)
-                out[m, :, c] = self.V @ y
-                out[m, c, :old] = out[m, :old, c] if skew is None else self.V[:old] @ (y - skew @ x)
+            for first in range(old, k, BLOCK):
+                some = slice(first, min(first + BLOCK, k))
+                images = np.array([act(x) for x in self.V[some]])
+                out[m, :, some] = self.V @ images.T
+                if skew is not None:
+                    images -= (skew @ self.V[some].T).T
+                out[m, some, :some.stop] = (self.V[:some.stop] @ images.T).T
         self._projected = out
         return out
 

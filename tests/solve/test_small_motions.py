@@ -86,7 +86,7 @@ def dashpot_root(s: complex, c: float) -> complex:
         h = 1e-6 * abs(s)
         step = g(s) / ((g(s + h) - g(s - h)) / (2 * h))
         s -= step
-        if abs(step) < 1e-13 * abs(s):
+        if abs(step) < 1e-10 * abs(s):
             return s
     raise AssertionError("Newton's iteration has not converged")
 
