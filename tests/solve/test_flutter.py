@@ -154,3 +154,16 @@ def test_flutter_needs_a_mass() -> None:
     massless = column(body={"section": {"EA": 1e7, "kGA": 1e7, "EI": 1}})
     with pytest.raises(ComputationError, match="depends on the mass"):
         ancf2d.solve(massless)
+
+
+def test_root_locus_marks_where_frequencies_meet() -> None:
+    solution = ancf2d.solve(column(count=6))
+    table, (critical,) = solution.tables["locus"], solution.summary["critical"]
+    at = critical["factor"]
+    for factor, growth in zip(table["factor"], table["growth"], strict=True):
+        assert factor > at or abs(growth) < 1e-3
+    assert max(table["growth"]) > 1.0
+    above, below = solution.plot("root_locus").axes
+    assert above.get_ylabel().startswith("frequency")
+    assert any("flutter" in text.get_text() for text in above.texts)
+    assert below.get_xlabel().startswith("load factor")

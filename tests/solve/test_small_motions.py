@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 import yaml
 
 import ancf2d
@@ -70,7 +71,7 @@ def found(scene: str = "", modes: int = 4, element: str = "cable, count: 24", mo
 def eigenvalues(summary: dict[str, Any]) -> np.ndarray:
     for f in summary["frequencies"]:
         s = complex(f["growth"], f["omega"])
-        assert math.isclose(f["damping"], -s.real / abs(s), abs_tol=1e-15)
+        assert math.isclose(f["damping"], -s.real / abs(s) if s else 0.0, abs_tol=1e-15)
         assert math.isclose(f["hz"], s.imag / (2 * math.pi))
     return np.array([complex(f["growth"], f["omega"]) for f in summary["frequencies"]])
 
@@ -156,3 +157,70 @@ def test_a_free_beam_keeps_its_rigid_motions() -> None:
     assert [f["kind"] for f in summary["frequencies"]] == ["rigid"] * 3 + ["bending"] * 2
     assert [f["omega"] for f in summary["frequencies"][:3]] == [0.0] * 3
     np.testing.assert_allclose([f["omega"] for f in summary["frequencies"][3:]], [22.3733, 61.6728], rtol=1e-4)
+
+
+def bar(**more: Any) -> dict[str, Any]:
+    return {"bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
+                               "element": {"type": "rigid", "mass": 3, "inertia": 1}}},
+            "solver": {"type": "eigen", "modes": 3}, **more}
+
+
+def test_rigid_bodies_and_springs_alone_vibrate() -> None:
+    """A bar on two springs: sqrt(2 k/m), and sqrt(2 k (L/2)^2/J) about its centre; nothing holds it along x."""
+    springs = [{"type": "translational", "between": [f"bar@{end}", [2 * end, -1]], "stiffness": 100}
+               for end in (0, 1)]
+    summary = ancf2d.solve(bar(springs=springs)).summary
+    assert [f["omega"] for f in summary["frequencies"]] == pytest.approx([0, math.sqrt(200 / 3), math.sqrt(200)])
+    assert {f["kind"] for f in summary["frequencies"]} == {"rigid"}
+    # both dampers alike: s^2 m + 2 c s + 2 k = 0
+    damped = [{**s, "damping": 0.5} for s in springs]
+    s = eigenvalues(ancf2d.solve(bar(springs=damped, solver={"type": "eigen", "modes": 2})).summary)
+    exact = [0, *(complex(np.roots([m, 1, 200])[0]) for m in (3, 1))]
+    np.testing.assert_allclose(np.sort_complex(s), np.sort_complex([complex(x.real, abs(x.imag)) for x in exact]),
+                               rtol=1e-9, atol=1e-9)
+
+
+def test_gravity_alone_holds_a_pendulum() -> None:
+    case = bar(boundary_conditions=[{"type": "pin", "at": "bar@0"}], loads=[{"type": "gravity", "value": [0, -9.81]}],
+               solver={"type": "eigen", "modes": 1, "about": "static"})
+    (mode,) = ancf2d.solve(case).summary["frequencies"]
+    assert mode["omega"] == pytest.approx(math.sqrt(3 * 9.81 * 1 / (1 + 3 * 1**2)), rel=1e-9)
+
+
+def test_what_is_held_altogether_does_not_vibrate() -> None:
+    with pytest.raises(ancf2d.ComputationError, match="nothing can vibrate"):
+        ancf2d.solve(bar(boundary_conditions=[{"type": "clamp", "at": "bar@0"}]))
+
+
+def frame(load: str, table: str) -> dict[str, Any]:
+    """A portal with a dashpot and a branch, whose beam is rigid or not, under a dead or a turning load."""
+    def member(start: list[float], end: list[float], element: str = "vallejo") -> dict[str, Any]:
+        return {"geometry": {"type": "line", "start": start, "end": end},
+                "element": {"type": element} | ({} if element == "rigid" else {"count": 6}),
+                "section": {"height": 0.05, "width": 0.02}, "material": {"E": 2e8, "nu": 0.3, "rho": 1000}}
+    return {"bodies": {"left": member([0, 0], [0, 1]), "right": member([2, 0], [2, 1]),
+                       "beam": member([0, 1], [2, 1], table), "branch": member([2, 1], [3, 1.5])},
+            "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in ("left", "right")],
+            "joints": [{"type": "weld", "between": ["left@1", "beam@0"]},
+                       {"type": "weld", "between": ["right@1", "beam@1", "branch@0"]}],
+            "springs": [{"type": "translational", "between": ["beam@0", [-1, 1]], "stiffness": 1, "damping": 3},
+                        {"type": "rotational", "between": ["branch@1", [0, 0]], "stiffness": 0, "damping": 0.05}],
+            "loads": [{"type": load, "at": "branch@1", "value": [0.3, -1.0]}],
+            "solver": {"type": "eigen", "modes": 6, "about": "static"}}
+
+
+@pytest.mark.parametrize("table", ["vallejo", "rigid"])
+@pytest.mark.parametrize("load", ["force", "follower_force"])
+def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: str) -> None:
+    """[0, 1; -K, -C] y = s [1, 0; 0, M] y by QZ, constraints included."""
+    case = frame(load, table)
+    s = eigenvalues(ancf2d.solve(case).summary)
+    system = Linearised(base_state(build_model(load_case_text(json.dumps(case))), "static"))
+    K, C, M = (A.toarray() for A in (system.K, system.C, system.M))
+    n, one = len(K), np.eye(len(K))
+    every = scipy.linalg.eigvals(np.block([[0 * K, one], [-K, -C]]), scipy.linalg.block_diag(one, M))
+    assert n > 100
+    for value in s:
+        assert np.abs(every - value).min() < 1e-6 * abs(value)
+    slow = every[np.isfinite(every) & (np.abs(every) < 1.0001 * np.abs(s).max()) & (every.imag >= 0)]
+    assert len(slow) == len(s)
