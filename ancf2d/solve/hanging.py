@@ -34,8 +34,10 @@ MOST_ITERATIONS = 12
 EASY, GROW, SHRINK = 4, 3.0, 0.3
 # of the first step: one that is not found even that short will not be
 SHORTEST = 1e-15
-# steps of a motion of supports
+# steps of a motion of supports, and how what is stretched out between them is made to sag: by a share of the extent,
+# evenly (0) or as a parabola (1)
 LEVELS = 40
+SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the whole load: the equilibrium reported is the one "
         "that the model sinks to from where the path ends")
@@ -87,6 +89,8 @@ class _Relaxation:
         self.h = FIRST * self.extent / (g or 1.0)
         self.shortest = SHORTEST * self.h
         self.steps = self.iterations = self.failures = 0
+        # whether the potential has to fall in each step
+        self.checked = True
         # the negative pivots of an unstable equilibrium at the start, and the one that was left last
         self.pushed = 0
         self.left: Array | None = None
@@ -94,8 +98,13 @@ class _Relaxation:
     def run(self) -> NewtonResult:
         """Return the equilibrium that is come to."""
         if self.model.moves:
-            for factor in np.linspace(self.begin, self.t, LEVELS + 1)[1:]:
-                self._go(float(factor))
+            first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
+            # supports that move do work, so that the potential need not fall
+            self.checked = False
+            self._give(first)
+            for factor in others:
+                self._go(factor)
+            self.checked = True
         while self.steps < MOST_STEPS:
             moved = self._go(self.t)
             # where a step of any length hardly moves, there is nothing left to get away from
@@ -156,7 +165,7 @@ class _Relaxation:
             system.matrix.values[...] += rate * self.M
             pivots = system.factor(at)
             self.iterations += 1
-            if pivots.negative > num.n_multipliers and system.knows_inertia:
+            if self.checked and pivots.negative > num.n_multipliers and system.knows_inertia:
                 raise ComputationError("the step is longer than the potential is convex", at=at)
             dz = -system.matrix.solve(R)
             sizes.append(system.norm(dz))
@@ -197,6 +206,41 @@ class _Relaxation:
         pivots = system.factor({"factor": float(f"{self.t:.6g}")})
         return NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(balance.R), 0, [moved],
                             np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
+
+    def _give(self, factor: float) -> None:
+        """Take the first step of moving supports.
+
+        Links in one line between their supports bear any force, and nothing tells which way they give: they are made to
+        sag, in one of several ways from which the step is found.
+        """
+        start = self.d
+        failure: ComputationError | None = None
+        for sag, power in ((0.0, 0), *SAGS):
+            self.d = start if failure is None else self._sagging(start, sag, power)
+            try:
+                self._go(factor)
+            except ComputationError as error:
+                failure = failure or error
+                self.h = self.shortest / SHORTEST
+            else:
+                return
+        assert failure is not None
+        raise failure
+
+    def _sagging(self, d: Array, sag: float, power: int) -> Array:
+        """Return a state in which what may move has sagged from d (n_full,) by a share of the extent."""
+        model, num = self.model, self.model.numbering
+        g = sum((np.array(load.value) for load in model.case.loads if isinstance(load, Gravity)), np.zeros(2))
+        g /= np.hypot(*g) or 1.0
+        across, down = np.zeros(len(num.place)), np.zeros(len(num.place))
+        for mesh in model.meshes.values():
+            x = mesh.first_dof + np.flatnonzero(mesh.kinds == 0)
+            across[x] = across[x + 1] = g[1] * model.e0[x] - g[0] * model.e0[x + 1]
+            down[x], down[x + 1] = g
+        places = across[down != 0.0]
+        s = (across - places.min()) / (np.ptp(places) or 1.0)
+        moved = d + sag * self.extent * (4.0 * s * (1.0 - s)) ** power * down
+        return model.displacements(moved[num.where], self.begin)
 
     def _push(self) -> None:
         """Move away from an unstable equilibrium, along what grows most by a few inverse iterations."""

@@ -117,6 +117,16 @@ def test_a_rope_whose_end_moves_in_sags_to_a_catenary(tmp_path: Path) -> None:
     assert found["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-4)
 
 
+def test_bars_in_one_line_give_way_when_their_end_moves_in(tmp_path: Path) -> None:
+    """Two bars of half the length each: moments about the joint of one of them tell the horizontal force."""
+    case = chain(2, 0.0, {"type": "rigid"})
+    end = {"name": "end", "type": "prescribed", "at": "l1@1", "uy": 0, "ux": {"type": "ramp", "scale": -0.4}}
+    case["boundary_conditions"] = [PIN, end]
+    found = solved(tmp_path, **case)
+    assert found["reactions"]["end"]["fx"] == pytest.approx((G / 2 * 0.3 - G / 2 * 0.15) / 0.4, rel=1e-9)
+    assert found["probes"]["tip"]["theta"] == pytest.approx(math.acos(0.6), rel=1e-9)
+
+
 def test_a_load_on_a_rope_from_a_crane_starts_to_move_from_rest(tmp_path: Path) -> None:
     """Three bodies: nothing moves from the static state, which is the one found when everything was drawn level."""
     steel = {"material": {"E": 2e11, "nu": 0.3, "rho": 7850}, "section": {"height": 0.1, "width": 0.1}}
