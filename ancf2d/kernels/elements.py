@@ -23,6 +23,7 @@ from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
 from .jit import inner, kernel, shared
 from .lanes import array_at, row, vectors_of
 from .matrix import scatter_packed
+from .records import whole
 from .stack_arrays import vector
 
 
@@ -102,11 +103,12 @@ def element_matrices(group, d, start, Q, K):  # type: ignore[no-untyped-def]
 
 
 @shared
-def force_noise(group, d, out):  # type: ignore[no-untyped-def]
+def force_noise(record, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every product of Q_e = B^T J^T D eps(B d) can sum up to.
 
     Times the unit round-off this bounds the error of the forces, cancellation inside the element included.
     """
+    group = whole(record)
     law, plan = group.law, group.plan
     at, slot = layout(law)
     n, nu, _, S = sizes(group)
@@ -114,10 +116,10 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
     B, held = vector(size), -1
     first, last = 0, len(group.dofs)
     while first < last:
-        count = batch_length(group, first, last)
+        count = batch_length(record, first, last)
         lanes = vectors_of(S * count)
         for part in range(plan.parts):
-            call_batch(plan.forces, (STRAINS, group, d, d, first, count, part, 0.0))
+            call_batch(plan.forces, (STRAINS, record, d, d, first, count, part, 0.0))
             q = group.cls[first] * plan.parts + part
             if q != held:
                 source = array_at(law.B, q * size, (size,))
@@ -133,7 +135,7 @@ def force_noise(group, d, out):  # type: ignore[no-untyped-def]
             _pull_sizes(group, lanes)
             _turn_sizes(group, slot.g, lanes)
             gather(group, B, part, count)
-        add_forces(group, results(group, count)[0], first, count, out)
+        add_forces(record, results(record, count)[0], first, count, out)
         first += count
 
 

@@ -129,8 +129,9 @@ def batch_address() -> int:
 
 
 @inner
-def results(group, count):  # type: ignore[no-untyped-def]
+def results(record, count):  # type: ignore[no-untyped-def]
     """Return the forces (n_dof, count) and packed tangents (entries, count) of the last batch."""
+    group = whole(record)
     at, _ = layout(group.law)
     _, _, Q, K, _ = matrices(group, at)
     work = group.plan.work

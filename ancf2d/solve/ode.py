@@ -193,7 +193,7 @@ class OdeStepper(Stepper):
         s.numbers[COUNT] += 1.0
         s.numbers[STEP_SIZE] = getattr(solver, "h_abs", 0.0)
         weights = self.p.weights
-        self.scale = np.maximum(self.scale, [np.max(weights * np.abs(s.z)), np.max(weights * np.abs(s.v))])
+        self.scale = np.maximum(self.scale, [np.max(weights * np.abs(x), initial=0.0) for x in (s.z, s.v)])
         s.numbers[SIZE] = self.scale[0]
         if self.scheme.fixed and np.any(self.scale > 2.0 * self.begun):
             self.solver = None

@@ -49,7 +49,8 @@ def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: A
         if not np.isfinite(change):
             return (y, np.inf) if size == 0.0 else (z, known)
         if change == size == 0.0:
-            return y, 0.0
+            # nothing moves: y corrects the multipliers
+            return z + y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
             return z, max(change / size, floor)
         if size > 0.0 and change >= 0.5 * known * size:

@@ -85,6 +85,18 @@ def test_conjugate_directions_find_what_wrong_factors_do_not() -> None:
     assert left < 1e-12
 
 
+def test_multipliers_keep_what_a_round_of_refinement_found() -> None:
+    """One motion that a multiplier holds: what is left of round-off in it makes conjugate directions go astray."""
+    A, once = np.array([[0.5, -0.45], [-0.45, 0.0]]), [1e-15]
+
+    def factors(r: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(A, r) + np.array([once.pop() if once else 0.0, 0.0])
+
+    z, left = refined(lambda x: A @ x, factors, lambda x: abs(float(x[0])), np.array([27.0, 0.0]), 0.0)
+    np.testing.assert_allclose(z, [0.0, -60.0], rtol=1e-12, atol=1e-14)
+    assert left == 0.0
+
+
 @pytest.mark.parametrize("nu", [-0.9, 0.3, 0.499])
 @pytest.mark.parametrize("label", [s.label for s in SUBJECTS])
 def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label: str, nu: float) -> None:

@@ -255,3 +255,27 @@ def test_rigid_columns_on_torsion_springs_buckle_at_the_loads_of_their_stiffness
     two = factors({"a": rigid(helpers.line(1.0, angle)), "b": rigid(helpers.line(1.0, angle, (c, s)))}, [hinge, knee],
                   "b@1", [{"type": "pin", "between": ["a@1", "b@0"]}])
     np.testing.assert_allclose(two, np.linalg.eigvalsh([[2.0, -1.0], [-1.0, 1.0]]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0, 1.5, 7))
+def test_a_held_rigid_body_beside_a_flexible_one_passes_its_loads_to_its_supports(angle):
+    """Nothing moves, and round-off over a soft spring is no motion: what the supports hold must not follow from it."""
+    def at(x, y):
+        return [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)]
+
+    def between(start, end):
+        return {"type": "line", "start": at(*start), "end": at(*end)}
+
+    bodies = {"b": rigid(between([-0.5135, 0.7746], [0.4091, 1.3714])),
+              "d": rigid(between([0.4091, 1.3714], [0.4091, 3.0723])), "c": beam(between([0.57, -0.36], [-0.75, 0.64]))}
+    sol = helpers.solved(
+        bodies, solver={"type": "linear_static"},
+        bc=[{"name": "pin", "type": "pin", "at": "b@0"}, {"type": "pin", "at": "c@0"},
+            {"name": "roller", "type": "roller", "at": "b@0.25", "normal": at(0.6041, -0.6685)}],
+        joints=[{"type": "weld", "between": ["b@1", "d@0"]}],
+        springs=[{"type": "rotational", "between": [[0, 0], "b@1"], "stiffness": 105.7},
+                 {"type": "rotational", "between": [[0, 0], "c@1"], "stiffness": 13.0}],
+        loads=[{"type": "moment", "at": "b@1", "value": 6.627},
+               {"type": "force", "at": "d@0", "value": at(72.34, 7.9)}])
+    held = np.sum([[sol.reactions()[name][k] for k in ("fx", "fy")] for name in ("pin", "roller")], axis=0)
+    np.testing.assert_allclose(held, at(-72.34, -7.9), atol=1e-9)
