@@ -182,6 +182,9 @@ def _response(pencil: Pencil) -> Array:
     z = pencil.d[num.free]
     moved = (model.displacements(z, SMALL) - model.displacements(z, -SMALL)) / (2 * SMALL)
     high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
+    if not moved.any() and np.array_equal(high.F, low.F) and np.array_equal(high.Q, low.Q):
+        raise ComputationError("no load grows with the load factor", at={"solver": "buckling"},
+                               advice="a load without an amplitude (an amplitude makes it constant)")
     R = (high.R - low.R) / (2 * SMALL)
     u = moved
     for _ in range(4):
@@ -196,9 +199,6 @@ def _response(pencil: Pencil) -> Array:
             break
     if not np.isfinite(u).all():
         raise ComputationError("the linear response is not finite", at={"solver": "buckling"})
-    if not u.any():
-        raise ComputationError("no load grows with the load factor", at={"solver": "buckling"},
-                               advice="a load without an amplitude (an amplitude makes it constant)")
     return u
 
 

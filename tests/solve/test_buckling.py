@@ -222,3 +222,12 @@ def test_a_moment_at_a_support_is_met_by_its_moment_alone(name):
                         loads=[{"type": "moment", "at": "c@0", "value": EULER},
                                {"type": "force", "at": "c@1", "value": [-EULER, 0.0]}])
     assert solution.reactions()["wall"] == pytest.approx({"fx": EULER, "fy": 0.0, "m": -EULER}, abs=1e-6 * EULER)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
+def test_a_load_that_a_support_takes_buckles_nothing(angle: float) -> None:
+    """The answer does not depend on whether the response is zero or round-off."""
+    found = h.solved({"c": h.body(h.line(1.0, angle), h.element("reissner3", 4))}, {"type": "buckling", "modes": 1},
+                     bc=[{"type": "clamp", "at": "c@0"}], loads=[{"type": "force", "at": "c@0", "value": [3.0, 4.0]}])
+    assert factors(found) == []
+    assert any("do not buckle the model" in w for w in found.state.warnings)
