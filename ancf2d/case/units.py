@@ -16,6 +16,18 @@ _EXPONENTS = {
     "m/s^2": (0, 1, -2), "Hz": (0, 0, -1), "rad/s": (0, 0, -1),
 }
 SI = ("m", "N", "s")
+# of what probes, reactions and goals are
+QUANTITY_UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
+                  "omega": "rad/s", "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m",
+                  "strain_energy": "N m"}
+_FREQUENCIES = ("bending", "axial", "shear", "thickness", "mixed")
+
+
+def with_unit(what: str, labels: tuple[str, str, str] = SI) -> str:
+    """Return 'tip uy [m]' for 'tip uy', and the like; what has no unit, or none that is known, as it is."""
+    words = what.split() or [""]
+    unit = "rad/s" if words[0] in _FREQUENCIES and words[-1].isdigit() else QUANTITY_UNITS.get(words[-1], "")
+    return f"{what} [{unit_label(unit, labels)}]" if unit else what
 
 
 @lru_cache(maxsize=256)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from .failures import FAILED, expected_met
 from .session import Session
-from .text import command_line, duration, number, say, table
+from .text import TIME, command_line, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..case import LoadedCase
@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:
     """Solve a case to the accuracy that it asks for, and say how; return the exit code."""
+    from ..case.units import with_unit
     from ..study.accuracy.control import describe, solve_to_accuracy
     from ..study.accuracy.pursuit import Target
     from ..study.record import Progress
+    from ..study.run import describe_goal
     from .report import run_report
 
     progress = Progress(warn=session.warn, note=session.note, compiling=session.note_once)
@@ -28,7 +30,8 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     session.print_json(summary)
     for text in summary["warnings"]:
         session.warn(text)
-    session.out(path_table(reached.accuracy, loaded.case.units.time))
+    assert loaded.case.goal is not None
+    session.out(path_table(reached.accuracy, with_unit(describe_goal(loaded.case.goal), loaded.case.units.labels)))
     chosen = choices(reached.accuracy)
     if chosen:
         session.out(chosen)
@@ -48,10 +51,10 @@ def _tell_best(session: Session, target: Target) -> None:
         session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")
 
 
-def path_table(accuracy: dict[str, Any], time: str) -> str:
-    """Return all solves as a table."""
+def path_table(accuracy: dict[str, Any], goal: str) -> str:
+    """Return all solves as a table, with the values of the ``goal``."""
     timed = accuracy["tolerance"] is not None
-    rows = [["elements", *(["tolerance"] if timed else []), "goal", "error about", "time", "why"]]
+    rows = [["elements", *(["tolerance"] if timed else []), goal, "error about", TIME, "why"]]
     for level in accuracy["path"]:
         bodies = level.get("bodies")
         rows.append([str(level["elements"]) if bodies is None else "+".join(str(n) for n in bodies.values()),

@@ -23,7 +23,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import command_line, duration, number, say, table
+from .text import TIME, command_line, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.convergence import Convergence, Series
@@ -151,10 +151,13 @@ def _variants(types: str | None, formulation: str | None) -> list[Variant]:
 
 def row_cells(study: Convergence) -> list[list[str]]:
     """Return the table of a study as cells, its head first."""
+    from ..case.units import with_unit
+
     timed = study.over != "elements"
     several = len({s.formulation for s in study.series}) > 1
     rows = [["element", *(["formulation"] if several else []), "elements", "coordinates",
-             *([study.over] if timed else []), study.goal, "error", "order", "time", ""]]
+             *(["dt [" + study.labels[2] + "]" if study.over == "dt" else study.over] if timed else []),
+             with_unit(study.goal, study.labels), "error", "order", TIME, ""]]
     for row in study.rows:
         order = "-" if row.order is None else f"{row.order:.2f}"
         wall = "-" if row.wall_s is None else duration(row.wall_s)

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import Any
 
 from ..case import Dynamic, LinearStatic, Static, Units
-from ..case.units import unit_label
+from ..case.units import with_unit
 from .motion_report import motion_lines
 from .text import duration, many, number, rounded, table
 
-# quantities of one kind share a unit, and what they are known to
-_UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
-          "omega": "rad/s", "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m"}
+# what length, force and time are called
+Labels = tuple[str, str, str]
+# quantities of one kind are known to the same
 _KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
           "vy": "velocity", "theta": "rotation", "omega": "angular velocity", "N": "force", "Q": "force",
           "fx": "force", "fy": "force", "M": "moment", "m": "moment"}
@@ -44,13 +44,13 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
             lines += ["", *_quantities(title, summary[key], labels, floors)]
     for key, described in _FINDINGS.items():
         if summary.get(key):
-            lines += ["", *described(summary[key])]
+            lines += ["", *described(summary[key], labels)]
     if summary.get("checks"):
-        lines += ["", *_checks(summary["checks"])]
+        lines += ["", *_checks(summary["checks"], labels)]
     return "\n".join(lines)
 
 
-def _frequencies(found: list[dict[str, Any]]) -> list[str]:
+def _frequencies(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     growing = any(f.get("growth") for f in found)
     more = ["growth [1/s]", "damping ratio", "residual"] if growing else []
     rows = [["mode", "omega [rad/s]", "f [Hz]", *more, "kind", "largest share"]]
@@ -62,7 +62,7 @@ def _frequencies(found: list[dict[str, Any]]) -> list[str]:
     return table(rows, left=(len(rows[0]) - 2, len(rows[0]) - 1))
 
 
-def _critical(found: list[dict[str, Any]]) -> list[str]:
+def _critical(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     vibrates = any(c["omega"] for c in found)
     rows = [["buckling mode", "load factor", "kind", *(["omega [rad/s]", "f [Hz]"] if vibrates else [])]]
     for k, c in enumerate(found, start=1):
@@ -71,21 +71,21 @@ def _critical(found: list[dict[str, Any]]) -> list[str]:
     return table(rows, left=(2,))
 
 
-def _limit_points(found: list[dict[str, Any]]) -> list[str]:
+def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     named = [(p, q) for p in found[0]["probes"] for q in ("ux", "uy", "theta")]
-    rows = [["limit point", "load factor", *(f"{p} {q}" for p, q in named)]]
+    rows = [["limit point", "load factor", *(with_unit(f"{p} {q}", labels) for p, q in named)]]
     rows += [[str(k), number(f["factor"], 8), *(number(f["probes"][p][q]) for p, q in named)]
              for k, f in enumerate(found, start=1)]
     return table(rows)
 
 
-def _bifurcations(found: list[dict[str, Any]]) -> list[str]:
+def _bifurcations(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     rows = ([str(k), number(f["factor"])] for k, f in enumerate(found, start=1))
     return table([["bifurcation", "load factor"], *rows])
 
 
 # what solvers report beyond probes and reactions
-_FINDINGS: dict[str, Callable[[list[Any]], list[str]]] = {
+_FINDINGS: dict[str, Callable[[list[Any], Labels], list[str]]] = {
     "frequencies": _frequencies, "critical": _critical, "limit_points": _limit_points,
     "bifurcations": _bifurcations,
 }
@@ -117,16 +117,17 @@ def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) 
 def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[str, str, str],
                 floors: dict[str, float]) -> list[str]:
     names = list(dict.fromkeys(q for row in values.values() for q in row))
-    header = [title, *(f"{q} [{unit_label(_UNITS[q], labels)}]" for q in names)]
+    header = [title, *(with_unit(q, labels) for q in names)]
     rows = [[name, *(rounded(row[q], floors[_KINDS.get(q, q)]) if q in row else "" for q in names)]
             for name, row in values.items()]
     return table([header, *rows])
 
 
-def _checks(checks: list[dict[str, Any]]) -> list[str]:
+def _checks(checks: list[dict[str, Any]], labels: Labels) -> list[str]:
     rows = [["expected", "computed", "known", "", ""]]
     for c in checks:
-        rows.append([c["what"], number(c["value"], 8), number(c["expected"], 8), _verdict(c), c["source"]])
+        what = with_unit(c["what"], labels)
+        rows.append([what, number(c["value"], 8), number(c["expected"], 8), _verdict(c), c["source"]])
     return table(rows, left=(0, 3, 4))
 
 

@@ -23,7 +23,7 @@ from .options import (
 )
 from .progress import Bar
 from .session import Session
-from .text import duration, many, number, say, table
+from .text import TIME, duration, many, number, say, table
 
 if TYPE_CHECKING:
     from ..study.sweep import Row, Sweep
@@ -106,11 +106,13 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 
 def report(sweep: Sweep) -> str:
     """Return a sweep as people read it: a row per combination, then where the results are."""
+    from ..case.units import with_unit
     from ..study.sweep_table import short_names, shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
-    head = [*short_names(paths), "status", *names, "elements", "time", *(["error"] if estimated else []), "result", ""]
+    values = [with_unit(name, sweep.labels) for name in names]
+    head = [*short_names(paths), "status", *values, "elements", TIME, *(["error"] if estimated else []), "result", ""]
     rows = [[*(shown(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
              "-" if row.elements is None else str(row.elements), "-" if row.wall_s is None else duration(row.wall_s),
              *(["-" if row.estimate is None else f"{row.estimate:.1e}"] if estimated else []),

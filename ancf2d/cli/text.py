@@ -51,6 +51,10 @@ def rounded(value: float, floor: float, digits: int = 6) -> str:
     return "0" if abs(value) <= floor else number(value, digits)
 
 
+# times have up to so many characters: their column is as wide in every run
+TIME = "time".rjust(8)
+
+
 def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str = "") -> list[str]:
     """Return rows of cells as aligned lines: columns in ``left`` to the left, the others to the right."""
     widths = [max((len(row[k]) for row in rows if k < len(row)), default=0) for k in range(max(map(len, rows)))]

@@ -8,7 +8,7 @@ import textwrap
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from .text import duration, number, table
+from .text import TIME, duration, number, table
 
 if TYPE_CHECKING:
     from ..study.tradeoff.result import Row, Study
@@ -38,8 +38,8 @@ def _rows(study: Study) -> list[str]:
     columns += ["method"] if any(r.task.setting.method is not None for r in rows) else []
     key = next((r.task.setting.key for r in rows if r.task.setting.key), "")
     both = study.against == "continuum"
-    head = ["element", *columns, *([key] if key else []), "elements", "dofs", "error", *(["total"] if both else []),
-            "time", "memory", "front", ""]
+    head = ["element", *columns, *([key] if key else []), "elements", "coordinates", "error",
+            *(["total"] if both else []), TIME, "memory", "front", ""]
     out = [head]
     for row in rows:
         m, setting = row.measured, row.task.setting

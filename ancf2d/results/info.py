@@ -68,12 +68,15 @@ def describe_text(found: dict[str, Any]) -> str:
                  f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}"),
     ]
     if found["range"]:
-        what = "time" if found["solver"] == "dynamic" else "factor"
-        rows.append((what, f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"))
+        moves = found["solver"] == "dynamic"
+        rows.append(("time" if moves else "load factor", f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"
+                     + f" {units['time']}" * moves))
     if found["checkpoint"] is not None:
         rows.append(("resumable", f"from t = {found['checkpoint']:.6g}, by 'ancf2d run CASE --resume'"))
-    rows += [(k, f"{found['summary'][k]}") for k in ("iterations", "wall_s")
-             if k in found["summary"]]
+    if "iterations" in found["summary"]:
+        rows.append(("iterations", f"{found['summary']['iterations']}"))
+    if isinstance(found["summary"].get("wall_s"), (int, float)):
+        rows.append(("solve time", f"{found['summary']['wall_s']:.3g} s"))
     rows.append(("accuracy", _accuracy(found["summary"].get("accuracy"))))
     rows += _sections(found)
     lines += [f"  {name:<11} {value}" for name, value in rows if value]
@@ -107,7 +110,7 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("fields", f"{body}: {', '.join(parts)}"))
     energy = found["summary"].get("energy")
     if isinstance(energy, dict):
-        unit = f" {found['units']['force']}*{found['units']['length']}"
+        unit = f" {found['units']['force']} {found['units']['length']}"
         values = ", ".join(f"{k} = {v:.9g}{unit}" for k, v in energy.items()
                            if isinstance(v, (int, float)))
         rows.append(("energy", values))
@@ -128,7 +131,7 @@ def _many(count: int, what: str) -> str:
 
 
 def _unit(units: str) -> str:
-    return "" if units == "1" else f" {units}"
+    return "" if units == "1" else f" {units.replace('*', ' ')}"
 
 
 def _size(count: float) -> str:

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
+from ..case.units import SI
 from ..errors import CaseError, Problem
 from .failure_row import UNSOLVED, verdict
 from .goal import error_scale
@@ -142,6 +143,7 @@ class Convergence:
     series: list[Series]
     warnings: list[str]
     over: str = "elements"
+    labels: tuple[str, str, str] = SI
 
     @property
     def rows(self) -> list[Row]:
@@ -208,7 +210,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
-                       warnings, "elements" if steps is None else steps.key)
+                       warnings, "elements" if steps is None else steps.key, loaded.case.units.labels)
 
 
 def _values(steps: Steps | None) -> list[float | None]:

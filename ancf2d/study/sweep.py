@@ -15,6 +15,7 @@ from ..case.axes import OPTION as OVER
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.overrides import OPTION as SET
+from ..case.units import SI
 from ..errors import CaseError, Problem, ResultsError
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
@@ -92,6 +93,7 @@ class Sweep:
     folder: Path
     rows: list[Row]
     jobs: list[Job | None]
+    labels: tuple[str, str, str] = SI
 
     @property
     def finished(self) -> list[Row]:
@@ -115,7 +117,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     rows: list[Row] = []
     jobs: list[Job | None] = []
     problems: list[Problem] = []
-    title = ""
+    title, labels = "", SI
     for values in combinations(axes):
         row = Row({axis.path: value for axis, value in zip(axes, values, strict=True)})
         options = (*overrides, *(axis.override(value) for axis, value in zip(axes, values, strict=True)))
@@ -127,13 +129,13 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
             problems += error.problems
             jobs.append(None)
             continue
-        title = loaded.case.title
+        title, labels = loaded.case.title, loaded.case.units.labels
         name = content_name(loaded.completed, files_of(loaded))
         jobs.append(Job(text, file, options, loaded.case.goal, workers.file(str(folder / f"{name}.h5")), name,
                         kernels_of(loaded.case), command, force))
     if not any(jobs):
         raise CaseError(_distinct(problems, axes))
-    return Sweep(case, title, axes, folder, rows, jobs)
+    return Sweep(case, title, axes, folder, rows, jobs, labels)
 
 
 def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:

@@ -324,7 +324,7 @@ def test_a_study_is_printed_as_the_command_prints_it_and_is_a_table_in_notebooks
     assert lines[1] == "tip uy over meshes"
     page = ElementTree.fromstring(f"<div>{study._repr_html_()}</div>")
     rows = [["".join(cell.itertext()) for cell in row] for row in page.iter("tr")]
-    assert rows[0][:4] == ["element", "elements", "coordinates", "tip uy"]
+    assert rows[0][:4] == ["element", "elements", "coordinates", "tip uy [m]"]
     assert [row[1] for row in rows[1:]] == ["2", "4"]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ancf2d.case import load_case_text
+from ancf2d.case.units import SI, with_unit
 from ancf2d.study.run import prepare
 
 CASE = """
@@ -19,7 +20,7 @@ boundary_conditions: [{{type: clamp, at: b@0}}]
 loads: [{{type: gravity, value: [0, {g}]}}]
 solver: {{type: linear_static}}
 """
-SI, MM, KN = "", "units: {length: mm, force: N, time: s}", "units: {length: m, force: kN, time: s}"
+M, MM, KN = "", "units: {length: mm, force: N, time: s}", "units: {length: m, force: kN, time: s}"
 
 
 def said(units: str, E: float, rho: float, g: float) -> list[str]:
@@ -28,9 +29,9 @@ def said(units: str, E: float, rho: float, g: float) -> list[str]:
 
 
 @pytest.mark.parametrize(("units", "E", "rho", "g"), [
-    (SI, 2.07e11, 7850, -9.81), (MM, 2.07e5, 7.85e-9, -9810), (KN, 2.07e8, 7.85, -9.81), (SI, 1.05e12, 3500, -1.62),
-    (SI, 1e5, 20, -9.81), (MM, 1.0, 1.1e-9, -9810), (SI, 1.2e10, 0.5e3, 0), ("units: {length: barn}", 1, 1e9, -3),
-    (SI, 1.0, 1.0, -1.0)],
+    (M, 2.07e11, 7850, -9.81), (MM, 2.07e5, 7.85e-9, -9810), (KN, 2.07e8, 7.85, -9.81), (M, 1.05e12, 3500, -1.62),
+    (M, 1e5, 20, -9.81), (MM, 1.0, 1.1e-9, -9810), (M, 1.2e10, 0.5e3, 0), ("units: {length: barn}", 1, 1e9, -3),
+    (M, 1.0, 1.0, -1.0)],
     ids=["steel", "steel in mm", "steel in kN", "diamond on the moon", "foam", "rubber in mm", "wood", "unknown labels",
          "a model without units"])
 def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: float, g: float) -> None:
@@ -39,7 +40,7 @@ def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: 
 
 @pytest.mark.parametrize(("units", "E", "rho", "steel"), [
     (MM, 2.07e5, 7850, "7.85e-09"), (MM, 2.07e5, 7.85e-6, "7.85e-09"), (MM, 2.07e11, 7850, "7.85e-09"),
-    (SI, 2.07e11, 7.85, "7.85e+03"), (SI, 2.07e5, 7.85e-9, "7.85e+03"), (SI, 2.07e8, 7.85e6, "7.85e+03"),
+    (M, 2.07e11, 7.85, "7.85e+03"), (M, 2.07e5, 7.85e-9, "7.85e+03"), (M, 2.07e8, 7.85e6, "7.85e+03"),
     (KN, 2.07e11, 7.85, "7.85")])
 def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rho: float, steel: str) -> None:
     (warning,) = said(units, E, rho, 0.0)
@@ -47,7 +48,15 @@ def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rh
 
 
 @pytest.mark.parametrize(("units", "E", "rho", "g", "earth"), [
-    (MM, 2.07e5, 7.85e-9, -9.81, "9810"), (SI, 2.07e11, 7850, -9810, "9.81"), (SI, 2.07e11, 7850, 9.81e-3, "9.81")])
+    (MM, 2.07e5, 7.85e-9, -9.81, "9810"), (M, 2.07e11, 7850, -9810, "9.81"), (M, 2.07e11, 7850, 9.81e-3, "9.81")])
 def test_gravity_in_other_units_is_told(units: str, E: float, rho: float, g: float, earth: str) -> None:
     (warning,) = said(units, E, rho, g)
     assert f"that of the earth is {earth}" in warning
+
+
+@pytest.mark.parametrize(("what", "labels", "said"), [
+    ("tip uy", SI, "tip uy [m]"), ("tip uy", ("mm", "kN", "s"), "tip uy [mm]"), ("limit point 1 load ux", SI,
+    "limit point 1 load ux [m]"), ("left M", ("mm", "N", "s"), "left M [N mm]"), ("bending 2", SI, "bending 2 [rad/s]"),
+    ("strain_energy", SI, "strain_energy [N m]"), ("load factor 1", SI, "load factor 1"), ("", SI, "")])
+def test_quantities_have_their_units_beside_them(what: str, labels: tuple[str, str, str], said: str) -> None:
+    assert with_unit(what, labels) == said

@@ -42,7 +42,7 @@ def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
     first = call(*COUNTS, "--out", "mine", "--csv", "t.csv")
     assert first.exit_code == 0, first.output
     lines = [line.split() for line in first.stdout.splitlines()]
-    assert ["count", "status", "tip", "uy", "elements", "time", "result"] in lines
+    assert ["count", "status", "tip", "uy", "[m]", "elements", "time", "result"] in lines
     assert "results in mine" in first.stdout
     again = call(*COUNTS, "--out", "mine")
     assert "results in mine; 2 of 2 rows were computed before" in again.stdout

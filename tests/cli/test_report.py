@@ -6,6 +6,7 @@ from typing import Any
 
 from ancf2d.case import Units
 from ancf2d.cli.report import run_report
+from ancf2d.cli.text import TIME, duration, table
 
 FACTS = {"title": "", "solver": "linear_static", "elements": 2, "dofs": 12, "status": "converged", "wall_s": 0.1}
 
@@ -83,3 +84,21 @@ def test_limit_points_bifurcations_and_buckling_loads_are_listed() -> None:
     text = _found(limit_points=[point], bifurcations=[{"factor": 77.5}], critical=[critical])
     for expected in ("18544.527", "load uy", "-48.7543", "77.5", "2.4674"):
         assert expected in text
+
+
+def test_limit_points_and_expected_values_have_units_in_the_case_s_own() -> None:
+    probe = {"ux": 1.0, "uy": 2.0, "theta": 0.5}
+    summary = {**FACTS, "solver": "static", "iterations": 1, "steps": 1, "probes": {}, "reactions": {},
+               "limit_points": [{"factor": 3.0, "probes": {"tip": probe}}],
+               "checks": [{"what": "tip uy", "value": 1.0, "expected": 1.0, "difference": 0.0, "allowed": 0.1,
+                           "met": True, "source": ""}]}
+    text = run_report(summary, Units(length="mm"), 1.0)
+    assert "tip ux [mm]  tip uy [mm]  tip theta [rad]" in text
+    assert "tip uy [mm]  " in text.splitlines()[-1]
+
+
+def test_the_column_of_times_is_as_wide_whatever_they_are() -> None:
+    """So that two runs can be compared line by line."""
+    widths = {table([["n", TIME, "x"], ["2", duration(t), "y"]])[0].index("x")
+              for t in (1e-5, 9.99e-4, 0.0144, 0.0521, 0.521, 1.0, 9.87, 118.0, 3000.0)}
+    assert len(widths) == 1

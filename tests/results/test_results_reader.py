@@ -349,7 +349,7 @@ def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
     assert found["made"]["overrides"] == ["bodies.beam.element.count=4"]
     text = describe_text(found)
     for words in ("Cantilever with a tip load", "static, converged", "ancf2d run cantilever.yaml",
-                  "20 nodal coordinates, 6 states", "theta = 1 rad", "strain = 12.5 N*m",
+                  "20 nodal coordinates, 6 states", "theta = 1 rad", "strain = 12.5 N m",
                   "numpy 2", "bodies.beam.element.count=4", "4 elements cable"):
         assert words in text, words
 

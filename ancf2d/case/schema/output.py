@@ -157,3 +157,8 @@ class Units:
     length: str = key(Text("the name of a unit"), "Unit of length", default="m", example="mm")
     force: str = key(Text("the name of a unit"), "Unit of force", default="N", example="N")
     time: str = key(Text("the name of a unit"), "Unit of time", default="s", example="s")
+
+    @property
+    def labels(self) -> tuple[str, str, str]:
+        """The labels of length, force and time."""
+        return self.length, self.force, self.time
