@@ -207,10 +207,26 @@ class RateForces:
 
 def stored(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:
     """Return the matrix (n, n) with such entries, stored as ``matrix`` is."""
+    if isinstance(matrix, SymmetricBand):
+        return _of_band(values)
     i, j = entries(model, matrix)
     held, matrix.values[...] = matrix.values.copy(), values
     out = sparse(matrix.read(i, j), i, j, model.numbering.n_unknowns)
     matrix.values[...] = held
+    out.eliminate_zeros()
+    return out
+
+
+def _of_band(values: Array) -> csc_array:
+    """Return the matrix (n, n) of a symmetric band, whose row i has the entries (i, i - bw) to (i, i)."""
+    from scipy.sparse import dia_array
+
+    n, bw = values.shape[0], values.shape[1] - 1
+    diagonals, offsets = np.zeros((2 * bw + 1, n)), np.arange(-bw, bw + 1)
+    for p in range(bw + 1):
+        diagonals[bw + p] = values[:, bw - p]
+        diagonals[bw - p, :n - p] = values[p:, bw - p]
+    out = dia_array((diagonals, offsets), shape=(n, n)).tocsc()
     out.eliminate_zeros()
     return out
 
