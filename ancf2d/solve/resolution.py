@@ -166,7 +166,7 @@ class Resolution:
         off = _share(sum(lost.values()), stored)
         if off <= TOLD:
             return []
-        return [f"the mesh is too coarse: displacements are off by about {100 * off:.2g} %{self._where(lost)}. "
+        return [f"the mesh is too coarse: displacements are off by about {_percent(off)} %{self._where(lost)}. "
                 f"{ADVICE}"]
 
     def _of_modes(self, state: State) -> list[str]:
@@ -179,7 +179,9 @@ class Resolution:
                 continue
             d = np.append(shape, np.zeros(len(zero) - len(shape)))
             Q = system.action(zero, d, 0.0, linear=True)
-            moving = State(0.0, d, Q, zero, 0.0, linear=True, a=-mode["omega"]**2 * d)
+            # omega^2 of the undamped mode, where damping has the same share in all of it
+            squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
+            moving = State(0.0, d, Q, zero, 0.0, linear=True, a=-squared * d)
             found = {name: body.energies(moving) for name, body in bodies.items()}
             share = _share(sum(gap for _, gap in found.values()), sum(stored for stored, _ in found.values()))
             if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > TOLD:
@@ -188,7 +190,7 @@ class Resolution:
                     told[name] = told.get(name, 0.0) + gap / mode["omega"]**2
         if not off:
             return []
-        worst = ", ".join(f"{name} by about {100 * error:.2g} %" for name, error in list(off.items())[:SHOWN])
+        worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
         more = f", and {len(off) - SHOWN} more" if len(off) > SHOWN else ""
         return [f"the mesh is too coarse for some of the modes: the frequency is off for {worst}{more}"
                 f"{self._where(told)}. {ADVICE}"]
@@ -197,6 +199,10 @@ class Resolution:
         """Return ' (body rod, 4 elements)' for the body that the mesh follows least, where there are several."""
         name = max(lost, key=lambda k: lost[k])
         return f" (most in bodies.{name}, {self.model.meshes[name].plan.count} elements)" if len(lost) > 1 else ""
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.2g}"
 
 
 def _share(gap: float, stored: float) -> float:

@@ -66,6 +66,18 @@ def test_frequencies_of_a_cantilever_are_off_by_what_is_said(name: str) -> None:
             assert error == pytest.approx(float(found[1]) / 100, rel=0.35)
 
 
+def test_damped_modes_are_judged_as_undamped_ones_are() -> None:
+    """Kelvin-Voigt damping has the same shapes, however large; omega is that of damped vibration."""
+    def warnings(tau: float) -> list[str]:
+        material = {**helpers.STEEL, "damping": {"kelvin_voigt": tau}}
+        body = helpers.body(helpers.line(2.0), helpers.element("reissner2", 4), SECTION, material)
+        case = helpers.load({"b": body}, {"type": "eigen", "modes": 2}, bc=[{"type": "clamp", "at": "b@0"}])
+        return said(run_case(case))
+
+    (undamped,), (damped,) = warnings(1e-9), warnings(1e-3)
+    assert damped == undamped
+
+
 def cable(count: int) -> Outcome:
     """A steel cable, drawn together by a tenth of its length in its own weight, of straight elements."""
     body = helpers.body(helpers.line(10.0), helpers.element("reissner2", count), {"height": 0.005, "width": 0.005},
