@@ -189,7 +189,9 @@ def _pair_warnings(spec: Eigen, pairs: Pairs, s: Complex) -> list[str]:
     """Return what is to be said of pairs; s (m,) are those that are reported."""
     out = []
     vibrating = int((s.imag > 0).sum())
-    if vibrating < spec.modes:
+    if vibrating < spec.modes and pairs.skipped:
+        out.append(f"{vibrating} pairs converged, not {spec.modes}. Ask for fewer, or use fewer or longer elements")
+    elif vibrating < spec.modes:
         out.append(f"{vibrating} pairs vibrate, not {spec.modes}; what else moves decays or grows without vibrating")
     if pairs.missing is None:
         out.append("the pairs could not be counted: some may be missing")

@@ -51,6 +51,7 @@ class Pairs:
     ``rest`` (k,): which are rigid motions that nothing moves or holds, each once, with s = 0. ``residual``:
     |Q(s0)^-1 Q(s) x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: how many more eigenvalues
     the argument principle counts within the circle through the last pair (None: it could not tell).
+    ``skipped`` pairs did not converge.
     """
 
     s: Complex
@@ -58,6 +59,7 @@ class Pairs:
     residual: Array
     rest: NDArray[np.bool_]
     missing: int | None
+    skipped: int
 
 
 def shift_of(problem: Quadratic, s0: float) -> float:
@@ -237,7 +239,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
     """Return the pairs that were asked for, lowest |s| first, with the real eigenvalues among them."""
     keep: list[complex] = []
     vectors, residuals, rests = [], [], []
-    pairs = real = 0
+    pairs = real = skipped = 0
     for k in np.flatnonzero(s.imag >= -REAL * np.abs(s)):
         if pairs == number:
             break
@@ -247,6 +249,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
             continue
         residual = search.residual(s[k], x)
         if residual > TRUSTED:
+            skipped += int(is_pair)
             continue
         pairs, real = pairs + (is_pair and not rest), real + (not is_pair and not rest)
         keep.append(0j if rest else s[k] if is_pair else complex(s[k].real))
@@ -256,7 +259,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
     found, X, rest = np.array(keep), np.array(vectors).reshape(len(keep), -1), np.array(rests, dtype=bool)
     missing = 0 if complete else _missing(search, found, s)
     some = _distinct(search.problem, X, rest)
-    return Pairs(found[some], X[some], np.array(residuals)[some], rest[some], missing)
+    return Pairs(found[some], X[some], np.array(residuals)[some], rest[some], missing, skipped)
 
 
 def _distinct(problem: Quadratic, X: Complex, rest: NDArray[np.bool_]) -> NDArray[np.integer]:
