@@ -34,6 +34,8 @@ SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
 TRUSTED = 1e-5
 # share of an eigenvalue within which its imaginary part is round-off
 REAL = 1e-9
+# terms of a quadratic polynomial beside its last one, below which it has no root within a circle
+OUTSIDE = 0.9
 # eigenvalues beyond the pairs asked for that are corrected with them
 MARGIN = 12
 # strain energy beside that of elastic modes, and size of an eigenvalue beside theirs, of motions that are at rest
@@ -276,6 +278,13 @@ def _distinct(problem: Quadratic, X: Complex, rest: NDArray[np.bool_]) -> NDArra
     return np.array(kept, dtype=np.int64)
 
 
+def _diagonals(problem: Quadratic) -> tuple[Array, Array, Array]:
+    """Return the diagonals of K, C and M where Kelvin-Voigt damping acts (k,), none without."""
+    k, c, m = (A.diagonal() for A in (problem.K, problem.C, problem.M))
+    acts = (c > 0) & (k > 0) & (problem.damped and problem.small.viscous is not None)
+    return k[acts], c[acts], m[acts]
+
+
 def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
     """Return how many eigenvalues there are beside those found within the circle through the last of them."""
     if not len(found):
@@ -290,6 +299,12 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
     # those beyond the circle make the phase turn less between its points, and count for nothing
     near = ritz[(np.abs(ritz) > outer) & (np.abs(ritz) < 4 * outer)]
 
+    # Kelvin-Voigt damping of fine meshes turns the phase by (1 + tau s)^n: the diagonal does so too, and its roots,
+    # ``own`` of them within the circle, are known
+    k, c, m = _diagonals(search.problem)
+    own = sum(int((np.abs(np.roots([c2, c1, c0])) < outer).sum()) for c0, c1, c2 in zip(k, c, m, strict=True)
+              if c2 * outer**2 + c1 * outer > OUTSIDE * c0)
+
     def phase(angle: float) -> complex:
         at = outer * complex(math.cos(angle), math.sin(angle))
         matrix = search.problem.matrix(at if 0.0 < angle < math.pi else at.real)
@@ -298,6 +313,6 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
             out *= abs(at - s) / (at - s)
         for s in near:
             out *= abs(at - s) / (at - s)
-        return out
+        return out * np.exp(-1j * np.angle(k + at * c + at * at * m).sum())
     turned = turned_on_half_circle(phase)
-    return None if turned is None else round(turned / math.pi)
+    return None if turned is None else round(turned / math.pi) + own
