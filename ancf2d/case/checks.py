@@ -16,11 +16,12 @@ from .source import Source
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")
+SMALL = ("eigen", "frequency_response")
 # top-level keys and output keys -> the solvers they are for
 _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("initial",): ("dynamic",),
-    ("damping",): ("eigen", "buckling", "dynamic"),
-    ("steady_rotation",): ("static", "eigen"),
+    ("damping",): (*SMALL, "buckling", "dynamic"),
+    ("steady_rotation",): ("static", *SMALL),
     ("output", "interval"): ("dynamic",),
     ("output", "every"): ("static", "dynamic"),
 }
@@ -50,6 +51,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.masses()
         checker.times()
         checker.aims()
+        checker.inputs()
 
 
 class _Checker:
@@ -178,6 +180,31 @@ class _Checker:
         if form == "limit_point":
             self.limit_point(path, goal.limit_point)
 
+    def inputs(self) -> None:
+        """Check that each input is the name of one load or prescribed motion."""
+        case: Any = self.case
+        if ("solver",) in self.failed or INVALID in (case.loads, case.boundary_conditions):
+            return
+        moved = [s.name for s in case.boundary_conditions if isinstance(s, Prescribed) and s.name]
+        loads = [load.name for load in case.loads if load is not INVALID and load.name]
+        if self.failed & {("loads",), ("boundary_conditions",)}:
+            return
+        for i, name in enumerate(case.inputs):
+            path: Path = ("solver", "inputs", i)
+            if name in case.inputs[:i]:
+                self.fail(path, f"{dotted(path)}: '{name}' is named twice")
+            elif name == "hz":
+                self.fail(path, f"{dotted(path)}: hz is the name of the frequencies in the results", "another name")
+            elif name in moved and name in loads:
+                self.fail(path, f"{dotted(path)}: '{name}' is the name of a load and of a prescribed motion", "names "
+                          "that differ")
+            elif name not in (*moved, *loads):
+                known = [*loads, *moved]
+                near = self.binder.nearest(name, known)
+                self.fail(path, f"{dotted(path)}: there is no load or prescribed motion named {quoted(name)}",
+                          (listed(sorted(known)) if known else "a load or prescribed motion with a name")
+                          if not near else "", near)
+
     def limit_point(self, path: Path, number: int) -> None:
         solver: Any = self.case.solver
         path = (*path, "limit_point")
@@ -192,7 +219,7 @@ class _Checker:
         """Check that bodies have mass where mass is needed."""
         case = self.case
         gravity = any(isinstance(load, Gravity) for load in case.loads or ())
-        why = (f"the solver is {self.solver}" if self.solver in ("dynamic", "eigen") else
+        why = (f"the solver is {self.solver}" if self.solver in ("dynamic", *SMALL) else
                "there is gravity" if gravity else
                "there is steady_rotation" if case.steady_rotation is not None else "")
         if not why or case.bodies is INVALID:

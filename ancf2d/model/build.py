@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,13 @@ from ..case import (
     Buckling,
     Case,
     Dynamic,
-    Eigen,
     Gravity,
     GroundPoint,
     LinearStatic,
     LoadedCase,
     LoadFactor,
     Point,
+    SmallMotions,
     Static,
 )
 from ..elements.shape import Array, UnsolvableBasisError
@@ -39,7 +40,7 @@ from .repeated import drop_repeated, linear_row
 from .spin import centrifugal
 from .springs import SPRINGS, Spring
 from .supports import SUPPORTS, SupportError
-from .timing import PathTiming, TimeTiming, Timing
+from .timing import InputTiming, PathTiming, TimeTiming, Timing
 
 
 def timing_of(case: Case) -> Timing:
@@ -51,16 +52,18 @@ def timing_of(case: Case) -> Timing:
 
 def must_be_held(case: Case) -> bool:
     """Return whether the solver looks for an equilibrium, so that nothing may move freely."""
-    if isinstance(case.solver, Eigen):
-        return case.solver.about == "static"
+    if isinstance(case.solver, SmallMotions):
+        # at frequency 0 the response is an equilibrium
+        return case.solver.about == "static" or 0.0 in getattr(case.solver, "hz", ())
     return isinstance(case.solver, LinearStatic | Static | Buckling)
 
 
 def weighs(case: Case) -> bool:
     """Return whether the solver follows a mechanism to where gravity holds it."""
-    static = isinstance(case.solver, Eigen) or (isinstance(case.solver, Static) and case.solver.method == "newton")
+    solver = case.solver
+    static = isinstance(solver, SmallMotions) or (isinstance(solver, Static) and solver.method == "newton")
     return static and course_of(case)[1] > 0.0 and any(
-        isinstance(load, Gravity) and any(load.value) for load in case.loads)
+        isinstance(load, Gravity) and any(load.value) and load.name not in case.inputs for load in case.loads)
 
 
 def course_of(case: Case) -> tuple[float, float]:
@@ -110,6 +113,8 @@ class _Builder:
         self.extent = reference_extent(self.plans)
         self.equations = Equations()
         self.loads = LoadSet()
+        # loads that are inputs do not act: by name
+        self.inputs: dict[str, LoadSet] = {}
         self.springs: list[Spring] = []
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
@@ -128,8 +133,9 @@ class _Builder:
         for i, (support, name) in enumerate(zip(self.case.boundary_conditions, support_names(self.case), strict=True)):
             point = self.point(support.at)
             self.supports.append((name, point))
+            timing = InputTiming(str(support.name)) if support.name in self.case.inputs else self.timing
             try:
-                SUPPORTS[type(support)](support, point, name, self.timing, self.equations)
+                SUPPORTS[type(support)](support, point, name, timing, self.equations)
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
 
@@ -154,19 +160,22 @@ class _Builder:
     def add_loads(self) -> None:
         for load in self.case.loads:
             context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), load.amplitude is None)
-            LOADS[type(load)](load, context, self.loads)
+            out = self.loads
+            if load.name in self.case.inputs:
+                out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
+            LOADS[type(load)](load, context, out)
             if isinstance(load, Gravity):
-                self._weigh_masses(load.value, context)
+                self._weigh_masses(load.value, context, out)
 
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.masses]
             self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
 
-    def _weigh_masses(self, g: tuple[float, float], context: LoadContext) -> None:
+    def _weigh_masses(self, g: tuple[float, float], context: LoadContext, out: LoadSet) -> None:
         for mass in self.case.masses:
             for (coords, weights), a in zip(self.point(mass.at).position(), g, strict=True):
-                self.loads.dead.append(DeadLoad(coords, weights * a * mass.mass, context.amplitude, context.scaled,
-                                                gravity=True))
+                out.dead.append(DeadLoad(coords, weights * a * mass.mass, context.amplitude, context.scaled,
+                                         gravity=True))
 
     def check_motions(self) -> None:
         """Look for prescribed motions that no body can follow."""
@@ -263,4 +272,5 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches], len(b.e0), moving, moving or symmetric(b.loads))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
-                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs)
+                 b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
+                 b.inputs)

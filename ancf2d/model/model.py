@@ -121,6 +121,8 @@ class Model:
     loaded: LoadedCase | None = None
     # whether only gravity holds it, so that the reference is a mechanism
     hangs: bool = False
+    # the loads that are inputs of small motions, by name: they are not among ``loads``
+    inputs: dict[str, LoadSet] = field(default_factory=dict)
 
     @property
     def n_q(self) -> int:

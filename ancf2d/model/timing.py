@@ -56,6 +56,28 @@ class TimeTiming(Timing):
         return Signal(value, 1.0, -start)
 
 
+class Drive:
+    """What a prescribed motion follows that is an input of small motions: it rests, and ``amplitude`` oscillates."""
+
+    def __init__(self, name: str, amplitude: float) -> None:
+        self.name, self.amplitude = name, amplitude
+
+    def __call__(self, t: float) -> float:
+        """Return 0."""
+        return 0.0
+
+
+class InputTiming(Timing):
+    """For motions that are inputs: they rest in the state about which they move."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def motion(self, value: float | Amplitude, start: float) -> Drive:
+        """Return the motion whose amplitude is the number prescribed, or the scale of what it follows over time."""
+        return Drive(self.name, float(value) if isinstance(value, int | float) else value.scale)
+
+
 class PathTiming(Timing):
     """Along a path the load factor scales what has no amplitude; the rest is constant, at its value for t = 1.
 

@@ -141,6 +141,7 @@ _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("violation", "1", "largest violation of a constraint, relative to its own size"),
 )}
 _TABLE: dict[str, Column] = {c.name: c for c in (
+    Column("hz", "1/{T}", "frequency"),
     Column("element", "none", "element type"), Column("formulation", "none", "formulation"),
     Column("elements", "1", "number of elements", True),
     Column("dofs", "1", "nodal coordinates before elimination", True),
@@ -148,11 +149,16 @@ _TABLE: dict[str, Column] = {c.name: c for c in (
     Column("order", "1", "observed order of convergence between this row and the one before"),
     Column("wall_s", "s", "measured time of the solve alone"),
 )}
+_PARTS = {"re": "real", "im": "imaginary"}
 _REGISTRY = {"probe": _PROBE, "history": _HISTORY, "table": _TABLE}
 
 
 def known_column(role: str, name: str) -> Column:
     """Return what is known of a column; ``role`` is probe, history or table."""
+    part = _PARTS.get(name.rpartition(".")[2])
+    quantity = _PROBE.get(name.split(".")[-2]) if role == "table" and part is not None and "." in name else None
+    if quantity is not None:  # INPUT.PROBE.QUANTITY.re
+        return Column(name, quantity.units, f"{part} part of the amplitude: {quantity.description}")
     return _REGISTRY[role].get(name) or Column(name, "1", name.replace("_", " "))
 
 

@@ -43,9 +43,13 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
         scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), *tables)
 
 
-def full_mass(model: Model) -> csr_matrix:
-    """Return the constant mass matrix M (n_q, n_q) of all nodal coordinates, point masses included."""
-    return scattered([*_element_masses(model), *((coords[None, :], M) for coords, M in point_masses(model))], model.n_q)
+def full_mass(model: Model, e: Array | None = None) -> csr_matrix:
+    """Return the constant mass matrix M (n_q, n_q) of all nodal coordinates, point masses included.
+
+    With ``e`` (n_q,) it is that of small motion about these coordinates.
+    """
+    masses = ((coords[None, :], M) for coords, M in point_masses(model, e))
+    return scattered([*_element_masses(model), *masses], model.n_q)
 
 
 def coriolis_matrix(model: Model, omega: float) -> csr_matrix:

@@ -12,6 +12,7 @@ from ..case import (
     Case,
     Dynamic,
     Eigen,
+    FrequencyResponse,
     LinearStatic,
     LoadFactor,
     Prescribed,
@@ -51,6 +52,12 @@ def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
     return solve_eigen(model, spec)
 
 
+def _frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[State]:
+    from .frequency_response import solve_frequency_response
+
+    return solve_frequency_response(model, spec)
+
+
 def _buckling(model: Model, spec: Buckling) -> Iterator[State]:
     from .buckling import solve_buckling
 
@@ -65,7 +72,8 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
 
 # a third argument: the checkpoint that a motion goes on from, the guess that statics begins with
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
-    LinearStatic: _linear, Static: _static, Eigen: _eigen, Buckling: _buckling, Dynamic: _dynamic,
+    LinearStatic: _linear, Static: _static, Eigen: _eigen,
+    FrequencyResponse: _frequency_response, Buckling: _buckling, Dynamic: _dynamic,
 }
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Dynamic, Eigen, LinearStatic
+from ..case import Buckling, Case, Dynamic, LinearStatic, SmallMotions
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
@@ -204,12 +204,12 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
         out.append(partial(force_tangent, none, d, 1.0, d, matrix.target, *tables))
         if not isinstance(model.case.solver, LinearStatic):
             out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
-        if model.moves or isinstance(model.case.solver, LinearStatic | Eigen | Buckling):
+        if model.moves or isinstance(model.case.solver, LinearStatic | SmallMotions | Buckling):
             out.append(partial(tangent_action, none, d, d, d))
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
-    if model.hangs or isinstance(model.case.solver, Eigen | Buckling):
+    if model.hangs or isinstance(model.case.solver, SmallMotions | Buckling):
         from ..kernels.mass import scatter_classes
         from ..solve.linear import matrix_of_one
 

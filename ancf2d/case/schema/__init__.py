@@ -47,10 +47,12 @@ from .solvers import (
     Buckling,
     Dynamic,
     Eigen,
+    FrequencyResponse,
     LimitPoints,
     LinearStatic,
     LoadFactor,
     ProbeReaches,
+    SmallMotions,
     Solver,
     Static,
 )
@@ -59,11 +61,11 @@ from .supports import Clamp, Fix, Pin, Prescribed, Roller, Support
 __all__ = [
     "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Clamp",
     "Constant", "Damping", "Distributed", "Dynamic", "Eigen", "Element", "Expected", "Expression",
-    "Fix", "FollowerForce", "Force", "Geometry", "Goal", "Gravity", "GroundPoint", "Initial",
+    "Fix", "FollowerForce", "Force", "FrequencyResponse", "Geometry", "Goal", "Gravity", "GroundPoint", "Initial",
     "Joint", "LimitPoints", "Line", "LinearStatic", "Load", "LoadFactor", "Mass", "Material",
     "MaterialDamping", "Moment", "Output", "Pin", "PinJoint", "Point", "Polyline", "Prescribed",
     "PrismaticJoint", "Probe", "ProbeReaches", "Ramp", "Rayleigh", "Rectangle", "Roller",
-    "RotationRate", "RotationalSpring", "Section", "Selective", "Sine", "SliderJoint", "Solver",
+    "RotationRate", "RotationalSpring", "Section", "Selective", "Sine", "SliderJoint", "SmallMotions", "Solver",
     "Spring", "Static", "SteadyRotation", "Stiffness", "Support", "Table", "TranslationalSpring",
     "Units", "WeldJoint",
 ]

@@ -129,10 +129,10 @@ class Case:
     masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", default=())
     loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", default=())
     initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
-    damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic)",
-                                  default=None)
+    damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic, eigen, buckling, "
+                                  "frequency_response)", default=None)
     steady_rotation: SteadyRotation | None = key(
-        Record(SteadyRotation), "Steady rotation of the frame (static, eigen)", default=None)
+        Record(SteadyRotation), "Steady rotation of the frame (static, eigen, frequency_response)", default=None)
     solver: Solver = key(OneOf(Solver), "What to compute, and how")
     goal: Goal | None = key(Record(Goal), "Value whose accuracy matters", default=None)
     accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy wanted for the goal", default=None,
@@ -140,3 +140,8 @@ class Case:
     output: Output = key(Record(Output), "What to store in the result file", default=Output())
     expected: tuple[Expected, ...] = key(ListOf(Record(Expected), "known values"),
                                          "Known values, for checking the result", default=())
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the loads and prescribed motions that are inputs of small motions; empty for other solvers."""
+        return getattr(self.solver, "inputs", ())

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Flag, Integer, Known, Name, Number, Sign
+from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, Sign
 from ..records import ByKeys, Record
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
 SHORTEST = 1e-12
 # relative error of adaptive steps where the case says nothing of steps
 STEP_TOLERANCE = 1e-6
+INPUTS_DOC = ("Loads and prescribed motions, by name, that oscillate: the value that the case gives is the amplitude; "
+              "amplitudes over time are ignored, and inputs are absent from the static state")
 MOTIONS = ("x", "y", "ux", "uy", "theta")
+
+
+def _about() -> Any:
+    return key(Choice("reference", "static"), "State about which the model vibrates: the reference, or the static "
+               "equilibrium under the loads", default="reference")
 
 
 @record
@@ -98,12 +106,50 @@ class Eigen:
     tag = "eigen"
     modes: int = key(Integer(), "Number of modes, from the lowest; where damping makes them complex, of pairs: real "
                      "eigenvalues come in addition", default=10)
-    about: str = key(Choice("reference", "static"), "State about which the model vibrates: the reference, or the "
-                     "static equilibrium under the loads", default="reference")
+    about: str = _about()
     damped: bool = key(Flag(), "Whether dashpots and damping act", default=True)
     verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
                        "spurious",
                        default=False)
+
+
+@record
+class FrequencyResponse:
+    """Response of the probes to loads and motions that oscillate, over the frequency."""
+
+    tag = "frequency_response"
+    inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), INPUTS_DOC,
+                                  example=["shaker"])
+    from_: float | None = key(Number("Hz", gt=0), "Lowest frequency", default=None, example=1)
+    to: float | None = key(Number("Hz", gt=0), "Highest frequency", default=None, example=500)
+    points: int = key(Integer(2), "Number of frequencies from the lowest to the highest", default=400)
+    scale: str = key(Choice("log", "linear"), "How the frequencies are spaced: evenly in their logarithm, or "
+                     "evenly", default="log")
+    frequencies: tuple[float, ...] | None = key(ListOf(Number("Hz", ge=0), "frequencies", 1), "The frequencies, "
+                                                "instead of from and to", default=None, example=[1, 10, 100])
+    about: str = _about()
+
+    def check(self) -> Iterator[Issue]:
+        """Yield frequencies that are given twice, or not at all."""
+        ends = [k for k in ("from_", "to") if getattr(self, k) is not None]
+        if self.frequencies is not None and ends:
+            yield Issue(("frequencies",), "{}: frequencies and a range are both given", "frequencies, or from and to")
+        elif self.frequencies is None and len(ends) < 2:
+            yield Issue((), "{}: the frequencies are missing", "from and to, or frequencies")
+        elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
+            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
+
+    @property
+    def hz(self) -> tuple[float, ...]:
+        """The frequencies [Hz]."""
+        if self.frequencies is not None:
+            return self.frequencies
+        assert self.from_ is not None
+        assert self.to is not None
+        low, high, n = self.from_, self.to, self.points - 1
+        if self.scale == "log":
+            return (low, *(low * (high / low) ** (k / n) for k in range(1, n)), high)
+        return (low, *(low + (high - low) * k / n for k in range(1, n)), high)
 
 
 @record
@@ -155,4 +201,6 @@ class Dynamic:
                         "advance in floating-point numbers", f"at least {SHORTEST * self.t_end:g}")
 
 
-Solver = LinearStatic | Static | Eigen | Buckling | Dynamic
+# what is linearised about a state
+SmallMotions = Eigen | FrequencyResponse
+Solver = LinearStatic | Static | Eigen | FrequencyResponse | Buckling | Dynamic

@@ -1,0 +1,148 @@
+"""Inputs and outputs of small motions: forces of loads and of moving supports, and what probes read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.interactions import Interactions
+from ..model.loads import LoadSet
+from ..model.mesh import Index
+from ..model.point_patch import PointConstraint
+from ..model.points import PointRef
+from ..model.rotation import Rotation
+from ..model.timing import Drive
+from .linearised import Linearised
+from .mass import full_mass
+from .post import place_rate
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+
+@dataclass(frozen=True)
+class Input:
+    """What a unit of one input u does to small motions d = T z + p u.
+
+    K z + C z' + M z'' = f[0] u + f[1] u' + f[2] u''. ``f`` (3, n_unknowns): loads have the first row alone; ``p``
+    (n_full,): motion that is prescribed, 0 for loads.
+    """
+
+    name: str
+    f: Array
+    p: Array
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity of a probe: sum of weights * d[coords], or its rate where ``order`` is 1."""
+
+    probe: str
+    quantity: str
+    coords: Index
+    weights: Array
+    order: int
+
+    def of(self, d: Array) -> complex:
+        """Return its value for coordinates d (n_full,), or for their rates where ``order`` is 1."""
+        return complex(self.weights @ d[self.coords])
+
+
+class Inputs:
+    """What makes inputs of the names of a model's loads and prescribed motions."""
+
+    def __init__(self, small: Linearised) -> None:
+        self.small, self.model = small, small.model
+        self.d = small.base.state.d
+
+    def __call__(self, names: Sequence[str]) -> list[Input]:
+        """Return the inputs of these names. Raises ComputationError where another support holds what one moves."""
+        self._check()
+        return [self._load(name) if name in self.model.inputs else self._motion(name) for name in names]
+
+    def _check(self) -> None:
+        rows = self.model.rows
+        for _, combined in self.model.elimination.redundant:
+            for r in combined:
+                if isinstance(rows[r].signal, Drive):
+                    others = sorted({rows[k].owner for k in combined} - {rows[r].owner})
+                    raise ComputationError(
+                        f"the input {rows[r].owner} moves {rows[r].holds}, which {', '.join(others)} holds too",
+                        advice="hold or move each point once")
+
+    def _load(self, name: str) -> Input:
+        model, f = self.model, np.zeros((3, self.small.n))
+        f[0] = model.numbering.reduce(load_forces(self.small, model.inputs[name]))
+        return Input(name, f, np.zeros(len(self.d)))
+
+    def _motion(self, name: str) -> Input:
+        model, num, n_q = self.model, self.model.numbering, self.model.n_q
+        p, force = np.zeros(len(self.d)), np.zeros(len(self.d))
+        for coord, dependent in model.elimination.dependents.items():
+            for r, factor in dependent.rhs.items():
+                drive = model.rows[r].signal
+                if isinstance(drive, Drive) and drive.name == name:
+                    p[coord] += factor * drive.amplitude
+        for constraint in model.constraints:
+            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, Drive) \
+                    and constraint.signal.name == name:
+                self._add_driven(constraint, constraint.signal.amplitude, force)
+        inertia = np.zeros(len(p))
+        inertia[:n_q] = self._mass @ p[:n_q]
+        rates = self.small.rates(self.d, p, lambda: self._mass, linear=True)
+        full = (force - self.small.pencil.full_stiffness(p), -rates, -inertia)
+        return Input(name, np.array([num.reduce(part) for part in full]), p)
+
+    def _add_driven(self, constraint: PointConstraint, amplitude: float, out: Array) -> None:
+        """Subtract how the forces of a constraint change with the angle that it prescribes."""
+        rows, coords = constraint.rows, constraint.coordinates
+        _, H, _ = constraint.forces(rows @ self.d[coords], 0.0)
+        np.add.at(out, coords, -amplitude * (rows.T @ H[:, constraint.fed]))
+
+    @cached_property
+    def _mass(self) -> csr_matrix:
+        return full_mass(self.model, self.model.e0 + self.d[:self.model.n_q])
+
+
+def load_forces(small: Linearised, loads: LoadSet) -> Array:
+    """Return the forces (n_full,) of loads at full size, where they turn those in the state of ``small``."""
+    model, d = small.model, small.base.state.d
+    out = np.zeros(len(d))
+    for load in loads.dead:
+        np.add.at(out, load.dofs, load.values * load.amplitude(1.0))
+    e = model.e0 + d[:model.n_q]
+    for batch in Interactions([], loads.patches, [], model.e0).loads:
+        np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
+    return out
+
+
+def outputs(small: Linearised) -> list[Output]:
+    """Return x, y, ux, uy, theta, vx, vy and omega of every probe, as changes from the state of ``small``."""
+    model, out = small.model, []
+    for name, at in model.case.output.probes.items():
+        out += _of_probe(small, name, model.point(at.at, at.y))
+    return out
+
+
+def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
+    model, d = small.model, small.base.state.d
+    rotation, e = Rotation(point), model.e0 + d[:model.n_q]
+    gradient, theta = rotation.gradient(e), rotation.value(e, d)
+    coords = np.unique(np.concatenate([rotation.dofs, *(c for c, _ in point.position())]))
+    unit, values = np.zeros(len(d)), np.zeros((3, len(coords)))
+    for k, coord in enumerate(coords.tolist()):
+        unit[coord] = 1.0
+        omega = float(gradient @ unit[rotation.dofs])
+        values[:2, k], values[2, k] = place_rate(point, unit, theta, omega), omega
+        unit[coord] = 0.0
+    along = dict(zip(("x", "y", "theta"), values, strict=True))
+    names = {"x": "x", "y": "y", "ux": "x", "uy": "y", "theta": "theta"}
+    rates = {"vx": "x", "vy": "y", "omega": "theta"}
+    return [Output(name, q, coords, along[of], order) for order, group in enumerate((names, rates))
+            for q, of in group.items()]
