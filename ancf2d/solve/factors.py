@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from .ldl import Symmetric
@@ -57,8 +58,8 @@ class Factors:
         swaps = _parity(self.sparse.perm_r) + _parity(self.sparse.perm_c)
         self.phase = _phase(self.sparse.U.diagonal(), swaps)
 
-    def solve(self, b: Array) -> Array:
-        """Return A^-1 b."""
+    def solve(self, b: NDArray[Any]) -> NDArray[Any]:
+        """Return A^-1 b, of vectors (n,) or of columns (n, k)."""
         if self.bw <= BAND:
             return np.asarray(self._backward(self.lu, self.bw, self.bw, b, self.rows)[0])
         return np.asarray(self.sparse.solve(b))
