@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
-from .quadratic import AT_REST, Search, projected_pairs, shift_of
-from .reduced import Complex, Quadratic, Space
+from .quadratic import AT_REST, Search, shift_of
+from .reduced import Complex, Quadratic, Space, projected_pairs, projected_values
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -93,7 +94,7 @@ class _Track:
         self.still = AT_REST * math.sqrt(characteristic(pencil))
         self.space = Space(self._problem(0.0))
         self._project(0.0)
-        s = np.abs(self._all(0.0)[0])
+        s = np.abs(self._values(0.0))
         self.lowest = float(s[s > self.still].min(initial=np.inf))
         if not math.isfinite(self.lowest):
             raise ComputationError("nothing vibrates", advice="give the bodies a density and a stiffness")
@@ -115,12 +116,19 @@ class _Track:
         self.rates = V @ (self.rate @ V.T)
         self.shift = search.s0
 
-    def _all(self, factor: float) -> tuple[Complex, Complex]:
-        """Return all eigenvalues in the space, by |s|, and their vectors."""
+    def _matrices(self, factor: float) -> Array:
+        """Return K, C and M in the space at a load factor."""
         K, C, M = self.matrices
-        s, Y = projected_pairs(np.array([K + factor * self.rates, C, M]), self.shift)
-        order = np.argsort(np.abs(s), kind="stable")
-        return s[order], Y[order]
+        return np.array([K + factor * self.rates, C, M])
+
+    def _values(self, factor: float) -> Complex:
+        """Return all eigenvalues in the space, by |s|."""
+        s = projected_values(self._matrices(factor), self.shift)
+        return s[np.argsort(np.abs(s), kind="stable")]
+
+    def _grows(self, s: Complex) -> NDArray[np.bool_]:
+        """Return which eigenvalues grow, one of each pair."""
+        return (s.real > self.limit * np.maximum(np.abs(s), self.lowest)) & (s.imag >= 0) & (np.abs(s) <= self.radius)
 
     def _smallest(self) -> float:
         """Return the factor at which ``rate`` can be as much as the stiffness in some combination of the modes."""
@@ -136,16 +144,9 @@ class _Track:
                                    advice="a load without an amplitude, which the load factor scales")
         return 1.0 / size
 
-    def _unstable(self, factor: float) -> tuple[Complex, Complex]:
-        """Return the eigenvalues that grow at a factor, one of each pair, slowest growth first, and their vectors."""
-        s, Y = self._all(factor)
-        grows = (s.real > self.limit * np.maximum(np.abs(s), self.lowest)) & (s.imag >= 0) & (np.abs(s) <= self.radius)
-        order = np.argsort(s[grows].real)
-        return s[grows][order], Y[grows][order]
-
     def growing(self, factor: float) -> int:
         """Return how many motions grow at a load factor."""
-        return len(self._unstable(factor)[0])
+        return int(self._grows(self._values(factor)).sum())
 
     def refined(self, low: float, high: float) -> Critical | None:
         """Return the critical factor near two others, None where a better space has none there."""
@@ -167,17 +168,19 @@ class _Track:
             while self.growing(low) > known and low > 0.0:
                 width *= 2
                 low = max(0.0, b - width)
-        s, Y = self._unstable(b)
-        omega = float(s[0].imag)
+        s, Y = projected_pairs(self._matrices(b), self.shift)
+        grows = np.flatnonzero(self._grows(s))
+        slowest = grows[np.argmin(s[grows].real)]
+        omega = float(s[slowest].imag)
         flutters = omega > 1e-3 * self.lowest
         return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", omega if flutters else 0.0,
-                        self.space.combined(Y[0]))
+                        self.space.combined(Y[slowest]))
 
     def locus(self, factors: Array) -> dict[str, list[float]]:
         """Return the eigenvalues of lowest |s| over the factors as columns."""
         out: dict[str, list[float]] = {"factor": [], "growth": [], "omega": []}
         for factor in factors:
-            s, _ = self._all(float(factor))
+            s = self._values(float(factor))
             for one in s[(s.imag >= 0) & (np.abs(s) <= self.radius)]:
                 out["factor"].append(float(factor))
                 out["growth"].append(float(one.real))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..elements.shape import Array
+from ..model.mesh import Index
 from .factors import Factors, SymmetricFactors
 from .linear import make_matrix
 from .linearised import Linearised
@@ -130,15 +131,31 @@ class Space:
 
 def projected_pairs(matrices: Array, s0: float) -> tuple[Complex, Complex]:
     """Return every finite eigenvalue (m,) of dense K, C and M (3, k, k), nearest to s0 first, and vectors (m, k)."""
+    mu, Z = np.linalg.eig(_companion(matrices, s0))
+    mu, k = mu.astype(complex), matrices.shape[1]
+    order = _finite(mu)
+    mu, X = mu[order], Z[:, order]
+    # [mu x, x]: the half that is not small
+    X = np.where(np.abs(mu) >= 1.0, X[:k] / mu, X[k:]).T
+    return np.asarray(s0 * (1.0 + 1.0 / mu), dtype=complex), X.astype(complex)
+
+
+def projected_values(matrices: Array, s0: float) -> Complex:
+    """Return the eigenvalues of ``projected_pairs`` alone, for a third of its time."""
+    mu = np.linalg.eigvals(_companion(matrices, s0)).astype(complex)
+    return np.asarray(s0 * (1.0 + 1.0 / mu[_finite(mu)]), dtype=complex)
+
+
+def _companion(matrices: Array, s0: float) -> Array:
+    """Return the matrix (2 k, 2 k) with eigenvalues mu = s0/(s - s0)."""
     K, C, M = matrices
     k = len(K)
     Q0 = K + s0 * C + s0 * s0 * M
     A = np.linalg.solve(Q0, np.hstack([s0 * (C + 2 * s0 * M), s0 * s0 * M]))
-    companion = np.vstack([-A, np.hstack([np.eye(k), np.zeros((k, k))])])
-    mu, Z = np.linalg.eig(companion)
+    return np.vstack([-A, np.hstack([np.eye(k), np.zeros((k, k))])])
+
+
+def _finite(mu: Complex) -> Index:
+    """Return which eigenvalues belong to finite s, the largest first."""
     order = np.argsort(-np.abs(mu), kind="stable")
-    order = order[np.abs(mu[order]) > 1e-13 * np.abs(mu).max(initial=0.0)]
-    mu, X = mu[order].astype(complex), Z[:, order]
-    # [mu x, x]: the half that is not small
-    X = np.where(np.abs(mu) >= 1.0, X[:k] / mu, X[k:]).T
-    return s0 * (1.0 + 1.0 / mu), X.astype(complex)
+    return order[np.abs(mu[order]) > 1e-13 * np.abs(mu).max(initial=0.0)]
