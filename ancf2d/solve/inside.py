@@ -88,8 +88,6 @@ def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
 
 
 def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    from ..model.interactions import batches
-
     d = _displacements(model, state)
     for load in model.case.loads:
         at = getattr(load, "at", None)
@@ -100,8 +98,11 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
-        for patch in batches(out.patches):
-            np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
+        if out.patches:
+            from ..model.interactions import batches
+
+            for patch in batches(out.patches):
+                np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
         yield _at(point, full)
 
 
