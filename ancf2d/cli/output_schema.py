@@ -50,6 +50,7 @@ def _run() -> Schema:
         shares=_named(NUMBER, "of its energy"))
     critical = _object("where small motions begin to grow", factor=NUMBER, kind=_is("string", "flutter or divergence"),
                        omega=_is("number", "[rad/s]"))
+    amplitude = _object("complex amplitudes of exp(i omega t)", re=_list(NUMBER), im=_list(NUMBER))
     limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
     check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,
                     allowed=NUMBER, met=FLAG, source=TEXT)
@@ -60,6 +61,8 @@ def _run() -> Schema:
         "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),
         "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
         "critical": _list(critical, "those load factors"),
+        "response": {**_object("of frequency_response", hz=_list(NUMBER, "the frequencies")),
+                     "additionalProperties": _named(_named(amplitude, "by probe and quantity"), "of one input")},
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),

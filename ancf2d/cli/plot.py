@@ -64,6 +64,8 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
               help="Probe to draw; may be given several times (curves).")
 @click.option("--quantity", metavar="NAME", multiple=True,
               help="Quantity to draw, e.g. uy; may be given several times (curves).")
+@click.option("--input", metavar="NAME", multiple=True,
+              help="Input whose response is drawn; may be given several times (bode, nyquist).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
               help="Quantity on the horizontal axis (convergence, tradeoff).")
 @click.option("--values", is_flag=True, default=None, help="Draw the value of the goal instead of its error "

@@ -71,6 +71,21 @@ def _critical(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     return table(rows, left=(2,))
 
 
+def _response(found: dict[str, Any], labels: Labels) -> list[str]:
+    """Return the largest amplitudes of displacements and rotations, where they are and what phase they have."""
+    hz = found["hz"]
+    rows = [["response to", "probe", "largest amplitude", "", "at f [Hz]", "phase [degrees]"]]
+    for name in (n for n in found if n != "hz"):
+        for probe, quantities in found[name].items():
+            for q in ("ux", "uy", "theta"):
+                values = [complex(*v) for v in zip(quantities[q]["re"], quantities[q]["im"], strict=True)]
+                k = max(range(len(values)), key=lambda i: abs(values[i]))
+                if values[k]:
+                    rows.append([name, probe, with_unit(q, labels), number(abs(values[k])), number(hz[k]),
+                                 number(math.degrees(math.atan2(values[k].imag, values[k].real)), 4)])
+    return table(rows, left=(0, 1, 2))
+
+
 def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     named = [(p, q) for p in found[0]["probes"] for q in ("ux", "uy", "theta")]
     rows = [["limit point", "load factor", *(with_unit(f"{p} {q}", labels) for p, q in named)]]
@@ -85,8 +100,8 @@ def _bifurcations(found: list[dict[str, Any]], labels: Labels) -> list[str]:
 
 
 # what solvers report beyond probes and reactions
-_FINDINGS: dict[str, Callable[[list[Any], Labels], list[str]]] = {
-    "frequencies": _frequencies, "critical": _critical, "limit_points": _limit_points,
+_FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
+    "frequencies": _frequencies, "response": _response, "critical": _critical, "limit_points": _limit_points,
     "bifurcations": _bifurcations,
 }
 

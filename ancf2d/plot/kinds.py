@@ -22,6 +22,7 @@ from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, STEPS
 from ancf2d.plot.phase import PHASE, TRAJECTORY
 from ancf2d.plot.picture import Kind, Picture, Source
+from ancf2d.plot.response import BODE, NYQUIST
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE
 from ancf2d.plot.snapshots import SNAPSHOTS
@@ -31,8 +32,8 @@ from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
-    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ROOT_LOCUS, ENERGY,
-    STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
+    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, ROOT_LOCUS, BODE,
+    NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -55,7 +56,7 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    for kind in (CONVERGENCE, TRADEOFF):
+    for kind in (CONVERGENCE, TRADEOFF, BODE):
         if not kind.missing(results):
             return kind.name
     if not MODES.missing(results):

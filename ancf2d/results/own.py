@@ -52,6 +52,10 @@ def _is_own_header(names: Sequence[str]) -> bool:
     bare = [name.partition(" [")[0] for name in names]
     if names[:1] in (["t"], ["factor"]):
         return _are_probes(names[1:])
+    if names[:1] == ["hz"]:
+        bases = [name.removesuffix(".re") for name in names[1::2]]
+        whole = [f"{base}.{part}" for base in bases for part in ("re", "im")] == list(names[1:])
+        return whole and [base.rpartition(".")[2] for base in bases[:len(_PROBE_COLUMNS)]] == _PROBE_COLUMNS
     if bare[:1] == ["curve"]:
         return len(bare) == 3
     return (tuple(names[-len(SWEEP_COLUMNS):]) == SWEEP_COLUMNS or bare[-len(_FACES):] == _FACES

@@ -32,7 +32,7 @@ class Format:
 # the one place where a format is added
 FORMATS = {f.suffix: f for f in (
     Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf"),
-    Format(".csv", "the probes over time or load factor", "probes"),
+    Format(".csv", "the probes over time, load factor or frequency", "probes"),
     Format(".json", "all small data: provenance, summary, probes, steps, tables", "small"),
 )}
 

@@ -1,4 +1,4 @@
-"""Probes as CSV: a line per stored value, a column per quantity, at full precision."""
+"""Probes as CSV: a line per stored value or frequency, a column per quantity, at full precision."""
 
 from __future__ import annotations
 
@@ -18,16 +18,21 @@ def time_name(results: Results) -> str:
 
 
 def write(results: Results, path: Path, done: Done) -> None:
-    """Write ``t`` or ``factor``, then ``NAME.x``, ``NAME.y``, ... of each probe. Raises ResultsError without probes."""
-    columns = {f"{name}.{q}": values for name, table in results.probes.items() for q, values in table.items()}
-    if not columns:
+    """Write ``t`` or ``factor``, then ``NAME.x``, ``NAME.y``, ... of each probe. Raises ResultsError without probes.
+
+    Of a frequency response: ``hz``, then ``INPUT.NAME.x.re``, ``INPUT.NAME.x.im``, ...
+    """
+    columns = {time_name(results): results.probe_t, **{
+        f"{name}.{q}": values for name, table in results.probes.items() for q, values in table.items()}}
+    columns = results.tables.get("response", columns)
+    if len(columns) < 2:
         raise ResultsError(f"'{results.path}' holds no values of probes; name points under output.probes in the case "
                            "and run it again")
-    count = len(results.probe_t)
+    count = len(next(iter(columns.values())))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([time_name(results), *columns])
+        writer.writerow(list(columns))
         for start in range(0, count, BLOCK):
             part = slice(start, start + BLOCK)
-            writer.writerows(zip(*(c[part].tolist() for c in (results.probe_t, *columns.values())), strict=True))
+            writer.writerows(zip(*(c[part].tolist() for c in columns.values()), strict=True))
             done(min(start + BLOCK, count) / count)

@@ -1,0 +1,165 @@
+"""Frequency responses beside closed forms of the Euler-Bernoulli beam, and beside static solutions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+
+HZ = np.geomspace(0.05, 22.0, 200)  # four resonances
+SECTION = {"EA": 1.0e7, "kGA": 1.0e7, "EI": 1, "rhoA": 1, "rhoI": 1.0e-7}
+
+
+def cantilever(inputs: list[str], element: str = "cable", count: int = 48, **more: Any) -> dict[str, Any]:
+    beam = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "section": SECTION,
+            "material": {"damping": {"kelvin_voigt": 0.003}}, "element": {"type": element, "count": count}}
+    base = {"type": "prescribed", "name": "base", "at": "beam@0", "ux": 0, "uy": 1, "angle": 0}
+    return {"bodies": {"beam": beam}, "boundary_conditions": [base],
+            "loads": [{"type": "force", "name": "shaker", "at": "beam@1", "value": [0, 1]}],
+            "output": {"probes": {"tip": "beam@1", "root": "beam@0"}},
+            "solver": {"type": "frequency_response", "frequencies": HZ.tolist(), "inputs": inputs}, **more}
+
+
+def amplitude(solution: Any, name: str, quantity: str = "uy", probe: str = "tip") -> Any:
+    found = solution.summary["response"][name][probe][quantity]
+    return np.array(found["re"]) + 1j * np.array(found["im"])
+
+
+def exact(F: float = 0.0, base: float = 0.0, turn: float = 0.0, tau: float = 0.003, alpha: float = 0.0,
+          dashpot: float = 0.0) -> Any:
+    """Return w(1) and w'(1) (2, 200) of E w'''' = -(s^2 + alpha s) w, E = 1 + tau s, clamped at what moves."""
+    out = []
+    for s in 2j * np.pi * HZ:
+        E = 1 + tau * s
+        k = (-(s**2 + alpha * s) / E)**0.25
+        waves = k * np.array([1, -1, 1j, -1j])
+        tip = np.exp(waves)
+        rows = [np.ones(4), waves, waves**2 * tip, E * waves**3 * tip - dashpot * s * tip]
+        c = np.linalg.solve(np.array(rows), [base, turn, 0, -F])
+        out.append([c @ tip, c @ (waves * tip)])
+    return np.array(out).T
+
+
+def error(found: Any, known: Any) -> float:
+    return float(np.max(np.abs(found / known - 1)))
+
+
+@pytest.mark.parametrize("element", ["cable", "reissner3"])
+def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: str) -> None:
+    found = ancf2d.solve(cantilever(["shaker", "base"], element))
+    w, slope = exact(F=1)
+    assert error(amplitude(found, "shaker"), w) < 1e-4
+    assert error(amplitude(found, "shaker", "theta"), slope) < 1e-4
+    assert error(amplitude(found, "shaker", "vy"), 2j * np.pi * HZ * w) < 1e-4
+    assert error(amplitude(found, "base"), exact(base=1)[0]) < 1e-4
+    assert amplitude(found, "base", probe="root") == pytest.approx(np.ones(len(HZ)))
+
+
+def test_dashpots_and_rayleigh_damping_act() -> None:
+    damper = {"type": "translational", "between": ["beam@1", [1, 1.0e6]], "stiffness": 0, "damping": 0.3}
+    case = cantilever(["shaker", "base"], springs=[damper], damping={"rayleigh": {"alpha": 0.7, "beta": 0.001}})
+    found = ancf2d.solve(case)
+    more = {"tau": 0.004, "alpha": 0.7, "dashpot": 0.3}
+    assert error(amplitude(found, "shaker"), exact(F=1, **more)[0]) < 1e-4
+    assert error(amplitude(found, "base"), exact(base=1, **more)[0]) < 1e-4
+
+
+@pytest.mark.parametrize("element", ["cable", "reissner3"])
+def test_a_prescribed_angle_is_an_input(element: str) -> None:
+    """With a multiplier (cable) and without (reissner3), about an equilibrium with a moment in the support."""
+    case = cantilever(["base"], element)
+    case["boundary_conditions"][0].update(uy=0, angle=2)
+    assert error(amplitude(ancf2d.solve(case), "base"), exact(turn=2)[0]) < 1e-4
+
+
+def test_at_frequency_0_the_response_is_the_derivative_of_the_equilibrium() -> None:
+    """About a large static deflection, of a load that follows, of a moving and of a turning support."""
+    still = {"type": "static", "tolerance": 1e-12}
+
+    def case(solver: dict[str, Any], push: float = 0.0, lift: float = 0.0, turn: float = 0.0) -> dict[str, Any]:
+        weight = {"type": "force", "at": "beam@1", "value": [-0.5, -3]}
+        other = {"type": "follower_force", "name": "push", "at": "beam@0.6", "value": [0.4 * push, push]}
+        bases = [{"type": "prescribed", "name": "lift", "at": "beam@0", "ux": 0, "uy": lift},
+                 {"type": "prescribed", "name": "turn", "at": "beam@0", "angle": turn}]
+        return cantilever([], "cable", 8, boundary_conditions=bases, loads=[weight, other]) | {"solver": solver}
+
+    names = ("push", "lift", "turn")
+    solver = {"type": "frequency_response", "frequencies": [0], "inputs": list(names), "about": "static"}
+    found = ancf2d.solve(case(solver, 1, 1, 1))
+    for name in names:
+        h = 1e-4
+        up, down = (ancf2d.solve(case(still, **{name: x})).summary["probes"]["tip"] for x in (h, -h))
+        for q in ("ux", "uy", "theta"):
+            assert amplitude(found, name, q)[0] == pytest.approx((up[q] - down[q]) / (2 * h), rel=1e-5, abs=1e-6)
+
+
+def test_amplitudes_over_time_are_ignored() -> None:
+    sine = {"type": "sine", "frequency": 3, "scale": 0.5}
+    case = cantilever(["shaker", "base"], count=4)
+    case["loads"][0].update(amplitude={"type": "sine", "frequency": 2})
+    case["boundary_conditions"][0].update(uy=sine)
+    plain = ancf2d.solve(cantilever(["shaker", "base"], count=4))
+    found = ancf2d.solve(case)
+    assert amplitude(found, "shaker") == pytest.approx(amplitude(plain, "shaker"), rel=1e-12)
+    assert amplitude(found, "base") == pytest.approx(0.5 * amplitude(plain, "base"), rel=1e-12)
+
+
+@pytest.mark.parametrize(("solver", "told"), [
+    ({"inputs": ["shakr"]}, "did you mean 'shaker'"),
+    ({"inputs": ["shaker", "shaker"]}, "named twice"),
+    ({"frequencies": None}, "the frequencies are missing"),
+    ({"frequencies": None, "from": 5, "to": 2}, "from must be less than to"),
+    ({"from": 5, "to": 20}, "both given"),
+])
+def test_wrong_inputs_and_frequencies_are_told(solver: dict[str, Any], told: str) -> None:
+    case = cantilever(["shaker"], count=4)
+    case["solver"] = {k: v for k, v in {**case["solver"], **solver}.items() if v is not None}
+    with pytest.raises(ancf2d.CaseError) as caught:
+        ancf2d.solve(case)
+    assert told in str(caught.value)
+
+
+def test_range_of_frequencies() -> None:
+    case = cantilever(["shaker"], count=4)
+    for scale, known in (("log", [1, 10, 100]), ("linear", [1, 50.5, 100])):
+        case["solver"] = {"type": "frequency_response", "from": 1, "to": 100, "points": 3, "scale": scale,
+                          "inputs": ["shaker"]}
+        assert ancf2d.solve(case).summary["response"]["hz"] == pytest.approx(known, rel=1e-14)
+
+
+def test_an_undamped_free_body_has_no_response_at_frequency_0() -> None:
+    case = cantilever(["shaker"], count=4, boundary_conditions=[])
+    case["solver"]["frequencies"] = [0]
+    with pytest.raises(ancf2d.CaseError, match="free to"):
+        ancf2d.solve(case)
+
+
+def test_figures_tables_and_comparison(tmp_path: Any) -> None:
+    """The file holds what the summary tells: figures, CSV and ``compare`` read it."""
+    from ancf2d.results.compare import compare_results
+    from ancf2d.results.export import export
+    from ancf2d.results.own import is_own
+
+    case = cantilever(["shaker", "base"], count=4)
+    file, other = tmp_path / "a.h5", tmp_path / "b.h5"
+    found = ancf2d.solve(case, output=file)
+    above, below = found.plot("bode", input="shaker", quantity="uy", probe="tip").axes
+    H = amplitude(found, "shaker")
+    assert above.lines[0].get_ydata() == pytest.approx(np.abs(H))
+    assert np.cos(np.radians(below.lines[0].get_ydata())) == pytest.approx(np.cos(np.angle(H)))
+    (plane,) = found.plot("nyquist", input="base", quantity="uy", probe="tip").axes
+    assert plane.lines[0].get_xdata() == pytest.approx(amplitude(found, "base").real)
+    table = tmp_path / "a.csv"
+    export(file, table)
+    names, *rows = (line.split(",") for line in table.read_text().splitlines())
+    assert names[0] == "hz"
+    assert float(rows[7][names.index("shaker.tip.uy.im")]) == H[7].imag
+    assert is_own(table)
+    case["loads"][0]["value"] = [0, 1.01]
+    ancf2d.solve(case, output=other)
+    assert {d.dataset for d in compare_results(file, other)} >= {"/tables/response/shaker.tip.uy.re"}
+    with ancf2d.open_results(file) as results:
+        assert results.tables["response"].units["shaker.tip.vy.im"] == "m/s"
