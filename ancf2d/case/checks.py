@@ -16,7 +16,7 @@ from .source import Source
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")
-SMALL = ("eigen", "frequency_response")
+SMALL = ("eigen", "frequency_response", "state_space")
 # top-level keys and output keys -> the solvers they are for
 _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("initial",): ("dynamic",),
@@ -26,7 +26,7 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("output", "every"): ("static", "dynamic"),
 }
 # what a goal names -> the solvers that can answer
-_GOALS = {"probe": PATHS, "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
+_GOALS = {"probe": (*PATHS, "state_space"), "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
           "load_factor": ("buckling",), "limit_point": ("static",)}
 _CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a buckling load factor",
            "limit_point": "a limit point"}
@@ -187,6 +187,7 @@ class _Checker:
             return
         moved = [s.name for s in case.boundary_conditions if isinstance(s, Prescribed) and s.name]
         loads = [load.name for load in case.loads if load is not INVALID and load.name]
+        self.outputs([name for name in case.inputs if name in moved])
         if self.failed & {("loads",), ("boundary_conditions",)}:
             return
         for i, name in enumerate(case.inputs):
@@ -204,6 +205,18 @@ class _Checker:
                 self.fail(path, f"{dotted(path)}: there is no load or prescribed motion named {quoted(name)}",
                           (listed(sorted(known)) if known else "a load or prescribed motion with a name")
                           if not near else "", near)
+
+    def outputs(self, moved: list[str]) -> None:
+        """Check that the probes of outputs exist, and that no output has the rate of an input in it."""
+        solver: Any = self.case.solver
+        for i, name in enumerate(getattr(solver, "outputs", ())):
+            path: Path = ("solver", "outputs", i)
+            probe, _, quantity = name.partition(".")
+            self.reference(path, probe, "probes")
+            if moved and quantity in ("vx", "vy", "omega"):
+                self.fail(path, f"{dotted(path)}: {name} contains the rate of the prescribed motion '{moved[0]}', and "
+                          "no model y = C x + D u has that", "displacements, whose derivatives by time are the rates; "
+                          "or loads as inputs")
 
     def limit_point(self, path: Path, number: int) -> None:
         solver: Any = self.case.solver

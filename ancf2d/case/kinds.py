@@ -182,6 +182,29 @@ class Name(Text):
         return {"type": "string", "pattern": self.pattern}
 
 
+class ProbeQuantity(Text):
+    """A quantity of a probe: PROBE.QUANTITY."""
+
+    def __init__(self, *quantities: str) -> None:
+        super().__init__(f"PROBE.QUANTITY with one of {', '.join(quantities)}")
+        self.quantities = quantities
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        text = super().bind(node, path, binder)
+        if text is INVALID:
+            return text
+        probe, _, quantity = text.partition(".")
+        if good_name(probe) and quantity in self.quantities:
+            return text
+        assert isinstance(node, Scalar)
+        near = binder.nearest(quantity, self.quantities)
+        return binder.fail(node.mark, path, f"{dotted(path)}: {quoted(text)} is no quantity of a probe", self.what,
+                           f"{probe}.{near}" if near and probe else "")
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"type": "string", "pattern": rf"^[^@./=\[\]]+\.({'|'.join(self.quantities)})$"}
+
+
 def good_name(text: str) -> bool:
     """Return whether a text can name a body, a probe, a support."""
     return (0 < len(text) <= 80 and text == text.strip() and text.isprintable()

@@ -23,8 +23,9 @@ from .session import Session
 def command(session: Session, source: str, file: str, force: bool) -> int:
     """Write results in the format that FILE's suffix names.
 
-    .vtkhdf: the bodies with their sections over time, for ParaView. .csv: the probes, a line per stored value. .json:
-    everything small: origin, summary, probes, steps, tables.
+    .vtkhdf: the bodies with their sections over time, for ParaView. .csv: the probes, a line per stored value. .npz and
+    .mat: the matrices A, B, C, D of solver state_space, for NumPy and MATLAB. .json: everything small: origin, summary,
+    probes, steps, tables.
     """
     session.subject = {"file": source, "output": file}
     from ..results.export import export

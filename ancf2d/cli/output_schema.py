@@ -51,6 +51,9 @@ def _run() -> Schema:
     critical = _object("where small motions begin to grow", factor=NUMBER, kind=_is("string", "flutter or divergence"),
                        omega=_is("number", "[rad/s]"))
     amplitude = _object("complex amplitudes of exp(i omega t)", re=_list(NUMBER), im=_list(NUMBER))
+    pole = _object("a pole", omega=_is("number", "[rad/s]"), hz=NUMBER, growth=NUMBER, damping=NUMBER)
+    linear = _object("a linear model of small motions", inputs=_list(TEXT), outputs=_list(TEXT), states=_list(TEXT),
+                     poles=_list(pole, "one of each pair, lowest modulus first"))
     limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
     check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,
                     allowed=NUMBER, met=FLAG, source=TEXT)
@@ -60,7 +63,7 @@ def _run() -> Schema:
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
         "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),
         "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
-        "critical": _list(critical, "those load factors"),
+        "critical": _list(critical, "those load factors"), "state_space": linear,
         "response": {**_object("of frequency_response", hz=_list(NUMBER, "the frequencies")),
                      "additionalProperties": _named(_named(amplitude, "by probe and quantity"), "of one input")},
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),

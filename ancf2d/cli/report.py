@@ -86,6 +86,14 @@ def _response(found: dict[str, Any], labels: Labels) -> list[str]:
     return table(rows, left=(0, 1, 2))
 
 
+def _linear_model(found: dict[str, Any], labels: Labels) -> list[str]:
+    rows = [["pole", "omega [rad/s]", "f [Hz]", "growth [1/s]", "damping ratio"]]
+    for k, p in enumerate(found["poles"], start=1):
+        rows.append([str(k), number(p["omega"], 7), number(p["hz"]), number(p["growth"]), number(p["damping"])])
+    return [f"linear model: {many(len(found['states']), 'state')}; from {', '.join(found['inputs'])} to "
+            f"{', '.join(found['outputs'])}", "", *table(rows)]
+
+
 def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     named = [(p, q) for p in found[0]["probes"] for q in ("ux", "uy", "theta")]
     rows = [["limit point", "load factor", *(with_unit(f"{p} {q}", labels) for p, q in named)]]
@@ -101,7 +109,8 @@ def _bifurcations(found: list[dict[str, Any]], labels: Labels) -> list[str]:
 
 # what solvers report beyond probes and reactions
 _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
-    "frequencies": _frequencies, "response": _response, "critical": _critical, "limit_points": _limit_points,
+    "frequencies": _frequencies, "response": _response, "state_space": _linear_model, "critical": _critical,
+    "limit_points": _limit_points,
     "bifurcations": _bifurcations,
 }
 

@@ -90,15 +90,12 @@ def _real(small: Linearised, spec: Eigen) -> Found:
     zero = np.abs(modes.values) <= modes.floor
     values = np.where(zero, 0.0, modes.values)
     s = np.where(values < 0.0, np.sqrt(np.abs(values)), 1j * np.sqrt(np.abs(values)))
-    return Found(s, modes.vectors, None, zero, modes.error, _warnings(spec, modes))
+    return Found(s, modes.vectors, None, zero, modes.error, mode_warnings(spec.modes, modes))
 
 
 def _complex(small: Linearised, spec: Eigen) -> Found:
     """Return the pairs that damping, rotation or loads without a potential make complex."""
-    problem = Quadratic(small, spec.damped)
-    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-    still = AT_REST * math.sqrt(characteristic(pencil))
-    pairs = lowest_pairs(problem, spec.modes, shift_of(problem, math.sqrt(first_shift(pencil))), still)
+    problem, pairs = pairs_of(small, spec.modes, spec.damped)
     s, X, zero, residual = pairs.s, pairs.vectors, pairs.rest, pairs.residual
     if not (spec.damped and small.rates.damps):
         # nothing takes out energy: real parts of what vibrates are round-off, unless a load without potential feeds it
@@ -108,7 +105,15 @@ def _complex(small: Linearised, spec: Eigen) -> Found:
     phases = [problem.phases(x) for x in X]
     vectors = np.array([one for one, _ in phases]).reshape(len(X), small.n)
     quarter = np.array([other for _, other in phases]).reshape(len(X), small.n)
-    return Found(s, vectors, quarter, zero, residual, _pair_warnings(spec, pairs, s))
+    return Found(s, vectors, quarter, zero, residual, pair_warnings(spec.modes, pairs, s))
+
+
+def pairs_of(small: Linearised, modes: int, damped: bool = True) -> tuple[Quadratic, Pairs]:
+    """Return the quadratic problem of small motions and its lowest pairs."""
+    problem = Quadratic(small, damped)
+    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+    still = AT_REST * math.sqrt(characteristic(pencil))
+    return problem, lowest_pairs(problem, modes, shift_of(problem, math.sqrt(first_shift(pencil))), still)
 
 
 def full_shapes(model: Model, vectors: Array, signs: Array | None = None) -> Array:
@@ -166,10 +171,11 @@ def table(entries: list[dict[str, Any]], verdicts: list[Verdict]) -> dict[str, l
     return out
 
 
-def _warnings(spec: Eigen, modes: Modes) -> list[str]:
+def mode_warnings(wanted: int, modes: Modes) -> list[str]:
+    """Return what is to be said of real modes."""
     out = []
-    if len(modes.values) < spec.modes:
-        out.append(f"the model has {len(modes.values)} modes, not {spec.modes}")
+    if len(modes.values) < wanted:
+        out.append(f"the model has {len(modes.values)} modes, not {wanted}")
     if modes.counted is False:
         out.append("the inertia of the shifted stiffness differs from the number of modes found: some modes may be "
                    "missing")
@@ -185,14 +191,14 @@ def _unstable(growing: int) -> list[str]:
     return [f"{growing} of the modes grow: this state is unstable"] if growing else []
 
 
-def _pair_warnings(spec: Eigen, pairs: Pairs, s: Complex) -> list[str]:
+def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
     """Return what is to be said of pairs; s (m,) are those that are reported."""
     out = []
     vibrating = int((s.imag > 0).sum())
-    if vibrating < spec.modes and pairs.skipped:
-        out.append(f"{vibrating} pairs converged, not {spec.modes}. Ask for fewer, or use fewer or longer elements")
-    elif vibrating < spec.modes:
-        out.append(f"{vibrating} pairs vibrate, not {spec.modes}; what else moves decays or grows without vibrating")
+    if vibrating < wanted and pairs.skipped:
+        out.append(f"{vibrating} pairs converged, not {wanted}. Ask for fewer, or use fewer or longer elements")
+    elif vibrating < wanted:
+        out.append(f"{vibrating} pairs vibrate, not {wanted}; what else moves decays or grows without vibrating")
     if pairs.missing is None:
         out.append("the pairs could not be counted: some may be missing")
     elif pairs.missing > 0:

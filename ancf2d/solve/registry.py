@@ -16,6 +16,7 @@ from ..case import (
     LinearStatic,
     LoadFactor,
     Prescribed,
+    StateSpace,
     Static,
 )
 from ..elements.shape import Array
@@ -58,6 +59,12 @@ def _frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[State
     return solve_frequency_response(model, spec)
 
 
+def _state_space(model: Model, spec: StateSpace) -> Iterator[State]:
+    from .state_space import solve_state_space
+
+    return solve_state_space(model, spec)
+
+
 def _buckling(model: Model, spec: Buckling) -> Iterator[State]:
     from .buckling import solve_buckling
 
@@ -73,7 +80,7 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
 # a third argument: the checkpoint that a motion goes on from, the guess that statics begins with
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
     LinearStatic: _linear, Static: _static, Eigen: _eigen,
-    FrequencyResponse: _frequency_response, Buckling: _buckling, Dynamic: _dynamic,
+    FrequencyResponse: _frequency_response, StateSpace: _state_space, Buckling: _buckling, Dynamic: _dynamic,
 }
 
 

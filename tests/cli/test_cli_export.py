@@ -22,7 +22,7 @@ def solved(call: Call) -> Call:
 
 def test_probes_are_columns_named_as_in_the_contract(solved: Call, folder: Path) -> None:
     result = solved("export", "beam.h5", "tip.csv")
-    assert (result.exit_code, result.stdout) == (0, "wrote tip.csv (the probes over time or load factor)\n")
+    assert (result.exit_code, result.stdout) == (0, "wrote tip.csv (the probes over time, load factor or frequency)\n")
     rows = list(csv.DictReader((folder / "tip.csv").read_text().splitlines()))
     assert list(rows[0])[:3] == ["factor", "tip.x", "tip.y"]
     summary = json.loads(solved("info", "beam.h5", "--json").stdout)["summary"]
@@ -37,7 +37,7 @@ def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (("beam.h5", "beam.xdmf"), "unknown suffix '.xdmf' (known: .vtkhdf, .csv, .json)"),
+    (("beam.h5", "beam.xdmf"), "unknown suffix '.xdmf' (known: .vtkhdf, .csv, .npz, .mat, .json)"),
     (("beam.h5", "beam.yaml"), "unknown suffix '.yaml'"), (("beam.h5", "there.csv"), "replace it with --force"),
     (("none.h5", "a.csv"), "there is no result file 'none.h5'"), (("beam.yaml", "a.csv"), "is not an HDF5 file"),
     (("beam.h5", "none/a.csv"), "does not exist"), (("beam.h5",), "missing argument")],

@@ -36,6 +36,16 @@ def turning(path: Path, kind: str, steps: int = 4) -> Path:
         return w.finish()
 
 
+def linear_model(path: Path) -> Path:
+    """Write a linear model of one state."""
+    with ResultWriter(path, HEADER, [], np.zeros(0)) as w:
+        for name in "ABCD":
+            w.array(f"state_space/{name}", np.ones((1, 1)), "1", name)
+        for name in ("input", "output", "state"):
+            w.table(f"{name}s", {name: ["one"]})
+        return w.finish()
+
+
 def grid(path: Path) -> h5py.Group:
     return h5py.File(path, "r")["VTKHDF"]
 
@@ -44,7 +54,8 @@ def grid(path: Path) -> h5py.Group:
 
 def test_every_format_is_told_by_its_suffix_alone() -> None:
     assert [format_of(f"a{suffix.upper()}").suffix for suffix in FORMATS] == list(FORMATS)
-    for path, said in (("a.xdmf", r"unknown suffix '\.xdmf' \(known: \.vtkhdf, \.csv, \.json\)"), ("a", "no suffix")):
+    for path, said in (("a.xdmf", r"unknown suffix '\.xdmf' \(known: \.vtkhdf, \.csv, \.npz, \.mat, \.json\)"),
+                       ("a", "no suffix")):
         with pytest.raises(ResultsError, match=said):
             format_of(path)
 
@@ -52,7 +63,8 @@ def test_every_format_is_told_by_its_suffix_alone() -> None:
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_file_is_replaced_by_force_only_and_by_a_complete_one_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                                      suffix: str) -> None:
-    source, path = bent_beam(tmp_path / "a.h5"), tmp_path / f"b{suffix}"
+    make = linear_model if suffix in (".npz", ".mat") else bent_beam
+    source, path = make(tmp_path / "a.h5"), tmp_path / f"b{suffix}"
     path.write_text("mine")
     with pytest.raises(ResultsError, match=r"was not made by ancf2d; .* replace it with --force"):
         export(source, path)
@@ -86,6 +98,9 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
         export(table, tmp_path / "t.vtkhdf")
     with pytest.raises(ResultsError, match="holds no values of probes"):
         export(table, tmp_path / "t.csv")
+    for suffix in (".npz", ".mat"):
+        with pytest.raises(ResultsError, match="holds no linear model; solver state_space makes one"):
+            export(table, tmp_path / f"t{suffix}")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.json", "t.h5"]
 
 
@@ -245,6 +260,6 @@ def test_memory_does_not_grow_with_the_states(tmp_path: Path) -> None:
 
 def test_an_unfinished_file_is_exported_as_far_as_it_goes(tmp_path: Path) -> None:
     bent_beam(tmp_path / "a.h5", finish=False)
-    for suffix in FORMATS:
+    for suffix in set(FORMATS) - {".npz", ".mat"}:
         export(tmp_path / "a.h5.part", tmp_path / f"a{suffix}")
     assert grid(tmp_path / "a.vtkhdf")["Steps"].attrs["NSteps"] == 6

@@ -54,6 +54,7 @@ from .solvers import (
     ProbeReaches,
     SmallMotions,
     Solver,
+    StateSpace,
     Static,
 )
 from .supports import Clamp, Fix, Pin, Prescribed, Roller, Support
@@ -66,6 +67,6 @@ __all__ = [
     "MaterialDamping", "Moment", "Output", "Pin", "PinJoint", "Point", "Polyline", "Prescribed",
     "PrismaticJoint", "Probe", "ProbeReaches", "Ramp", "Rayleigh", "Rectangle", "Roller",
     "RotationRate", "RotationalSpring", "Section", "Selective", "Sine", "SliderJoint", "SmallMotions", "Solver",
-    "Spring", "Static", "SteadyRotation", "Stiffness", "Support", "Table", "TranslationalSpring",
+    "Spring", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Support", "Table", "TranslationalSpring",
     "Units", "WeldJoint",
 ]

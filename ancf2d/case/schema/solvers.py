@@ -7,7 +7,7 @@ from typing import Any
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, Sign
+from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, ProbeQuantity, Sign
 from ..records import ByKeys, Record
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
@@ -17,6 +17,7 @@ STEP_TOLERANCE = 1e-6
 INPUTS_DOC = ("Loads and prescribed motions, by name, that oscillate: the value that the case gives is the amplitude; "
               "amplitudes over time are ignored, and inputs are absent from the static state")
 MOTIONS = ("x", "y", "ux", "uy", "theta")
+RATES = ("vx", "vy", "omega")
 
 
 def _about() -> Any:
@@ -153,6 +154,28 @@ class FrequencyResponse:
 
 
 @record
+class StateSpace:
+    """Linear model x' = A x + B u, y = C x + D u of small motions, for the design of controllers."""
+
+    tag = "state_space"
+    inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), "Loads and "
+                                  "prescribed motions, by name: u = 1 is the value that the case gives; amplitudes "
+                                  "over time are ignored, and inputs are absent from the static state",
+                                  example=["push"])
+    outputs: tuple[str, ...] = key(ListOf(ProbeQuantity(*MOTIONS, *RATES), "PROBE.QUANTITY", 1),
+                                   "What y is: changes of these quantities of probes", example=["tip.uy"])
+    modes: int = key(Integer(), "Number of modes, from the lowest; the static response of all others is in D",
+                     default=20)
+    about: str = _about()
+
+    def check(self) -> Iterator[Issue]:
+        """Yield outputs that are named twice."""
+        for i, name in enumerate(self.outputs):
+            if name in self.outputs[:i]:
+                yield Issue(("outputs", i), f"{{}}.outputs: {name} is named twice")
+
+
+@record
 class Buckling:
     """Load factors at which the linear static state buckles."""
 
@@ -202,5 +225,5 @@ class Dynamic:
 
 
 # what is linearised about a state
-SmallMotions = Eigen | FrequencyResponse
-Solver = LinearStatic | Static | Eigen | FrequencyResponse | Buckling | Dynamic
+SmallMotions = Eigen | FrequencyResponse | StateSpace
+Solver = LinearStatic | Static | Eigen | FrequencyResponse | StateSpace | Buckling | Dynamic

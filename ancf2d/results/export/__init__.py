@@ -33,6 +33,8 @@ class Format:
 FORMATS = {f.suffix: f for f in (
     Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf"),
     Format(".csv", "the probes over time, load factor or frequency", "probes"),
+    Format(".npz", "the linear model of small motions, for NumPy", "linear"),
+    Format(".mat", "the linear model of small motions, for MATLAB", "matlab"),
     Format(".json", "all small data: provenance, summary, probes, steps, tables", "small"),
 )}
 

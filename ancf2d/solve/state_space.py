@@ -1,0 +1,212 @@
+"""Small motions as a linear model x' = A x + B u, y = C x + D u, for the design of controllers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..case import StateSpace
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.model import Model
+from .eigen import mode_warnings, pair_warnings, pairs_of
+from .factors import Factors
+from .inputs import Input, Inputs
+from .inputs import outputs as probe_outputs
+from .linearised import Linearised, base_state
+from .lowest_modes import find_shift, lowest
+from .matrix_pencil import each
+from .reduced import Complex, Quadratic
+from .refine import refined
+from .state import State
+
+# rounds of a solve with a shifted stiffness, and the relative correction that ends them
+ROUNDS, SETTLED = 200, 1e-13
+# share of an eigenvalue by which a matrix is moved off it, so that it has factors
+BESIDE = 1e-10
+UNITS = "consistent units; u = 1 is the load or the motion as the case gives it"
+
+
+@dataclass
+class LinearModel:
+    """x' = A x + B u, y = C x + D u: A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), names of x (n,)."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: list[str]
+
+    def static_gain(self) -> Array:
+        """Return D - C A^-1 B (outputs, inputs)."""
+        return self.D - self.C @ np.linalg.solve(self.A, self.B)
+
+
+def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
+    """Yield the one state that moves, with the linear model of small motions about it.
+
+    A prescribed motion is an input as displacement. Rates are outputs of loads only: those of motions have the rate of
+    the input in them.
+    """
+    turns = model.case.steady_rotation is not None
+    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
+        raise ComputationError("supports and joints hold everything: nothing can move", at={"solver": "state_space"},
+                               advice="fewer supports or joints")
+    base = base_state(model, "static" if turns else spec.about)
+    small = Linearised(base)
+    inputs, outputs = Inputs(small)(spec.inputs), _Outputs(small, spec.outputs)
+    found, warnings = _symmetric(small, spec, inputs, outputs) if base.model.symmetric else \
+        _unsymmetric(small, spec, inputs, outputs)
+    state = base.state
+    entries = poles(found.A)
+    state.report = {"state_space": {"inputs": list(spec.inputs), "outputs": list(spec.outputs),
+                                    "states": found.states, "poles": entries}}
+    state.arrays = {f"state_space/{name}": (data, UNITS, text) for name, data, text in (
+        ("A", found.A, "x' = A x + B u: rows and columns are the states x"),
+        ("B", found.B, "x' = A x + B u: rows are the states x, columns the inputs u"),
+        ("C", found.C, "y = C x + D u: rows are the outputs y, columns the states x"),
+        ("D", found.D, "y = C x + D u: rows are the outputs y, columns the inputs u"))}
+    state.tables = {"inputs": {"input": list(spec.inputs)}, "outputs": {"output": list(spec.outputs)},
+                    "states": {"state": found.states},
+                    "poles": {k: [p[k] for p in entries] for k in ("omega", "hz", "growth", "damping")}}
+    state.warnings = [*state.warnings, *warnings]
+    yield state
+
+
+def poles(A: Array) -> list[dict[str, float]]:
+    """Return the eigenvalues of A, one of each pair, lowest abs(s) first, as omega, hz, growth and damping."""
+    s = np.linalg.eigvals(A)
+    s = s[s.imag >= 0.0]
+    out = []
+    for one in s[np.argsort(np.abs(s), kind="stable")].tolist():
+        out.append({"omega": one.imag, "hz": one.imag / (2 * math.pi), "growth": one.real or 0.0,
+                    "damping": -one.real / abs(one) if one.real else 0.0})
+    return out
+
+
+class _Outputs:
+    """Quantities of probes to first order in the changes of the coordinates; ``rates`` (outputs,) tells velocities."""
+
+    def __init__(self, small: Linearised, names: tuple[str, ...]) -> None:
+        known = {f"{one.probe}.{one.quantity}": one for one in probe_outputs(small)}
+        self.num, self.items = small.model.numbering, [known[name] for name in names]
+        self.rates = np.array([one.order > 0 for one in self.items])
+
+    def __call__(self, X: Array) -> Array:
+        """Return the outputs (outputs, k) of changes X (k, n) of the unknowns, or of their rates."""
+        d = np.zeros((len(X), len(self.num.place)))
+        for row, x in zip(d, X, strict=True):
+            self.num.expand(x, row)
+        return self._of(d)
+
+    def _of(self, d: Array) -> Array:
+        return np.array([d[:, one.coords] @ one.weights for one in self.items])
+
+    def static(self, inputs: list[Input], X: Array) -> Array:
+        """Return the outputs (outputs, inputs) of static responses X (inputs, n), rates zero."""
+        moved = self._of(np.array([i.p for i in inputs]))
+        return np.where(self.rates[:, None], 0.0, self(X) + moved)
+
+
+def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
+               ) -> tuple[LinearModel, list[str]]:
+    """Return the model in modal coordinates q of the undamped problem, with the static rest psi u of all other modes.
+
+    z = psi u + q Phi makes q'' + C_r q' + K_r q = f0 u + (f1 - Phi C psi) u' + f2 u''. With x = [q - f2 u, q' - f2 u' -
+    b u], b = f1 - Phi C psi - C_r f2, no derivatives of u are left. Of loads, f1 = f2 = 0.
+    """
+    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+    modes = lowest(pencil, spec.modes)
+    free = np.abs(modes.values) <= modes.floor
+    Phi, m, damping = modes.vectors, len(modes.values), small.C
+    values = np.where(free, 0.0, modes.values)
+    K, C = np.diag(values), Phi @ (damping @ Phi.T)
+    f0, f1, f2 = (np.array([i.f for i in inputs]) @ Phi.T).transpose(1, 2, 0)
+    psi = _left_out(small, Phi, inputs) if free.any() else _static(small, inputs) - (f0.T / values) @ Phi
+    b = f1 - Phi @ (damping @ psi.T) - C @ f2
+    y, rates = outputs(Phi), outputs.rates[:, None]
+    found = LinearModel(np.block([[np.zeros((m, m)), np.eye(m)], [-K, -C]]), np.vstack([b, f0 - C @ b - K @ f2]),
+                        np.hstack([np.where(rates, 0.0, y), np.where(rates, y, 0.0)]),
+                        np.where(rates, y @ b, outputs.static(inputs, psi) + y @ f2),
+                        [f"q{k}{rate}" for rate in ("", "'") for k in range(1, m + 1)])
+    return found, mode_warnings(spec.modes, modes)
+
+
+def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
+                 ) -> tuple[LinearModel, list[str]]:
+    """Return the model in modal coordinates p of the pairs s, x, and of left vectors y: p' = s p + y^T f(s) u.
+
+    With y^T (C + 2 s M) x = 1 the response is the sum of p x over all s, and x = [Re p, Im p] of each pair. f(s) = f0 +
+    s f1 + s^2 f2: what this leaves of f(s') at another s' are powers of s' that cancel in the sum over all modes.
+    """
+    problem, pairs = pairs_of(small, spec.modes)
+    if pairs.rest.any():
+        raise ComputationError("some motion that nothing holds or moves cannot be told apart beside loads that turn "
+                               "with the body", at={"solver": "state_space"}, advice="a support, joint or spring")
+    force, blocks, states = np.array([i.f for i in inputs]), [], []
+    rows: list[tuple[Array, Array]] = []
+    for k, (s, x) in enumerate(zip(pairs.s.tolist(), pairs.vectors, strict=True), start=1):
+        push = (force[:, 0] + s * force[:, 1] + s * s * force[:, 2]) @ _left(problem, s, x)
+        X = np.array([x, s * x])
+        if s.imag:
+            blocks.append(np.array([[s.real, -s.imag], [s.imag, s.real]]))
+            rows.append((np.array([push.real, push.imag]), 2 * np.array([X.real, -X.imag])))
+            states += [f"Re p{k}", f"Im p{k}"]
+        else:
+            blocks.append(np.array([[s.real]]))
+            rows.append((push.real[None], X.real[None]))
+            states.append(f"p{k}")
+    from scipy.linalg import block_diag
+
+    B = np.vstack([one for one, _ in rows])
+    places, velocities = (np.vstack([X[:, k] for _, X in rows]) for k in (0, 1))
+    rates = outputs.rates[:, None]
+    C = np.where(rates, outputs(velocities), outputs(places))
+    found = LinearModel(block_diag(*blocks), B, C, np.zeros((len(C), len(inputs))), states)
+    # rates vanish in a static response too
+    found.D = outputs.static(inputs, _static(small, inputs)) - found.static_gain()
+    return found, pair_warnings(spec.modes, pairs, pairs.s)
+
+
+def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
+    """Return y (n,) with y^T (K + s C + s^2 M) = 0 and y^T (C + 2 s M) x = 1, by inverse iteration."""
+    at = s * (1.0 + BESIDE)
+    factors = Factors(problem.matrix(at if s.imag else at.real).T.tocsc())
+    y = np.asarray(problem.M @ x.conj(), dtype=complex if s.imag else float)
+    for _ in range(3):
+        y = factors.solve(y)
+        y = y / problem.size(y)
+    return np.asarray(y / (y @ (problem.C @ x + 2 * s * (problem.M @ x))))
+
+
+def _static(small: Linearised, inputs: list[Input]) -> Array:
+    """Return the static responses (inputs, n). Raises ComputationError where nothing holds the model."""
+    pencil = small.pencil
+    if pencil.factor(0.0).bad >= 0:
+        raise ComputationError("the tangent stiffness is singular", at={"solver": "state_space"},
+                               advice="a support, joint or spring; or a state that is not critical")
+    return np.array([refined(pencil.stiffness, pencil.solve, pencil.system.norm, i.f[0], 0.0)[0] for i in inputs])
+
+
+def _left_out(small: Linearised, Phi: Array, inputs: list[Input]) -> Array:
+    """Return the part (inputs, n) of the static responses that lies in no mode of Phi (m, n).
+
+    Rigid motions are among the modes, so that what is left of the forces is in balance.
+    """
+    pencil = small.pencil
+    find_shift(pencil)
+    MPhi, out = each(pencil.other, Phi), []
+    for i in inputs:
+        force = i.f[0] - (Phi @ i.f[0]) @ MPhi
+        x = np.zeros(small.n)
+        for _ in range(ROUNDS):
+            change = pencil.solve(force - pencil.stiffness(x))
+            change -= (MPhi @ change) @ Phi
+            x += change
+            if pencil.system.norm(change) <= SETTLED * pencil.system.norm(x):
+                break
+        out.append(x)
+    return np.array(out)
