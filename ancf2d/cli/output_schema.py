@@ -66,6 +66,8 @@ def _run() -> Schema:
         "critical": _list(critical, "those load factors"), "state_space": linear,
         "response": {**_object("of frequency_response", hz=_list(NUMBER, "the frequencies")),
                      "additionalProperties": _named(_named(amplitude, "by probe and quantity"), "of one input")},
+        "response_error": _is("number?", "estimate, beside the largest displacement of a probe at that frequency; null "
+                              "where each frequency is solved"),
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),

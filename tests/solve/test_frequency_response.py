@@ -58,6 +58,33 @@ def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: st
     assert amplitude(found, "base", probe="root") == pytest.approx(np.ones(len(HZ)))
 
 
+def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside the same frequencies one by one, and the closed form; round-off of the formed stiffness has no part."""
+    from ancf2d.solve import factors, frequency_response
+
+    count = []
+
+    class Counted(factors.Factors):
+        def __init__(self, A: Any) -> None:
+            count.append(A.shape)
+            super().__init__(A)
+
+    monkeypatch.setattr(frequency_response, "Factors", Counted)
+    damper = {"type": "translational", "between": ["beam@1", [1, 1.0e6]], "stiffness": 0, "damping": 0.3}
+    more = {"springs": [damper], "damping": {"rayleigh": {"alpha": 0.1, "beta": 0}}}
+    found = ancf2d.solve(cantilever(["shaker", "base"], "reissner3", 150, **more))
+    assert len(count) <= 30
+    known = {"shaker": exact(F=1, alpha=0.1, dashpot=0.3)[0], "base": exact(base=1, alpha=0.1, dashpot=0.3)[0]}
+    few = cantilever(["shaker", "base"], "reissner3", 150, **more)
+    few["solver"]["frequencies"] = HZ[::10].tolist()
+    each = ancf2d.solve(few)
+    assert 0.0 < found.summary["response_error"] < 1e-7
+    assert each.summary["response_error"] is None
+    for name in ("shaker", "base"):
+        assert error(amplitude(found, name)[::10], amplitude(each, name)) < 1e-6
+        assert error(amplitude(found, name), known[name]) < 2e-4
+
+
 def test_dashpots_and_rayleigh_damping_act() -> None:
     damper = {"type": "translational", "between": ["beam@1", [1, 1.0e6]], "stiffness": 0, "damping": 0.3}
     case = cantilever(["shaker", "base"], springs=[damper], damping={"rayleigh": {"alpha": 0.7, "beta": 0.001}})
