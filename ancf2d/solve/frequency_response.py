@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -56,9 +57,11 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
     """
     num = problem.small.model.numbering
     if problem.n >= LARGE and len(hz) >= MANY and not num.n_multipliers:
-        found = _Reduced(problem, inputs, probes, np.array(hz)).settled()
-        if found is not None:
-            return found
+        # at a frequency of an undamped mode the projected matrix is singular too
+        with suppress(np.linalg.LinAlgError):
+            found = _Reduced(problem, inputs, probes, np.array(hz)).settled()
+            if found is not None:
+                return found
     out = np.zeros((len(hz), len(inputs), len(probes)), dtype=complex)
     for k, f in enumerate(hz):
         s = 2j * math.pi * f
