@@ -81,6 +81,9 @@ def direct(case: dict[str, Any], s: complex) -> np.ndarray:
 JET = {"name": "jet", "type": "follower_force", "at": "beam@1", "value": [-1.5, 0.5]}
 KINDS = {"loads": scene(), "motion": scene(inputs=["base", "push"]), "follower": scene(loads=[JET], about="static"),
          "motion beside a follower": scene(loads=[JET], about="static", inputs=["base", "push"]),
+         "rotating frame": {**scene("boundary_conditions", about="static", inputs=["push"]),
+                            "steady_rotation": {"omega": 5},
+                            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}]},
          "follower as input": scene(loads=[JET], inputs=["jet"])}
 
 
@@ -145,6 +148,14 @@ def test_static_gain_is_that_of_linear_statics(tmp_path: Path, modes: int) -> No
         probes = run_case(load_case_text(json.dumps(case))).summary["probes"]
         wanted = [probes[p][q] for p, q in (name.split(".") for name in OUTPUTS)]
         np.testing.assert_allclose(gain[:, k], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_loads_that_are_no_inputs_are_told_about_the_reference(tmp_path: Path) -> None:
+    said = "loads that are no inputs have no effect"
+    for names, about, told in ((["push"], "reference", True), (["push"], "static", False),
+                               (["push", "turn"], "reference", False)):
+        summary, _ = solved(scene(inputs=names, about=about), tmp_path / "a.h5")
+        assert any(said in text for text in summary["warnings"]) == told
 
 
 def test_gain_about_a_loaded_state_is_the_derivative_of_statics(tmp_path: Path) -> None:
