@@ -7,11 +7,6 @@ docs/python.md.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# the solvers' package, known to the import system from here on, so that it never again takes the function's name
-from . import solve as _solvers  # noqa: F401
-
-del globals()["solve"]
-
 if TYPE_CHECKING:
     from .api import Convergence as Convergence
     from .api import Solution as Solution
@@ -26,14 +21,14 @@ if TYPE_CHECKING:
     from .errors import ResultsError as ResultsError
     from .results import Results as Results
     from .results import open_results as open_results
-    from .solve.discrete import DiscreteModel as DiscreteModel
+    from .solvers.discrete import DiscreteModel as DiscreteModel
 
 __version__ = "0.1.0"
 
 # what the package offers and where it is; nothing is imported before it is used
 _PLACES = {
     "load": "api", "solve": "api", "convergence": "api", "system": "api", "Solution": "api",
-    "LoadedCase": "case", "DiscreteModel": "solve.discrete",
+    "LoadedCase": "case", "DiscreteModel": "solvers.discrete",
     "open_results": "results", "Results": "results", "Convergence": "api",
     "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
 }

@@ -26,7 +26,7 @@ from ancf2d.cli.app import COMMANDS, app
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.errors import ComputationError
-from ancf2d.solve.registry import SOLVERS
+from ancf2d.solvers.registry import SOLVERS
 from ancf2d.study.run import load, run_case, vocabulary
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,9 +25,9 @@ from references.timoshenko import exact_mode, overlap
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.model.model import Model
-from ancf2d.solve.classify import GAPS
-from ancf2d.solve.registry import solve
-from ancf2d.solve.state import State
+from ancf2d.solvers.classify import GAPS
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state import State
 from ancf2d.study.run import load, prepare
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "paper" / "table3_2d2n.yaml"

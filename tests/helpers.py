@@ -115,7 +115,7 @@ class Solution:
     """All states of a solved scene, read at points."""
 
     def __init__(self, model: Model) -> None:
-        from ancf2d.solve.registry import solve
+        from ancf2d.solvers.registry import solve
 
         self.model = model
         self.states = list(solve(model))
@@ -146,7 +146,7 @@ class Solution:
 
     def reactions(self) -> dict[str, dict[str, float]]:
         """Return the reactions of every support."""
-        from ancf2d.solve.post import reactions
+        from ancf2d.solvers.post import reactions
 
         return reactions(self.model, self.state)
 

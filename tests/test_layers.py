@@ -21,13 +21,13 @@ BELOW = {
     "kernels": {"elements"},
     "model": {"case", "elements", "kernels"},
     # a motion may begin with the last state of a result file
-    "solve": {"case", "elements", "kernels", "model", "results"},
+    "solvers": {"case", "elements", "kernels", "model", "results"},
     "extend": {"case", "elements", "model"},
-    "study": {"case", "elements", "extend", "kernels", "model", "results", "solve"},
+    "study": {"case", "elements", "extend", "kernels", "model", "results", "solvers"},
     "plot": {"results"}, "view": {"results"},
     # a solution is printed as the command line prints it
-    "api": {"case", "cli", "plot", "results", "solve", "study"},
-    "cli": {"case", "elements", "extend", "plot", "results", "solve", "study", "view"},
+    "api": {"case", "cli", "plot", "results", "solvers", "study"},
+    "cli": {"case", "elements", "extend", "plot", "results", "solvers", "study", "view"},
 }
 ROOMS = sorted(BELOW)
 SOURCES = cache(lambda: sources(PACKAGE))

@@ -24,7 +24,7 @@ from .refinement import Convergence
 from .solution import Solution, Temporary
 
 if TYPE_CHECKING:
-    from ..solve.discrete import DiscreteModel
+    from ..solvers.discrete import DiscreteModel
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
 Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
@@ -118,7 +118,7 @@ def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
         raise CaseError("accuracy, or element type auto, leaves the mesh to be chosen while the case is solved; give "
                         "every body an element type and count, and no accuracy")
     model = prepare(loaded)
-    from ..solve.discrete import DiscreteModel
+    from ..solvers.discrete import DiscreteModel
 
     return DiscreteModel(model)
 

@@ -169,7 +169,7 @@ def _verdict(check: dict[str, Any]) -> str:
 
 def built_report(model: Any) -> str:
     """Return what ``-v`` says of a model: what was built, and what was left out because nothing needs it."""
-    from ..solve.post import asks_for_forces
+    from ..solvers.post import asks_for_forces
 
     num, lines = model.numbering, []
     for name, mesh in model.meshes.items():
@@ -205,7 +205,7 @@ _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
 
 def matrix_text(model: Any) -> str:
     """Return which matrix and factorisation a model's tangent gets."""
-    from ..solve.linear import make_matrix
+    from ..solvers.linear import make_matrix
 
     if isinstance(model.case.solver, Dynamic):
         # inertia on the diagonal, multipliers behind what they act on

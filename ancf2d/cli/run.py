@@ -26,7 +26,7 @@ from .session import Session
 from .text import command_line, say
 
 if TYPE_CHECKING:
-    from ..solve.state import State
+    from ..solvers.state import State
 
 
 @click.command(epilog=examples("ancf2d run beam.yaml",

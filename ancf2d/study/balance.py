@@ -9,7 +9,7 @@ import numpy as np
 from ..model.model import Model
 
 if TYPE_CHECKING:
-    from ..solve.state import State
+    from ..solvers.state import State
 
 
 def unbalanced_forces(model: Model, state: State) -> float:

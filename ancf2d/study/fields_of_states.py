@@ -11,14 +11,14 @@ import numpy as np
 from ..case import Dynamic, LinearStatic, Static, Stiffness, load_case_text
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results
-from ..solve.fields import FIELDS, FieldReader
+from ..solvers.fields import FIELDS, FieldReader
 from .run import field_records, vocabulary
 
 if TYPE_CHECKING:
     from ..model.model import Model
-    from ..solve.state import State
-    from ..solve.stored import Moments
-    from ..solve.system import System
+    from ..solvers.state import State
+    from ..solvers.stored import Moments
+    from ..solvers.system import System
 
 
 class StatesWithFields(Results):
@@ -74,8 +74,8 @@ class StatesWithFields(Results):
 
     def _state(self, i: int) -> State:
         """Return a stored state as its solver has yielded it."""
-        from ..solve.state import State
-        from ..solve.stored import equilibrium_at
+        from ..solvers.state import State
+        from ..solvers.stored import equilibrium_at
 
         model = self._model
         assert model is not None
@@ -94,7 +94,7 @@ class StatesWithFields(Results):
 
     @cached_property
     def _system(self) -> System:
-        from ..solve.system import System
+        from ..solvers.system import System
         from .warmup import warm_up
 
         assert self._model is not None
@@ -104,7 +104,7 @@ class StatesWithFields(Results):
     @cached_property
     def _motion(self) -> Moments | None:
         """What finds the accelerations of a motion's states; None where no motion was solved."""
-        from ..solve.stored import Moments
+        from ..solvers.stored import Moments
         from .warmup import warm_up
 
         model = self._model

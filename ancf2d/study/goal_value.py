@@ -132,7 +132,7 @@ class _Watch:
 
     def begin(self, model: Model) -> None:
         """Take the model before it is solved."""
-        from ..solve.post import Observer
+        from ..solvers.post import Observer
 
         self.model, self.observer = model, Observer(model)
 
@@ -161,7 +161,7 @@ class _Watch:
 
     def _summary(self, state: Any) -> dict[str, Any]:
         """Return what the goal can be of, at one state."""
-        from ..solve.post import reactions
+        from ..solvers.post import reactions
 
         out: dict[str, Any] = {"probes": self.observer.observe(state), "energy": state.history}
         if self.goal.reaction is not None:

@@ -12,7 +12,7 @@ from ..model.model import Model
 
 if TYPE_CHECKING:
     from ..results import Checkpoint
-    from ..solve.state import State
+    from ..solvers.state import State
 
 
 @dataclass
@@ -61,9 +61,9 @@ class Recorder:
     """What is known of a run so far, kept in its result file too where there is a ``writer``."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
-        from ..solve.fields import FieldReader
-        from ..solve.post import Observer
-        from ..solve.resolution import Resolution
+        from ..solvers.fields import FieldReader
+        from ..solvers.post import Observer
+        from ..solvers.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution = Observer(model), Resolution(model)
@@ -105,7 +105,7 @@ class Recorder:
             self.progress.warn(text)
 
     def _reference(self) -> None:
-        from ..solve.registry import initial_state
+        from ..solvers.registry import initial_state
 
         start = initial_state(self.model)
         self._store(start, None, self.observer.observe(start))
@@ -143,7 +143,7 @@ class Recorder:
 
     def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],
                **more: Any) -> None:
-        from ..solve.post import turns_of
+        from ..solvers.post import turns_of
 
         self.writer.append(state.t, state.d[:self.model.n_q], history, probes, turned=turns_of(self.model, state),
                            fields=self._over_bodies(state), **more)

@@ -18,15 +18,15 @@ from ..errors import CaseError, ComputationError
 from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
-from ..solve.fields import FIELDS
-from ..solve.schemes import INTEGRATORS
+from ..solvers.fields import FIELDS
+from ..solvers.schemes import INTEGRATORS
 from .digests import files_of
 from .record import Progress, Recorder
 
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
-    from ..solve.newton import Start
-    from ..solve.state import State
+    from ..solvers.newton import Start
+    from ..solvers.state import State
 
 
 def vocabulary() -> Vocabulary:
@@ -57,10 +57,10 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
 
 def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
-    from ..solve.fields import field_problems
-    from ..solve.initial import initial_problems
-    from ..solve.registry import left_out
-    from ..solve.schemes import method_problems
+    from ..solvers.fields import field_problems
+    from ..solvers.initial import initial_problems
+    from ..solvers.registry import left_out
+    from ..solvers.schemes import method_problems
 
     model = build_model(loaded)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
@@ -116,7 +116,7 @@ def _exception() -> tuple[Any, Any, Any]:
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
            conclude: Conclude | None, begin: Begin | None) -> Outcome:
-    from ..solve.registry import solve
+    from ..solvers.registry import solve
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
@@ -153,7 +153,7 @@ def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
 def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
               ) -> dict[str, Any]:
     """Return the object that ``--json`` prints, from what was recorded of a run."""
-    from ..solve.post import energies, reactions
+    from ..solvers.post import energies, reactions
 
     state = recorder.state
     out: dict[str, Any] = {
@@ -262,7 +262,7 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
 def field_records(model: Model) -> list[FieldRecord]:
     """Return what the result file tells of the fields that a case asks for."""
     from ..results import FieldRecord
-    from ..solve.fields import FieldReader
+    from ..solvers.fields import FieldReader
 
     return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.xi,
                         body.eta if f.over else np.zeros(1)) for body in FieldReader(model).bodies for f in body.fields]

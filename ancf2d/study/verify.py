@@ -13,10 +13,10 @@ from ..elements.shape import Array
 from ..model.build import build_model
 from ..model.model import Model
 from ..model.points import dot
-from ..solve.classify import GAPS, Classifier
-from ..solve.eigen import renumber, solve_eigen
-from ..solve.section_motions import class_motions, interpolation
-from ..solve.state import State
+from ..solvers.classify import GAPS, Classifier
+from ..solvers.eigen import renumber, solve_eigen
+from ..solvers.section_motions import class_motions, interpolation
+from ..solvers.state import State
 
 # a counterpart's frequency lies within this share of the mode's own ...
 NEAR = 0.15

@@ -177,12 +177,12 @@ def _show_life(path: Path, ended: threading.Event) -> None:
 
 def _touch(model: Model, new: bool) -> None:
     """Go through what a static or a modal solve calls, first together with other processes where it is ``new``."""
-    from ..solve.linear import make_matrix
+    from ..solvers.linear import make_matrix
 
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..solve.compilations import of_elements
+        from ..solvers.compilations import of_elements
 
         spread([*of_elements(model), *touched])
     _ = model.groups
@@ -211,7 +211,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
     if model.hangs or isinstance(model.case.solver, SmallMotions | Buckling):
         from ..kernels.mass import scatter_classes
-        from ..solve.linear import matrix_of_one
+        from ..solvers.linear import matrix_of_one
 
         small = matrix_of_one(type(matrix))
         out += [partial(scatter_classes, matrix.target, np.zeros((1, 1, 1)), no_index, no_index.reshape(0, 1), *tables),
@@ -221,8 +221,8 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
-    from ..solve.compilations import of_motion
-    from ..solve.registry import SOLVERS
+    from ..solvers.compilations import of_motion
+    from ..solvers.registry import SOLVERS
 
     if new:
         spread(of_motion(model, spec))
@@ -235,7 +235,7 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
 
 def _touch_matrix(kind: type) -> None:
     """Factor and solve with a matrix of one unknown, which also imports the library that does it."""
-    from ..solve.linear import matrix_of_one
+    from ..solvers.linear import matrix_of_one
 
     small = matrix_of_one(kind)
     small.values.fill(1.0)

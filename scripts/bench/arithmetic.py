@@ -164,7 +164,7 @@ def _model(element: str, count: int) -> Any:
 
 def bent(element: str, count: int) -> tuple[Any, Any]:
     """Return Table 2's cantilever (model) and its state under the whole load."""
-    from ancf2d.solve.static import solve_static
+    from ancf2d.solvers.static import solve_static
 
     model = _model(element, count)
     *_, state = solve_static(model, 10)
@@ -192,7 +192,7 @@ def kernel(element: str, machine: float, repeat: int) -> dict:
 
 def iteration(element: str, count: int, repeat: int) -> dict:
     """Return microseconds per element of one Newton iteration, part by part."""
-    from ancf2d.solve.system import System
+    from ancf2d.solvers.system import System
 
     bent(element, 8)
     model = _model(element, count)

@@ -116,9 +116,9 @@ def times(system: Any, repeat: int) -> dict[str, float]:
 
 def measure_one(name: str, element: str, repeat: int) -> dict[str, Any]:
     """Return microseconds per element of an iteration, and of factors and solution with a band and with SuperLU."""
-    from ancf2d.solve.ldl import SymmetricBand
-    from ancf2d.solve.linear import GeneralSparse, pattern
-    from ancf2d.solve.system import System
+    from ancf2d.solvers.ldl import SymmetricBand
+    from ancf2d.solvers.linear import GeneralSparse, pattern
+    from ancf2d.solvers.system import System
 
     data = SCENES[name](element)
     model, other = build(data, True), build(data, False)

@@ -59,8 +59,8 @@ def default_rule(element: str) -> list[int]:
 def deflection(element: str, rule: list[int] | None, beam: str, count: int = COUNT) -> float | None:
     """Return how far the tip goes, or None where no solution is found."""
     from ancf2d.errors import ComputationError
-    from ancf2d.solve.post import Observer
-    from ancf2d.solve.static import solve_static
+    from ancf2d.solvers.post import Observer
+    from ancf2d.solvers.static import solve_static
 
     model = model_of(element, rule, count, beam)
     try:

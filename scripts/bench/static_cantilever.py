@@ -50,8 +50,8 @@ def run_ancf2d(element: str, count: int) -> dict:
     """Solve with ancf2d; return tip, seconds and memory."""
     from ancf2d.case import load_case_text
     from ancf2d.model.build import build_model
-    from ancf2d.solve.post import Observer
-    from ancf2d.solve.static import solve_static
+    from ancf2d.solvers.post import Observer
+    from ancf2d.solvers.static import solve_static
     from ancf2d.study.warmup import warm_up
 
     warm_up(build_model(load_case_text(CASE.format(element=element, count=2))))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ancf2d.errors import Ancf2dError
-from ancf2d.solve.registry import takes_guess
+from ancf2d.solvers.registry import takes_guess
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.setting import with_setting
 from ancf2d.study.goal_value import solve_for_goal

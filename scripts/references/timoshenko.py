@@ -10,7 +10,7 @@ import numpy as np
 from ancf2d.elements.section import Section
 from ancf2d.elements.shape import Array
 from ancf2d.model.mesh import BodyMesh
-from ancf2d.solve.section_motions import class_motions, section_motions
+from ancf2d.solvers.section_motions import class_motions, section_motions
 
 
 @dataclass(frozen=True)

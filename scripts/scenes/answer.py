@@ -13,7 +13,7 @@ import numpy as np
 
 import ancf2d
 from ancf2d.model.model import Model
-from ancf2d.solve.state import State
+from ancf2d.solvers.state import State
 from ancf2d.study.record import Progress
 from ancf2d.study.run import run_case
 

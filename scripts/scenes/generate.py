@@ -7,7 +7,7 @@ import math
 import random
 from typing import Any
 
-from ancf2d.solve.schemes import INTEGRATORS, SCHEMES
+from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES
 
 from .amplitudes import random_amplitude
 from .bodies import SOMEWHERE

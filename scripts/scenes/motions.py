@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ancf2d.solve.post import Observer
-from ancf2d.solve.schemes import DEFAULT, INTEGRATORS
-from ancf2d.solve.state import State
+from ancf2d.solvers.post import Observer
+from ancf2d.solvers.schemes import DEFAULT, INTEGRATORS
+from ancf2d.solvers.state import State
 
 from .answer import Answer, answer, quantities
 from .compare import ILL, Finding, Scene, agree, announced, refusals

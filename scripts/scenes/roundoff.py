@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ancf2d.model.model import Model
-from ancf2d.solve.system import System
+from ancf2d.solvers.system import System
 
 from .shapes import Array
 

@@ -59,7 +59,7 @@ def test_every_name_that_is_offered_is_there_and_documented(name: str) -> None:
 
 
 def test_solve_is_the_function_whatever_was_imported_before() -> None:
-    assert run_python("import ancf2d.solve.state, ancf2d; print(ancf2d.solve.__module__)") == "ancf2d.api.solving"
+    assert run_python("import ancf2d.solvers.state, ancf2d; print(ancf2d.solve.__module__)") == "ancf2d.api.solving"
     assert run_python("from ancf2d import solve; print(solve.__module__)") == "ancf2d.api.solving"
 
 

@@ -11,8 +11,8 @@ from extremes import statics
 from extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
-from ancf2d.solve import static
-from ancf2d.solve.refine import refined
+from ancf2d.solvers import static
+from ancf2d.solvers.refine import refined
 
 
 def known(warnings: list[str]) -> float:

@@ -12,7 +12,7 @@ from ancf2d.elements.shape import lobatto
 from ancf2d.model.build import build_model
 from ancf2d.model.mesh import mass_matrix
 from ancf2d.model.own_element import DefinitionError, own_element
-from ancf2d.solve.registry import solve
+from ancf2d.solvers.registry import solve
 from ancf2d.study.run import vocabulary
 
 L, E, RHO = 2.0, 1.0, 1.0
@@ -42,7 +42,7 @@ def third_axial_error(tmp_path, count: int, p: int, share: float) -> float:
     """Return the relative error of the third frequency of a bar that is held at both ends and moves along alone."""
     held = [{"type": "roller", "at": "bar@0", "fixed": "x"}, {"type": "roller", "at": "bar@1", "fixed": "x"}]
     bar = model(tmp_path, count, definition(p, share), boundary_conditions=held)
-    from ancf2d.solve.matrix_pencil import Pencil
+    from ancf2d.solvers.matrix_pencil import Pencil
 
     pencil = Pencil(bar, np.zeros(len(bar.numbering.place)), 0.0, True).with_mass()
     along = np.flatnonzero(np.isin(bar.numbering.free, np.flatnonzero(bar.meshes["bar"].kinds >= 0)[::3]))

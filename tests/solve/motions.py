@@ -9,11 +9,11 @@ import helpers as h
 import numpy as np
 
 from ancf2d.kernels.advance import CHECK, INSIDE
-from ancf2d.solve.energy import Energies
-from ancf2d.solve.initial import initial_motion
-from ancf2d.solve.methods import Method
-from ancf2d.solve.problem import make_problem
-from ancf2d.solve.stepping import LOG, Stepper
+from ancf2d.solvers.energy import Energies
+from ancf2d.solvers.initial import initial_motion
+from ancf2d.solvers.methods import Method
+from ancf2d.solvers.problem import make_problem
+from ancf2d.solvers.stepping import LOG, Stepper
 
 THIN = {"height": 0.02, "width": 0.05}
 RUBBER = {"E": 2e7, "nu": 0.3, "rho": 1000.0}

@@ -84,7 +84,7 @@ def test_three_supports_share_the_load_in_equilibrium(name):
 @pytest.mark.parametrize("name", helpers.KINDS.values())
 def test_section_forces_are_those_of_the_free_body_beyond(name):
     """N, Q, M of a cantilever under a tip force: the force in the section's axes and its moment about the point."""
-    from ancf2d.solve.post import section_forces
+    from ancf2d.solvers.post import section_forces
 
     F = np.array([0.4, -0.6]) * EI
     bodies = {"beam": helpers.body(helpers.line(1.2), helpers.element(name, 6))}

@@ -10,8 +10,8 @@ import pytest
 
 import ancf2d
 from ancf2d.errors import ComputationError
-from ancf2d.solve import buckling
-from ancf2d.solve.flutter import critical_factors
+from ancf2d.solvers import buckling
+from ancf2d.solvers.flutter import critical_factors
 
 TIP = {"type": "follower_force", "at": "c@1", "value": [-1, 0]}
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from ancf2d.model.loads import DeadLoad
-from ancf2d.solve.energy import Kinds
-from ancf2d.solve.mass import full_mass
-from ancf2d.solve.post import Observer, energies, reactions
-from ancf2d.solve.registry import solve
-from ancf2d.solve.section_forces import section_forces
-from ancf2d.solve.state import State
-from ancf2d.solve.system import System
+from ancf2d.solvers.energy import Kinds
+from ancf2d.solvers.mass import full_mass
+from ancf2d.solvers.post import Observer, energies, reactions
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.section_forces import section_forces
+from ancf2d.solvers.state import State
+from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}
 SECTION, STEEL = {"height": 0.1, "width": 0.2}, {"E": 2e11, "nu": 0.3, "rho": 1000}

@@ -60,7 +60,7 @@ def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: st
 
 def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside the same frequencies one by one, and the closed form; round-off of the formed stiffness has no part."""
-    from ancf2d.solve import factors, frequency_response
+    from ancf2d.solvers import factors, frequency_response
 
     count = []
 

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.elements import force
 from ancf2d.model.points import dot
-from ancf2d.solve import stepping
-from ancf2d.solve.energy import Energies
-from ancf2d.solve.registry import solve
+from ancf2d.solvers import stepping
+from ancf2d.solvers.energy import Energies
+from ancf2d.solvers.registry import solve
 
 OMEGA, R0, MASS = 3.0, 0.45, 1.7
 RAIL = {"E": 2e14, "nu": 0.3, "rho": 100.0}

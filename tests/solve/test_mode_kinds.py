@@ -11,8 +11,8 @@ from references.timoshenko import exact_mode, overlap
 import ancf2d
 from ancf2d.elements.section import timoshenko
 from ancf2d.model.mechanism import rigid_motion
-from ancf2d.solve.classify import Classifier
-from ancf2d.solve.eigen import solve_eigen
+from ancf2d.solvers.classify import Classifier
+from ancf2d.solvers.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
 from ancf2d.study.verify import refined
 

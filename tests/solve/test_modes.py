@@ -10,9 +10,9 @@ import scipy.linalg
 
 from ancf2d.kernels.mass import band_product
 from ancf2d.model.mechanism import rigid_motion
-from ancf2d.solve import lowest_modes as lowest_module
-from ancf2d.solve.lowest_modes import lowest
-from ancf2d.solve.matrix_pencil import Pencil
+from ancf2d.solvers import lowest_modes as lowest_module
+from ancf2d.solvers.lowest_modes import lowest
+from ancf2d.solvers.matrix_pencil import Pencil
 from ancf2d.study.run import prepare
 
 THICK = {"height": 0.4, "width": 0.4}

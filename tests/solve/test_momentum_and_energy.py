@@ -6,9 +6,9 @@ import helpers as h
 import numpy as np
 import pytest
 
-from ancf2d.solve.energy import Energies
-from ancf2d.solve.initial import initial_motion
-from ancf2d.solve.system import System
+from ancf2d.solvers.energy import Energies
+from ancf2d.solvers.initial import initial_motion
+from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}
 V, OMEGA, ABOUT = np.array([0.4, -1.0]), 3.0, np.array([0.2, 0.7])

@@ -13,9 +13,9 @@ from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion import COUNT
 from ancf2d.model.signals import Signal
-from ancf2d.solve.estimate import SAFETY, TENFOLD, Estimate
-from ancf2d.solve.registry import solve
-from ancf2d.solve.state import State
+from ancf2d.solvers.estimate import SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state import State
 
 SWING = {"type": "expression", "value": "0.8*(1-cos(6*t))"}
 

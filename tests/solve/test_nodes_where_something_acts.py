@@ -12,9 +12,9 @@ import pytest
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.transfer import transferred
-from ancf2d.solve.initial import initial_motion
-from ancf2d.solve.section_motions import class_motions, energies
-from ancf2d.solve.system import System
+from ancf2d.solvers.initial import initial_motion
+from ancf2d.solvers.section_motions import class_motions, energies
+from ancf2d.solvers.system import System
 
 L, A_AT = 2.0, 0.3
 SECTION = {"EA": 1e6, "kGA": 2e5, "EI": 800.0, "rhoA": 3.0}

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.model.points import dot, point_ref
-from ancf2d.solve.registry import solve
+from ancf2d.solvers.registry import solve
 
 EI, X, V = 80.0, 1.3, 32.0
 STIFF = {"EA": 1e7, "kGA": 1e7, "EI": EI}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.solve.ldl import SymmetricFronts
-from ancf2d.solve.linear import GeneralSparse, make_matrix
+from ancf2d.solvers.ldl import SymmetricFronts
+from ancf2d.solvers.linear import GeneralSparse, make_matrix
 
 SECTION = {"height": 0.05, "width": 0.05}
 EI = 2.07e11 * 0.05**4 / 12

@@ -9,8 +9,8 @@ import pytest
 
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solve.registry import solve
-from ancf2d.solve.section_forces import SectionForces
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.section_forces import SectionForces
 from ancf2d.study.run import run_case
 
 TYPES = ["2d2n", "2d3n-nu", "vallejo", "patel", "omar, formulation: structural", "cable", "reissner2",

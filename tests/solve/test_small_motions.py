@@ -14,7 +14,7 @@ import yaml
 import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solve.linearised import Linearised, base_state
+from ancf2d.solvers.linearised import Linearised, base_state
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass

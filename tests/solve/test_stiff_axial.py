@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solve.newton import BALANCE
-from ancf2d.solve.static import solve_static
-from ancf2d.solve.system import System
+from ancf2d.solvers.newton import BALANCE
+from ancf2d.solvers.static import solve_static
+from ancf2d.solvers.system import System
 
 CASE = """
 bodies:

@@ -4,8 +4,8 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solve import threads
-from ancf2d.solve.system import System
+from ancf2d.solvers import threads
+from ancf2d.solvers.system import System
 
 ROUND = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0, "to": 2 * np.pi}
 LINE = {"type": "line", "start": [0, 0], "end": [2, 0]}

@@ -10,9 +10,9 @@ import pytest
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
-from ancf2d.solve import quadratic
-from ancf2d.solve.linearised import Linearised, RateForces, base_state
-from ancf2d.solve.mass import coriolis_matrix
+from ancf2d.solvers import quadratic
+from ancf2d.solvers.linearised import Linearised, RateForces, base_state
+from ancf2d.solvers.mass import coriolis_matrix
 from ancf2d.study.run import run_case
 
 BEAM = """

@@ -17,7 +17,7 @@ import pytest
 from motions import GRAVITY, STEEL, Ride, rigid, rod
 
 from ancf2d.kernels.motion import COUNT, REJECTED
-from ancf2d.solve import linear, system
+from ancf2d.solvers import linear, system
 
 STORED = Path(__file__).with_name("work.json")
 # steps that adapt, and iterations that end at round-off, may be a few more or less on another machine

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import cantilever
 
-from ancf2d.solve.registry import solve
+from ancf2d.solvers.registry import solve
 from ancf2d.study.balance import unbalanced_forces
 
 

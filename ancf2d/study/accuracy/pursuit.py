@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...case import LoadedCase, PrismaticJoint
 from ...errors import Ancf2dError, CaseError, ComputationError
 from ...model.model import Model
-from ...solve.registry import takes_guess
+from ...solvers.registry import takes_guess
 from ..failure_row import verdict
 from ..goal_value import Answer, File, Solved, solve_for_goal
 from ..order import Estimate
@@ -19,7 +19,7 @@ from ..run import Begin, Outcome, prepare
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
-    from ...solve.newton import Start
+    from ...solvers.newton import Start
     from ..variants import Variant
 
 # of all bodies, on the way to an accuracy
@@ -104,7 +104,7 @@ class Pursuit:
     def _guess(self, model: Model, level: Level) -> Start | None:
         """Return the latest state of the same element types on another mesh."""
         from ...model.transfer import transferred
-        from ...solve.newton import Start
+        from ...solvers.newton import Start
 
         latest = self.latest.get(_named(level.setting.types))
         if latest is None:

@@ -23,7 +23,7 @@ FAR, LARGE = 2.0, {"type": "static", "steps": 2}
 
 def last_state(model: Model) -> Array:
     """Return the displacements (n_q,) in the last state of a model's solver. Raises ComputationError."""
-    from ...solve.registry import solve
+    from ...solvers.registry import solve
 
     state = list(solve(model))[-1]
     return state.d[:model.n_q]

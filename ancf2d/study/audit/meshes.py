@@ -54,7 +54,7 @@ def _lowest_bending(s: Subject, count: int) -> float:
 
 
 def _modes(model: Any) -> list[dict[str, Any]]:
-    from ...solve.registry import solve
+    from ...solvers.registry import solve
 
     found: list[dict[str, Any]] = list(solve(model))[-1].report["frequencies"]
     return found

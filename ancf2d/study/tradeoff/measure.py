@@ -14,8 +14,8 @@ from typing import Any
 from ...case import Body, Dynamic, LoadedCase, load_case_text
 from ...case.emit import flow, written
 from ...errors import ComputationError
-from ...solve.registry import solve
-from ...solve.schemes import DEFAULT
+from ...solvers.registry import solve
+from ...solvers.schemes import DEFAULT
 from ..failure_row import UNSOLVED, verdict
 from ..goal_value import Answer, Solved, for_study, solve_for_goal
 from ..pool import DIED

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...case import Dynamic, LoadedCase
 from ...errors import CaseError
-from ...solve.schemes import DEFAULT
+from ...solvers.schemes import DEFAULT
 from ..convergence import meshes_of
 from ..order import ROUND_OFF
 from ..pool import Workers
