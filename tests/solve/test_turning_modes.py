@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ancf2d.case import load_case_text
+from ancf2d.errors import ResultsError
 from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
+from ancf2d.plot.kinds import build
+from ancf2d.results import open_results
 from ancf2d.solvers import quadratic
 from ancf2d.solvers.linearised import Linearised, RateForces, base_state
 from ancf2d.solvers.mass import coriolis_matrix
@@ -83,3 +87,21 @@ def test_a_beam_pressed_towards_its_hub_grows_beyond_the_critical_speed() -> Non
     assert grown
     assert all(f["omega"] == 0.0 for f in grown)
     assert any("unstable" in w for w in found["warnings"])
+
+
+def test_campbells_diagram_has_a_line_for_each_mode_over_the_speeds(tmp_path: Path) -> None:
+    files = []
+    for omega in (4, 0.5, 2):
+        files.append(str(tmp_path / f"{omega}.h5"))
+        run_case(load_case_text(case("cable, count: 8", omega)), files[-1])
+    panel, = build([open_results(f) for f in files], "campbell").panels
+    first = panel.curves[0]
+    assert (first.name, first.x.tolist()) == ("bending 1", [0.5, 2.0, 4.0])
+    assert first.y[1] == pytest.approx(3.621797, rel=1e-4)
+    once = next(c for c in panel.curves if c.name == "1 per turn")
+    assert once.y.tolist() == once.x.tolist() == [0.0, 4.0]
+    still = str(tmp_path / "still.h5")
+    text = case("cable, count: 8", 1).replace("steady_rotation: {omega: 1, about: [0, 0]}\n", "")
+    run_case(load_case_text(text), still)
+    with pytest.raises(ResultsError, match="no steady_rotation"):
+        build(open_results(still), "campbell")
