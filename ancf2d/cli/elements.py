@@ -14,7 +14,7 @@ from .text import many, table
 
 
 @click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"',
-                               "ancf2d elements own.yaml"))
+                               "ancf2d elements mine.yaml"))
 @click.argument("name", required=False, metavar="[NAME]", shell_complete=complete_types)
 @json_option
 @quiet_option
