@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ..case import Eigen
 from ..elements.shape import Array
-from ..errors import ComputationError
 from ..model.model import Model
 from .classify import Classifier, Verdict
-from .linearised import Linearised, base_state
+from .linearised import Linearised, small_motions
 from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .reduced import Complex, Quadratic
@@ -36,11 +35,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     Without C and with a symmetric K, s^2 = -omega^2 is real.
     """
     turns = model.case.steady_rotation is not None
-    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
-        raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": "eigen"},
-                               advice="fewer supports or joints")
-    base = base_state(model, "static" if turns else spec.about)
-    small = Linearised(base)
+    small = small_motions(model, spec.about, "eigen")
+    base = small.base
     found = _real(small, spec) if base.model.symmetric and not turns and not (spec.damped and small.rates.damps) else \
         _complex(small, spec)
     model, state = base.model, base.state

@@ -16,7 +16,7 @@ from ..errors import ComputationError
 from ..model.model import Model
 from .factors import Factors
 from .inputs import Input, Inputs, Output, outputs
-from .linearised import Linearised, base_state
+from .linearised import small_motions
 from .reduced import Complex, Quadratic, Space
 from .state import State
 
@@ -39,9 +39,8 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     if not model.case.output.probes:
         raise ComputationError("there are no probes whose response could be told", at={"solver": "frequency_response"},
                                advice="name points under output.probes")
-    turns = model.case.steady_rotation is not None
-    base = base_state(model, "static" if turns else spec.about)
-    small, state = Linearised(base), base.state
+    small = small_motions(model, spec.about, "frequency_response")
+    state = small.base.state
     inputs, probes = Inputs(small)(spec.inputs), outputs(small)
     found, error = responses(Quadratic(small), inputs, probes, spec.hz)
     state.report = {"response": _report(spec.hz, inputs, probes, found), "response_error": error}

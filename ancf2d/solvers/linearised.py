@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..elements.shape import Array
+from ..errors import ComputationError
 from ..kernels.elements import viscous_force
 from ..model.loads import LoadSet
 from ..model.mesh import Index
@@ -127,6 +128,17 @@ class Linearised:
     def stiffness(self, x: Array) -> Array:
         """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""
         return self.pencil.stiffness(x)
+
+
+def small_motions(model: Model, about: str, solver: str) -> Linearised:
+    """Return the small motions that a solver asks for; in a turning frame they are about the equilibrium there.
+
+    Raises ComputationError where nothing can move, or there is no such equilibrium.
+    """
+    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
+        raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": solver},
+                               advice="fewer supports or joints")
+    return Linearised(base_state(model, "static" if model.case.steady_rotation is not None else about))
 
 
 class RateForces:

@@ -16,7 +16,7 @@ from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
 from .inputs import Input, Inputs
 from .inputs import outputs as probe_outputs
-from .linearised import Linearised, base_state
+from .linearised import Linearised, small_motions
 from .lowest_modes import find_shift, lowest
 from .matrix_pencil import each
 from .reduced import Complex, Quadratic
@@ -51,12 +51,8 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     A prescribed motion is an input as displacement. Rates are outputs of loads only: those of motions have the rate of
     the input in them.
     """
-    turns = model.case.steady_rotation is not None
-    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
-        raise ComputationError("supports and joints hold everything: nothing can move", at={"solver": "state_space"},
-                               advice="fewer supports or joints")
-    base = base_state(model, "static" if turns else spec.about)
-    small = Linearised(base)
+    small = small_motions(model, spec.about, "state_space")
+    base = small.base
     inputs, outputs = Inputs(small)(spec.inputs), _Outputs(small, spec.outputs)
     found, warnings = _symmetric(small, spec, inputs, outputs) if base.model.symmetric else \
         _unsymmetric(small, spec, inputs, outputs)

@@ -157,6 +157,16 @@ def test_range_of_frequencies() -> None:
         assert ancf2d.solve(case).summary["response"]["hz"] == pytest.approx(known, rel=1e-14)
 
 
+def test_what_the_response_does_not_hold_is_told() -> None:
+    """Section forces are those of the state, and loads that are no inputs do nothing about the reference."""
+    case = cantilever(["shaker"], count=2)
+    case["loads"].append({"name": "other", "type": "force", "at": "beam@0.5", "value": [0, 1]})
+    case["output"]["fields"] = ["N", "M"]
+    told = ancf2d.solve(case).warnings
+    assert any("N, M are those of the state" in w for w in told)
+    assert any("loads that are no inputs have no effect" in w for w in told)
+
+
 def test_an_undamped_free_body_has_no_response_at_frequency_0() -> None:
     case = cantilever(["shaker"], count=4, boundary_conditions=[])
     case["solver"]["frequencies"] = [0]
