@@ -250,3 +250,13 @@ def dense(target: Any, n: int) -> np.ndarray:
             row = slice(target.indptr[i], target.indptr[i + 1])
             out[i, target.indices[row]] = A[row]
     return out
+
+
+def path(until: dict[str, Any], method: str = "arc_length", **more: Any) -> dict[str, Any]:
+    """Return the solver that follows a path."""
+    return {"type": "static", "method": method, "until": until, **more}
+
+
+def reaches(probe: str, quantity: str, value: float) -> dict[str, Any]:
+    """Return the end of a path: a quantity of a probe."""
+    return {"probe": probe, "quantity": quantity, "reaches": value}
