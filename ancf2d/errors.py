@@ -128,3 +128,16 @@ class ResultsError(Ancf2dError):
     """A result file cannot be read or written: it is missing, damaged, of another program, or would be overwritten."""
 
     exit_code = 2
+
+
+# what costs a study one row
+UNSOLVED = (CaseError, ComputationError, MemoryError)
+
+
+def verdict(error: BaseException) -> tuple[str, str]:
+    """Return the status (refused as a case, or failed by the computation) and the reason of an UNSOLVED error."""
+    if isinstance(error, CaseError):
+        return "refused", error.problems[0].sentence
+    if isinstance(error, ComputationError):
+        return "failed", error.failure.reason
+    return "failed", "there is not enough memory for this case"

@@ -13,8 +13,7 @@ from paper_tables import MESHES
 from ancf2d.errors import ComputationError
 from ancf2d.plot import Curves, Picture, build, rendered, save
 from ancf2d.results import open_results
-from ancf2d.study.convergence import convergence
-from ancf2d.study.convergence_file import write_convergence
+from ancf2d.study.convergence import convergence, write_convergence
 from ancf2d.study.run import load, run_case
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

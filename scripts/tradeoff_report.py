@@ -23,9 +23,8 @@ from ancf2d.plot.output import save
 from ancf2d.results import Results
 from ancf2d.study.run import load
 from ancf2d.study.tradeoff.file import write_tradeoff
-from ancf2d.study.tradeoff.front import cheapest
 from ancf2d.study.tradeoff.plan import Choice
-from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
+from ancf2d.study.tradeoff.result import Row, Study, accuracy_name, cheapest
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import parse_variants
 

@@ -1,7 +1,6 @@
 """ancf2d for Python: ``ancf2d.load``, ``ancf2d.solve``, ``ancf2d.convergence`` and ``ancf2d.system``."""
 
-from .refinement import Convergence
-from .solution import Solution
+from .solution import Convergence, Solution
 from .solving import convergence, load, solve, system
 
 __all__ = ["Convergence", "Solution", "convergence", "load", "solve", "system"]

@@ -20,6 +20,10 @@ from .html import shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
+from html import escape
+
+from ..results.shown import html_table
+from ..study.convergence import Convergence as Study
 
 Array = np.ndarray
 
@@ -222,3 +226,27 @@ class Solution:
         """Return the solution as notebooks show it: what ``ancf2d run`` prints, and the bodies."""
         names = list(self.results.bodies) if self.has_states else []
         return shown(str(self), [self.axis(name, None) for name in names], [self.axis(name) for name in names])
+
+
+class Convergence(Study):
+    """A finished convergence study: ``rows`` of all types, ``series`` with the limit of each."""
+
+    def __repr__(self) -> str:
+        title = f" {self.title!r}" if self.title else ""
+        found = [f"{s.element} {s.estimate.value:.8g}" for s in self.series if s.estimate.value is not None]
+        limits = f", limit of {', '.join(found)}" if found else ""
+        return f"<Convergence{title}: {self.goal}, {len(self.rows)} rows{limits}>"
+
+    def __str__(self) -> str:
+        """Return what ``ancf2d convergence`` prints."""
+        from ..cli.convergence import report
+
+        return report(self)
+
+    def _repr_html_(self) -> str:
+        """Return the table of the study, and a line on the limit of each type."""
+        from ..cli.convergence import limits, row_cells
+
+        head, *rows = row_cells(self)
+        return f"<b>{escape(self.title)}</b>" * bool(self.title) + html_table(rows, head) + "".join(
+            f"<p>{escape(line)}</p>" for line in limits(self))

@@ -20,8 +20,7 @@ from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file
 from ..study.variants import Variant, parse_variants
-from .refinement import Convergence
-from .solution import Solution, Temporary
+from .solution import Convergence, Solution, Temporary
 
 if TYPE_CHECKING:
     from ..solvers.discrete import DiscreteModel

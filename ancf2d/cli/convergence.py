@@ -124,7 +124,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
         session.warn(text)
     result = study.as_json()
     if output is not None:
-        from ..study.convergence_file import write_convergence
+        from ..study.convergence import write_convergence
 
         write_convergence(study, loaded, output, session.command_line, force=force)
         result["output"] = output

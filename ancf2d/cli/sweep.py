@@ -60,8 +60,7 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
     from ..case.axes import read_axes
     from ..results import check_output
     from ..study.pool import no_interrupts
-    from ..study.sweep import plan, run_sweep
-    from ..study.sweep_table import write_csv
+    from ..study.sweep import plan, run_sweep, write_csv
 
     axes, who = read_axes(over), workers(jobs, scheduler)
     folder = Path(out if out is not None else f"{case_stem(case)}-sweep")
@@ -107,7 +106,7 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 def report(sweep: Sweep) -> str:
     """Return a sweep as people read it: a row per combination, then where the results are."""
     from ..case.units import with_unit
-    from ..study.sweep_table import short_names, shown, value_names
+    from ..study.sweep import short_names, shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)

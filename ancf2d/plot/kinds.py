@@ -13,12 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.campbell import CAMPBELL
 from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
+from ancf2d.plot.eigenvalues import CAMPBELL, ROOT_LOCUS
 from ancf2d.plot.fields import FIELDS
-from ancf2d.plot.locus import ROOT_LOCUS
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, STEPS
 from ancf2d.plot.phase import PHASE, TRAJECTORY

@@ -1,7 +1,6 @@
 """HDF5 results: written safely, read back checked, compared as numbers."""
 
 from ancf2d.results.checkpoint import Checkpoint, read_checkpoint
-from ancf2d.results.columns import Table
 from ancf2d.results.compare import (
     Difference,
     compare_results,
@@ -12,6 +11,7 @@ from ancf2d.results.compare import (
 from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, open_results
 from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units
+from ancf2d.results.rows import Table
 from ancf2d.results.target import check_output, part_path
 from ancf2d.results.writer import ResultWriter
 

@@ -2,15 +2,41 @@
 
 from __future__ import annotations
 
+import hashlib
+import platform
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import metadata
 from typing import Any
 
 import h5py
 import numpy as np
 
-from ancf2d.results.provenance import provenance
+from ancf2d import __version__
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, BodyRecord, FieldRecord, Units, escape
 from ancf2d.results.series import set_text, write_fixed, write_texts
+
+PACKAGES = ("numpy", "scipy", "numba", "h5py")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a result depends on, read without importing the packages."""
+    found = {"ancf2d": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def provenance(case_text: str) -> dict[str, str]:
+    """Return the root attributes that say when, where and with what a result was made."""
+    found = {f"version_{name}": version for name, version in versions().items()}
+    found["platform"] = platform.platform()
+    found["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+    found["case_sha256"] = hashlib.sha256(case_text.encode("utf-8", "replace")).hexdigest()
+    return found
 
 
 def coordinate_units(units: Units) -> str:

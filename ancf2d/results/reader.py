@@ -14,10 +14,9 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
-from ancf2d.results.columns import Table, read_columns
 from ancf2d.results.geometry import axis_values, body_faces, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
-from ancf2d.results.rows import StateRows
+from ancf2d.results.rows import StateRows, Table, read_columns
 from ancf2d.results.shown import as_html, one_line, to_xarray
 
 

@@ -1,15 +1,17 @@
-"""What was stored of each state, read state by state or in blocks of states."""
+"""Stored states and tables, read row by row or in blocks of rows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from functools import cached_property
+from typing import Any
 
 import h5py
 import numpy as np
 
 from ancf2d.results import safe
+from ancf2d.results.records import unescape
 
 BLOCK = 1 << 17  # numbers: a mebibyte, which caches hold and beside which the cost of a call is nothing
 
@@ -62,3 +64,42 @@ class StateRows:
         step = max(1, BLOCK // max(1, self._width))
         for first in range(0, count, step):
             yield first, min(first + step, count)
+
+
+class Table(dict[str, Any]):
+    """Columns by name: arrays of numbers or lists of strings, with ``attrs`` and ``units``."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.attrs: dict[str, Any] = {}
+        self.units: dict[str, str] = {}
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.values()), ()))
+
+
+def read_columns(group: h5py.Group | None, rows: int | None) -> Table:
+    """Return the first ``rows`` of every column of a group (None: all, and texts too); ValueError where one is shorter.
+
+    A group that is not there has no columns.
+    """
+    table = Table()
+    for key in group or ():
+        dataset = safe.child(group, key, h5py.Dataset)
+        name = unescape(key)
+        if dataset.dtype.kind == "S" and rows is None:  # texts stand in tables alone
+            table[name] = safe.texts(dataset)
+        else:
+            values = safe.values(dataset, 1)
+            table[name] = values if rows is None else enough(values, rows)
+        table.units[name] = str(safe.attribute(dataset, "units", ""))
+    return table
+
+
+def enough(values: np.ndarray, rows: int) -> np.ndarray:
+    """Return the first ``rows`` of some values; ValueError where there are fewer."""
+    if len(values) < rows:
+        raise ValueError(f"{len(values)} rows where {rows} were stored")
+    return values[:rows]

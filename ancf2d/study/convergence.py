@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, cast
+
+import numpy as np
 
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
 from ..case.units import SI
-from ..errors import CaseError, Problem
-from .failure_row import UNSOLVED, verdict
-from .goal import error_scale
-from .goal_value import Answer, sequence, solve_for_goal
+from ..errors import UNSOLVED, CaseError, Problem, verdict
+from ..results import Column, ResultWriter
+from .goal import Answer, error_scale, goal_kind, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
-from .run import describe_goal, prepare, vocabulary
+from .run import describe_goal, prepare, result_header, vocabulary
 from .variants import (
     Variant,
     check_flexible,
@@ -326,3 +329,32 @@ def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None
     gap = last.distance(answers[-2]) if len(answers) > 1 else 0.0
     # the pseudo-sequence of distances approaches its limit from one side: the share that is left of the last one
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last
+
+
+_UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity": "{L}/{T}", "force": "{F}",
+          "moment": "{F}*{L}", "energy": "{F}*{L}"}
+
+
+def goal_units(loaded: LoadedCase) -> str:
+    """Return the units of a case's goal, as templates of result files have them."""
+    goal = loaded.case.goal
+    if goal is None:
+        raise ValueError("a study has a goal")
+    if goal.kind is not None:
+        return "rad/{T}"
+    return _UNITS[goal_kind(goal)] if goal.quantity is not None else "1"
+
+
+def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command: str = "", *,
+                      force: bool = False) -> Path:
+    """Write the rows as table ``convergence``; return where. Raises ResultsError."""
+    names = ("element", "formulation", "elements", "dofs", "value", "error", "order", "wall_s", "status")
+    rows = study.rows
+    columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
+               Column("status", "none", "converged or failed"))
+    table = {name: [math.nan if (v := getattr(row, name)) is None else v for row in rows] for name in names}
+    attrs = {"goal": study.goal, "reference": "auto" if study.reference is None else study.reference}
+    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
+        writer.table("convergence", table, attrs)
+        # the rows are in the table already
+        return writer.finish({k: v for k, v in study.as_json().items() if k != "rows"}, "converged")

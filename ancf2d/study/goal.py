@@ -1,11 +1,19 @@
-"""What errors of a goal are relative to."""
+"""The goal of a case: its value after a run, its course over time, and what its errors are relative to."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..case import Goal
+import numpy as np
+
+from ..case import Dynamic, Goal, LoadedCase
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError
 from ..model.model import Model
+from .record import Progress
+from .run import Begin, Outcome, describe_goal, quantity, run_case
 
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
           "vx": "velocity", "vy": "velocity", "N": "force", "Q": "force", "fx": "force", "fy": "force",
@@ -38,3 +46,168 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
 def error_scale(value: float, smallest: float) -> float:
     """Return what an error of a value is divided by: the value, or the smallest scale where it is smaller."""
     return max(abs(value), smallest, TINY)
+
+
+@dataclass
+class Answer:
+    """A goal as one run has it.
+
+    ``value`` at the end; ``course`` (states,) at all stored times of a motion; ``size`` > 0 is what its errors are
+    relative to: the value, or where that is smaller ``smallest``, 1e-3 of the largest of its kind in the model; in
+    motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
+    """
+
+    value: float
+    size: float
+    course: Array | None = None
+    smallest: float = 0.0
+
+    def distance(self, other: Answer) -> float:
+        """Return how far another answer is from this one, in the goal's units: in motion the most over time."""
+        if self.course is None or other.course is None or len(self.course) != len(other.course):
+            return abs(self.value - other.value)
+        return float(np.max(np.abs(self.course - other.course), initial=0.0))
+
+    def beyond(self, coarse: Answer, factor: float) -> Answer:
+        """Return this answer moved on by ``factor`` times its difference to a coarser one."""
+        course = None
+        if self.course is not None and coarse.course is not None and len(self.course) == len(coarse.course):
+            course = self.course + factor * (self.course - coarse.course)
+        return Answer(self.value + factor * (self.value - coarse.value), self.size, course, self.smallest)
+
+
+@dataclass
+class Solved:
+    """A run for its goal: the answer, the outcome of the run, and its last state."""
+
+    answer: Answer
+    outcome: Outcome
+    state: Any
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.outcome.model
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The object that ``--json`` prints."""
+        return self.outcome.summary
+
+
+def for_study(loaded: LoadedCase) -> LoadedCase:
+    """Return a case without what only costs time in a study, or differs from run to run: estimates, times of states."""
+    case = replace(loaded.case, accuracy=None)
+    if isinstance(case.solver, Dynamic):
+        case = replace(case, solver=replace(case.solver, estimate=False), output=replace(case.output, every=None))
+    return replace(loaded, case=case)
+
+
+@dataclass(frozen=True)
+class File:
+    """Where a run is written; ``conclude(summary, answer)`` may add to its summary before."""
+
+    out: str
+    force: bool
+    command: str
+    conclude: Callable[[dict[str, Any], Answer], None]
+
+
+def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
+                   begin: Begin | None = None) -> Solved:
+    """Solve a case that has a goal, from the guess of ``begin`` where there is one.
+
+    Raises CaseError, and ComputationError where it fails or has no such value.
+    """
+    loaded = for_study(loaded)
+    goal = loaded.case.goal
+    if goal is None:
+        raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to find the error of",
+                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    watch = _Watch(goal, isinstance(loaded.case.solver, Dynamic))
+    given = progress or Progress()
+
+    def built(model: Model) -> None:
+        watch.begin(model)
+        given.built(model)
+
+    progress = replace(given, state=watch.take, built=built)
+    found: list[Answer] = []
+
+    def conclude(summary: dict[str, Any], model: Model) -> None:
+        answer = watch.answer(summary, model)
+        if answer is not None:
+            found.append(answer)
+            if file is not None:
+                file.conclude(summary, answer)
+
+    where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
+    outcome = run_case(loaded, progress=progress, conclude=conclude, begin=begin, **where)
+    if outcome.failure is not None:
+        raise outcome.failure
+    if not found:
+        raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
+    return Solved(found[0], outcome, watch.last)
+
+
+class _Watch:
+    """Follows the goal of a motion from state to state."""
+
+    def __init__(self, goal: Goal, moves: bool) -> None:
+        self.goal, self.moves = goal, moves
+        self.course: list[float] = []
+        self.largest = 0.0
+        self.last: Any = None
+        self.model: Any = None
+        self.observer: Any = None
+
+    def begin(self, model: Model) -> None:
+        """Take the model before it is solved."""
+        from ..solvers.post import Observer
+
+        self.model, self.observer = model, Observer(model)
+
+    def take(self, state: Any) -> None:
+        """Take the next state."""
+        self.last = state
+        if not self.moves:
+            return
+        summary = self._summary(state)
+        value = quantity(self.goal, summary)
+        self.course.append(np.nan if value is None else value)
+        place = summary["probes"].get(self.goal.probe, {})
+        displaces = goal_kind(self.goal) in ("displacement", "position") and "ux" in place
+        own = float(np.hypot(place["ux"], place["uy"])) if displaces else abs(value or 0.0)
+        self.largest = max(self.largest, own)
+
+    def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
+        """Return the answer of a finished run, None where it has no such value."""
+        value = quantity(self.goal, summary)
+        if value is None:
+            return None
+        smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
+        if not self.course:
+            return Answer(value, error_scale(value, smallest), None, smallest)
+        return Answer(value, max(self.largest, TINY), np.array(self.course), smallest)
+
+    def _summary(self, state: Any) -> dict[str, Any]:
+        """Return what the goal can be of, at one state."""
+        from ..solvers.post import reactions
+
+        out: dict[str, Any] = {"probes": self.observer.observe(state), "energy": state.history}
+        if self.goal.reaction is not None:
+            out["reactions"] = reactions(self.model, state)
+        return out
+
+
+def sequence(answers: Sequence[Answer]) -> list[float]:
+    """Return a sequence of numbers with the distances of neighbouring answers, which ends with the last value.
+
+    Of scalar answers these are their values; courses over time approach the last one from one side.
+    """
+    if any(a.course is None for a in answers):
+        return [a.value for a in answers]
+    out = [a.value for a in answers[-1:]]
+    for a, b in zip(answers[-2::-1], answers[:0:-1], strict=True):
+        out.append(out[-1] + a.distance(b))
+    return out[::-1]

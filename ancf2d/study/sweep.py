@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -14,13 +15,15 @@ from ..case import Dynamic, Goal, LoadedCase, load_case_text
 from ..case.axes import OPTION as OVER
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
+from ..case.emit import flow
 from ..case.overrides import OPTION as SET
 from ..case.units import SI
-from ..errors import CaseError, Problem, ResultsError
+from ..errors import UNSOLVED, CaseError, Problem, ResultsError, verdict
+from ..results.own import SWEEP_COLUMNS
+from ..results.replace import replacing
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
 from .digests import content_name, files_of
-from .failure_row import UNSOLVED, verdict
 from .pool import DIED, Workers, run_jobs
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
 from .warmup import kernels_of, warm_up
@@ -304,3 +307,41 @@ def _left_over(output: str) -> bool:
 
 def _lost(job: Job) -> dict[str, Any]:
     return {"status": "failed", "reason": DIED}
+
+
+def value_names(sweep: Sweep) -> list[str]:
+    """Return the names of the computed values of any row."""
+    return list(dict.fromkeys(name for row in sweep.rows for name in row.values))
+
+
+def shown(value: Any) -> str:
+    """Return a value as it is read in a table: texts as they are, all else as YAML has it."""
+    return value if isinstance(value, str) else flow(value)
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """Return the shortest ends of dotted paths that tell them apart."""
+    def end(path: str, parts: int) -> str:
+        return ".".join(path.split(".")[-parts:])
+
+    out = []
+    for path in paths:
+        whole = path.count(".") + 1
+        out.append(next((end(path, k) for k in range(1, whole)
+                         if sum(end(p, k) == end(path, k) for p in paths) == 1), path))
+    return out
+
+
+def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False) -> None:
+    """Write the finished rows: full paths of the varied values, then what was computed, at full precision.
+
+    Raises ResultsError where the file cannot be written, or was not made by ancf2d, unless ``force``.
+    """
+    paths, names = [axis.path for axis in sweep.axes], value_names(sweep)
+    with (replacing(path, force) as private,
+          private.open("w", newline="", encoding="utf-8", errors="backslashreplace") as stream):
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([*paths, "status", *names, *SWEEP_COLUMNS])
+        for row in sweep.finished:
+            writer.writerow([*(shown(row.set[p]) for p in paths), row.status, *(row.values.get(n) for n in names),
+                             row.elements, row.dofs, row.wall_s, row.estimate, row.output, row.reason])

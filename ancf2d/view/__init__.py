@@ -1,6 +1,5 @@
 """Interactive pages from result files alone."""
 
-from ancf2d.view.page import Page, make_page
-from ancf2d.view.server import serve
+from ancf2d.view.page import Page, make_page, serve
 
 __all__ = ["Page", "make_page", "serve"]

@@ -12,7 +12,7 @@ from ancf2d.case import Dynamic, LoadedCase
 from ancf2d.errors import ComputationError
 from ancf2d.study.accuracy.fidelity import BEAM
 from ancf2d.study.accuracy.setting import Level, Setting, bodies_with_meshes, meshed, with_setting
-from ancf2d.study.goal_value import Answer, solve_for_goal
+from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.variants import Variant, parse_variants
 
 # where references stop: relative differences that are round-off, and elements

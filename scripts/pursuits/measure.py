@@ -13,7 +13,7 @@ from ancf2d.errors import Ancf2dError
 from ancf2d.solvers.registry import takes_guess
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.setting import with_setting
-from ancf2d.study.goal_value import solve_for_goal
+from ancf2d.study.goal import solve_for_goal
 
 from .cases import Study
 from .limits import Limit, Solver

@@ -15,7 +15,7 @@ from ancf2d.study.accuracy.judgement import SAFETY, apart, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import Pursuit, Target, Told, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least, with_setting
-from ancf2d.study.goal_value import Answer, solve_for_goal
+from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.record import Progress
 from ancf2d.study.run import vocabulary
 

@@ -17,8 +17,7 @@ from ancf2d.results.target import Target
 from ancf2d.study import digests, sweep
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
-from ancf2d.study.sweep import Sweep, plan, run_sweep
-from ancf2d.study.sweep_table import short_names, shown, write_csv
+from ancf2d.study.sweep import Sweep, plan, run_sweep, short_names, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 BEAM = """\

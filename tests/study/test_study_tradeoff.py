@@ -10,7 +10,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError, ComputationError
-from ancf2d.study.goal_value import Answer, solve_for_goal
+from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import vocabulary
 from ancf2d.study.tradeoff.limits import Limit, limit

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body
 
-import ancf2d.view.server as server_module
+import ancf2d.view.page as page_module
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results
 from ancf2d.study.run import load, run_case
@@ -272,7 +272,7 @@ def test_a_file_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
 
 def test_the_page_is_served_on_this_machine_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     servers: list[ThreadingHTTPServer] = []
-    monkeypatch.setattr(server_module, "ThreadingHTTPServer",
+    monkeypatch.setattr(page_module, "ThreadingHTTPServer",
                         lambda *a: servers.append(ThreadingHTTPServer(*a)) or servers[-1])
     addresses, ready = [], threading.Event()
     thread = threading.Thread(target=serve, args=("<p>ä</p>", 0, lambda a: (addresses.append(a), ready.set())))

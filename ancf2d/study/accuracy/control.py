@@ -10,8 +10,7 @@ from ...case import Dynamic, LoadedCase
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
-from ..goal import goal_kind
-from ..goal_value import Answer
+from ..goal import Answer, goal_kind
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..goal_value import sequence
+from ..goal import sequence
 from ..order import Estimate, estimate, observed_order, round_off_level
 from .setting import Level
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..goal_value import sequence
+from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
 from .judgement import apart, best, choose, judge

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ...case import LoadedCase, PrismaticJoint
-from ...errors import Ancf2dError, CaseError, ComputationError
+from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
 from ...solvers.registry import takes_guess
-from ..failure_row import verdict
-from ..goal_value import Answer, File, Solved, solve_for_goal
+from ..goal import Answer, File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Begin, Outcome, prepare

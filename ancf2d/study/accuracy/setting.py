@@ -13,7 +13,7 @@ from ...case import Arc, Body, Case, Dynamic, LoadedCase, load_case_text
 from ...case.emit import written
 from ...model.curve import share_count, stretches
 from ...model.plan import acting_points
-from ..goal_value import Answer
+from ..goal import Answer
 from ..run import vocabulary
 from ..variants import Variant, element_data, flexible
 

@@ -11,9 +11,8 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
 from ...model.points import dot, point_ref
-from .beams import NU
 from .fields import beam
-from .subject import Subject
+from .subject import NU, Subject
 
 # a load under which the linear beam moves by a small share of its length
 SMALL = 1e-6

@@ -6,10 +6,9 @@ import numpy as np
 
 from ...elements.shape import Array, gauss
 from ...model.interpolation import SINGULAR, condition, rank
-from .beams import NU
 from .fields import displacement_rows, linear_field, points_over, turned
 from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged
-from .subject import Subject
+from .subject import NU, Subject
 
 # lengths over height, and Poisson ratios, over which a basis must keep its rank
 LENGTHS = (0.1, 1.0, 100.0)

@@ -6,7 +6,6 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...model.model import Model
-from .beams import NU
 from .deflections import tip_deflection
 from .fields import (
     ZERO,
@@ -21,7 +20,7 @@ from .fields import (
     uniform,
 )
 from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged, percent, plural
-from .subject import Subject
+from .subject import NU, Subject
 
 ANGLES = (0.3, 1.6, -2.9)
 # three pieces of unequal length

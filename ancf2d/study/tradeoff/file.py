@@ -10,7 +10,7 @@ import numpy as np
 
 from ...case import LoadedCase
 from ...results import Column, ResultWriter
-from ..convergence_file import goal_units
+from ..convergence import goal_units
 from ..run import result_header
 from .result import WHAT, Row, Study
 

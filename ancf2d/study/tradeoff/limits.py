@@ -11,7 +11,7 @@ from ...case import Body, LoadedCase, Stiffness
 from ...case.emit import flow
 from ...elements.registry import FAMILY
 from ..convergence import limit_of
-from ..goal_value import Answer, sequence
+from ..goal import Answer, sequence
 from ..order import estimate
 from ..variants import Variant, divided, flexible
 from .measure import Setting

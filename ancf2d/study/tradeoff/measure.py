@@ -13,11 +13,10 @@ from typing import Any
 
 from ...case import Body, Dynamic, LoadedCase, load_case_text
 from ...case.emit import flow, written
-from ...errors import ComputationError
+from ...errors import UNSOLVED, ComputationError, verdict
 from ...solvers.registry import solve
 from ...solvers.schemes import DEFAULT
-from ..failure_row import UNSOLVED, verdict
-from ..goal_value import Answer, Solved, for_study, solve_for_goal
+from ..goal import Answer, Solved, for_study, solve_for_goal
 from ..pool import DIED
 from ..record import Clock, Progress
 from ..run import prepare, vocabulary

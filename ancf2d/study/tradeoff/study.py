@@ -10,10 +10,9 @@ from ...case import LoadedCase
 from ...errors import CaseError, ComputationError, Problem
 from ..pool import ALONE, Workers, run_jobs
 from ..run import describe_goal
-from .budget import Budget
 from .limits import continuum, continuum_series, limit, suffices
 from .measure import Measured, Task, lost, make_ready, measure
-from .plan import Chain, Choice, Planner, Series
+from .plan import Budget, Chain, Choice, Planner, Series
 from .result import Study, rows_of
 
 
