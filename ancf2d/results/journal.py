@@ -5,6 +5,9 @@ between leaves them torn. Here such writes wait in memory as pages; a commit app
 with a checksum, puts them in place and cuts them off again. Whoever finds them at the end of a file
 reads them in place of what lies below. Whoever reads a file that may be written to reads a copy, made between two
 commits.
+
+The plain flushes of HDF5 do not suffice: of the 18 writes of a flush of six states, a kill during 6 leaves a file that
+cannot be read (``tests/results/test_results_kills.py`` counts it).
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,6 +107,37 @@ def test_every_moment_of_a_commit_leaves_the_old_states_or_the_new(
     assert len(outcomes) > 20
     assert outcomes == sorted(outcomes)
     assert set(outcomes) == {64, 70}
+
+
+class Unjournaled(JournaledFile):
+    """What HDF5 writes goes to the disk at once."""
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data).cast("B")
+        os.pwrite(self._descriptor, view, self._at)
+        self._at += len(view)
+        self._size = max(self._size, self._at)
+        return len(view)
+
+
+def test_plain_flushes_of_hdf5_would_leave_files_that_cannot_be_read(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
+    monkeypatch.setattr(writer_module, "JournaledFile", Unjournaled)
+    lost = 0
+    for moment in range(1, 10_000):
+        w = grown(tmp_path / f"{moment}.h5", 64)
+        for i in range(64, 70):
+            add(w, i)
+        died = dies(moment, w.flush)
+        try:
+            check_states(part_path(w.path))
+        except ResultsError:
+            lost += 1
+        w.discard()
+        if not died:
+            break
+    assert lost > 0
 
 
 def test_every_moment_of_the_first_commit_leaves_a_readable_file(
