@@ -19,10 +19,13 @@ BASE = {"errors", "interrupts", "json_values", "processors", "__version__"}
 BELOW = {
     "case": set(), "elements": set(), "results": set(),
     "kernels": {"elements"},
-    "model": {"case", "elements", "kernels"},
+    # interactions need meshes and points of the model, and the model is built of interactions: the test of cycles keeps
+    # apart what they use from what uses them
+    "interactions": {"case", "elements", "model"},
+    "model": {"case", "elements", "interactions", "kernels"},
     # a motion may begin with the last state of a result file
-    "solvers": {"case", "elements", "kernels", "model", "results"},
-    "extend": {"case", "elements", "model"},
+    "solvers": {"case", "elements", "interactions", "kernels", "model", "results"},
+    "extend": {"case", "elements", "interactions"},
     "study": {"case", "elements", "extend", "kernels", "model", "results", "solvers"},
     "plot": {"results"}, "view": {"results"},
     # a solution is printed as the command line prints it

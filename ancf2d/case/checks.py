@@ -11,7 +11,7 @@ from typing import Any
 from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import quoted
 from .records import walk
-from .schema import Case, Gravity, LimitPoints, Point, Prescribed, Stiffness
+from .schema import Case, LimitPoints, Point, Stiffness
 from .source import Source
 
 STATIC = ("linear_static", "static")
@@ -139,11 +139,11 @@ class _Checker:
         if self.case.steady_rotation is None:
             return
         for i, load in enumerate(self.case.loads or ()):
-            if isinstance(load, Gravity):
+            if load is not INVALID and load.acceleration is not None:
                 self.fail(("loads", i), f"loads.{i}: gravity cannot be used with steady_rotation; "
                           "its direction would turn in the frame")
         for i, support in enumerate(self.case.boundary_conditions or ()):
-            if isinstance(support, Prescribed):
+            if support is not INVALID and support.motions:
                 self.fail(("boundary_conditions", i), f"boundary_conditions.{i}: prescribed motion "
                           "cannot be used with steady_rotation")
 
@@ -185,7 +185,7 @@ class _Checker:
         case: Any = self.case
         if ("solver",) in self.failed or INVALID in (case.loads, case.boundary_conditions):
             return
-        moved = [s.name for s in case.boundary_conditions if isinstance(s, Prescribed) and s.name]
+        moved = [s.name for s in case.boundary_conditions if s is not INVALID and s.motions and s.name]
         loads = [load.name for load in case.loads if load is not INVALID and load.name]
         self.outputs([name for name in case.inputs if name in moved])
         if self.failed & {("loads",), ("boundary_conditions",)}:
@@ -231,7 +231,7 @@ class _Checker:
     def masses(self) -> None:
         """Check that bodies have mass where mass is needed."""
         case = self.case
-        gravity = any(isinstance(load, Gravity) for load in case.loads or ())
+        gravity = any(load is not INVALID and load.acceleration is not None for load in case.loads or ())
         why = (f"the solver is {self.solver}" if self.solver in ("dynamic", *SMALL) else
                "there is gravity" if gravity else
                "there is steady_rotation" if case.steady_rotation is not None else "")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from functools import cache
+from importlib import import_module
 from typing import Any, NamedTuple
 
 from .binder import Binder, Path, dotted, listed
@@ -100,7 +101,12 @@ class OneOf(Kind):
     """A mapping whose ``type`` says which record it is."""
 
     def __init__(self, union: Any) -> None:
-        self.options: dict[str, type] = {tag_of(cls): cls for cls in union.__args__}
+        self.known: dict[str, type] = {tag_of(cls): cls for cls in union.__args__}
+
+    @property
+    def options(self) -> dict[str, type]:
+        """The records by their types."""
+        return self.known
 
     def words(self, binder: Binder) -> str:
         return f"a mapping with type: {listed(self.options)}"
@@ -132,6 +138,41 @@ class OneOf(Kind):
 
     def schema(self, book: Book) -> JsonSchema:
         return {"oneOf": [define(cls, book) for cls in self.options.values()]}
+
+
+# the rooms whose records are among those of a case, as those of plugins are: imported when a case is read
+PROVIDERS = ["ancf2d.interactions"]
+
+
+class Registered(OneOf):
+    """A mapping whose ``type`` says which of the records registered from outside this room it is."""
+
+    def __init__(self) -> None:
+        self.known = {}
+
+    @property
+    def options(self) -> dict[str, type]:
+        for name in PROVIDERS:
+            import_module(name)
+        return self.known
+
+
+class RegisteredRecord(Record):
+    """A mapping with the keys of the one record that is registered from outside this room."""
+
+    def __init__(self) -> None:
+        self.short = self.what = ""
+        self.registered = Registered()
+
+    @property
+    def known(self) -> dict[str, type]:
+        """The record under its type, which is empty."""
+        return self.registered.known
+
+    @property
+    def cls(self) -> type:  # type: ignore[override]
+        (found,) = self.registered.options.values()
+        return found
 
 
 class ByKeys(Kind):

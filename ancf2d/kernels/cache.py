@@ -13,6 +13,8 @@ import llvmlite
 import numba
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+# whose sources are hashed as a whole
+ROOMS = ("kernels", "elements")
 _KEEP_SECONDS = 30 * 24 * 3600
 _OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
 
@@ -20,16 +22,16 @@ _OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
 def source_hash() -> str:
     """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
-    for room in ("kernels", "elements"):
+    for room in ROOMS:
         for path in sorted((_PACKAGE / room).rglob("*.py")):
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
 
 def fingerprint(function: Any) -> str:
-    """Return a hash of a function's code, of what it is closed over and, outside this package, of what it refers to.
+    """Return a hash of a function's code, of what it is closed over and, outside ``ROOMS``, of what it refers to.
 
-    Sources of the package are hashed as a whole; those of plugins are not.
+    Sources of these rooms are hashed as a whole; those of interactions and plugins are not.
     """
     digest, seen = hashlib.sha256(), set()
 
@@ -45,7 +47,7 @@ def fingerprint(function: Any) -> str:
         seen.add(id(code))
         for cell in value.__closure__ or ():
             add(cell.cell_contents)
-        if not value.__module__.startswith(("ancf2d.", "numba", "numpy")):
+        if not value.__module__.startswith((*(f"ancf2d.{room}." for room in ROOMS), "numba", "numpy")):
             for constant in code.co_consts:
                 digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
             for name in code.co_names:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 from numba.extending import register_jitable
 
-from ..elements import point_laws, spring_laws
+from ..elements import point_laws
 from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .jit import addressed, inlined
@@ -120,8 +120,10 @@ def law_address(law: StrainLaw) -> int:
     return _compiled(law)[1]
 
 
-for _helper in point_laws.HELPERS + spring_laws.HELPERS:
-    register_jitable(_helper)
+# laws share helpers, each of which is declared once
+_declare = cache(register_jitable)
+for _helper in point_laws.HELPERS:
+    _declare(_helper)
 
 _v, _m = types.float64[::1], types.float64[:, ::1]
 _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
@@ -134,7 +136,7 @@ call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_AC
 def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
     for helper in law.helpers:
-        register_jitable(helper)
+        _declare(helper)
     law_of = inlined(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]

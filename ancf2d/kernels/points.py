@@ -1,4 +1,4 @@
-"""Springs, dampers, loads that turn and constraints of points: the laws of ``elements.point_laws`` over a table."""
+"""Springs, dampers, loads that turn and constraints of points: laws (``elements.point_laws``) over a table."""
 
 from __future__ import annotations
 

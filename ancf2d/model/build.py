@@ -12,7 +12,6 @@ from ..case import (
     Buckling,
     Case,
     Dynamic,
-    Gravity,
     GroundPoint,
     LinearStatic,
     LoadedCase,
@@ -23,10 +22,13 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
+from ..interactions.forces import LoadContext, LoadSet
+from ..interactions.inertia import centrifugal
+from ..interactions.joints import JointContext, JointError, weld_pieces
+from ..interactions.springs import Spring
+from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths
 from .elimination import Elimination, eliminate, inconsistent
-from .joints import JOINTS, JointContext, JointError, weld_pieces
-from .loads import LOADS, DeadLoad, LoadContext, LoadSet
 from .locking import hidden_warning, locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
@@ -37,9 +39,6 @@ from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .prescribed import motions
 from .repeated import drop_repeated, linear_row
-from .spin import centrifugal
-from .springs import SPRINGS, Spring
-from .supports import SUPPORTS, SupportError
 from .timing import InputTiming, PathTiming, TimeTiming, Timing
 
 
@@ -63,7 +62,7 @@ def weighs(case: Case) -> bool:
     solver = case.solver
     static = isinstance(solver, SmallMotions) or (isinstance(solver, Static) and solver.method == "newton")
     return static and course_of(case)[1] > 0.0 and any(
-        isinstance(load, Gravity) and any(load.value) and load.name not in case.inputs for load in case.loads)
+        any(load.acceleration or ()) and load.name not in case.inputs for load in case.loads)
 
 
 def course_of(case: Case) -> tuple[float, float]:
@@ -135,7 +134,7 @@ class _Builder:
             self.supports.append((name, point))
             timing = InputTiming(str(support.name)) if support.name in self.case.inputs else self.timing
             try:
-                SUPPORTS[type(support)](support, point, name, timing, self.equations)
+                support.add(point, name, timing, self.equations)
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
 
@@ -147,7 +146,7 @@ class _Builder:
         for i, joint in enumerate(self.case.joints):
             context = JointContext(self.point, self.meshes, f"joints.{i}", acting)
             try:
-                JOINTS[type(joint)](joint, context, joint.name or f"joints.{i}", self.equations)
+                joint.add(context, joint.name or f"joints.{i}", self.equations)
             except JointError as error:
                 for key, message, expected in error.problems:
                     self.report(("joints", i, *key), message, expected)
@@ -155,27 +154,18 @@ class _Builder:
     def add_springs(self) -> None:
         for spring in self.case.springs:
             ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
-            self.springs.append(SPRINGS[type(spring)](spring, ends))
+            self.springs.append(spring.place(ends))
 
     def add_loads(self) -> None:
         for load in self.case.loads:
-            context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), load.amplitude is None)
+            context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), self.case.masses)
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
-            LOADS[type(load)](load, context, out)
-            if isinstance(load, Gravity):
-                self._weigh_masses(load.value, context, out)
-
+            load.add(context, out)
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.masses]
             self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
-
-    def _weigh_masses(self, g: tuple[float, float], context: LoadContext, out: LoadSet) -> None:
-        for mass in self.case.masses:
-            for (coords, weights), a in zip(self.point(mass.at).position(), g, strict=True):
-                out.dead.append(DeadLoad(coords, weights * a * mass.mass, context.amplitude, context.scaled,
-                                         gravity=True))
 
     def check_motions(self) -> None:
         """Look for prescribed motions that no body can follow."""

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..elements.point_laws import PointLaw, half_sine, with_multiplier
 from ..elements.shape import Array
 from .mesh import BodyMesh, Index
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
@@ -81,6 +82,70 @@ def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index
     return combine((x, columns[0]), (y, columns[1]))
 
 
+def at_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A direction at the angle of another field: p x (cos, sin)(theta) = 0."""
+    x, y = p0[0] + u[0], p0[1] + u[1]
+    c, s = np.cos(p0[2] + u[2]), np.sin(p0[2] + u[2])
+    g = x * s - y * c
+    f[0], f[1], f[2] = s, -c, x * c + y * s
+    H[0, 2], H[2, 0], H[1, 2], H[2, 1], H[2, 2] = c, c, s, s, -g
+    with_multiplier(g, u, f, H)
+    return 0.0, 0.0
+
+
+def at_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """Products of means; sine and cosine change by what they do over the chord."""
+    t0, t1, lam = p0[2] + u0[2], p0[2] + u1[2], u1[3]
+    xm, ym = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
+    chord = half_sine(t1 - t0)
+    half = 0.5 * (t0 + t1)
+    f[0], f[1] = 0.5 * lam * (np.sin(t0) + np.sin(t1)), -0.5 * lam * (np.cos(t0) + np.cos(t1))
+    f[2] = lam * chord * (xm * np.cos(half) + ym * np.sin(half))
+    f[3] = (p0[0] + u1[0]) * np.sin(t1) - (p0[1] + u1[1]) * np.cos(t1)
+    return 0.0, 0.0
+
+
+def aligned(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Two directions that keep their angle: p_a x p_b = 0."""
+    ax, ay, bx, by = p0[0] + u[0], p0[1] + u[1], p0[2] + u[2], p0[3] + u[3]
+    f[0], f[1], f[2], f[3] = by, -bx, -ay, ax
+    H[0, 3], H[3, 0], H[1, 2], H[2, 1] = 1.0, 1.0, -1.0, -1.0
+    with_multiplier(ax * by - ay * bx, u, f, H)
+    return 0.0, 0.0
+
+
+def aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The gradient in the middle: exact of a quadratic form."""
+    lam = u1[4]
+    f[0], f[1] = lam * (p0[3] + 0.5 * (u0[3] + u1[3])), -lam * (p0[2] + 0.5 * (u0[2] + u1[2]))
+    f[2], f[3] = -lam * (p0[1] + 0.5 * (u0[1] + u1[1])), lam * (p0[0] + 0.5 * (u0[0] + u1[0]))
+    f[4] = (p0[0] + u1[0]) * (p0[3] + u1[3]) - (p0[1] + u1[1]) * (p0[2] + u1[2])
+    return 0.0, 0.0
+
+
+def fixed_length(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A distance that stays: (|p|^2 - L^2)/(2 L) = 0 from the displacements; par: L."""
+    L = par[0]
+    f[0], f[1] = (p0[0] + u[0]) / L, (p0[1] + u[1]) / L
+    H[0, 0], H[1, 1] = 1.0 / L, 1.0 / L
+    with_multiplier(((p0[0] + 0.5 * u[0]) * u[0] + (p0[1] + 0.5 * u[1]) * u[1]) / L, u, f, H)
+    return 0.0, 0.0
+
+
+def fixed_length_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The gradient in the middle: exact of a quadratic form."""
+    L, lam = par[0], u1[2]
+    for i in range(2):
+        f[i] = lam * (p0[i] + 0.5 * (u0[i] + u1[i])) / L
+    f[2] = ((p0[0] + 0.5 * u1[0]) * u1[0] + (p0[1] + 0.5 * u1[1]) * u1[1]) / L
+    return 0.0, 0.0
+
+
+AT_ANGLE = PointLaw("at_angle", at_angle, at_angle_mean, constraint=True)
+ALIGNED = PointLaw("aligned", aligned, aligned_mean, constraint=True)
+FIXED_LENGTH = PointLaw("fixed_length", fixed_length, fixed_length_mean, constraint=True)
+
+
 def _at_angle(p: Array) -> float:
     return float(p[0] * math.cos(p[2]) + p[1] * math.sin(p[2]))
 
@@ -93,7 +158,7 @@ def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """Two section directions keep the angle of the reference."""
     (_, fields_a), (_, fields_b) = turn_fields(a), turn_fields(b)
     scale = fields_a[0].p0 * fields_b[0].p0
-    return PointConstraint("aligned", [*fields_a, *fields_b], [], owner, "relative rotation", scale,
+    return PointConstraint(ALIGNED, [*fields_a, *fields_b], [], owner, "relative rotation", scale,
                            facing=_aligned)
 
 
@@ -101,14 +166,14 @@ def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """The section direction of a follows the rotation coordinate of b."""
     _, fields = turn_fields(a)
     _, theta = turn_fields(b)
-    return PointConstraint("at_angle", [*fields, *theta], [], owner, "relative rotation", fields[0].p0,
+    return PointConstraint(AT_ANGLE, [*fields, *theta], [], owner, "relative rotation", fields[0].p0,
                            facing=_at_angle)
 
 
 def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointConstraint:
     """The section direction of a point stands at the angle signal(t) from its reference."""
     _, fields = turn_fields(point)
-    return PointConstraint("at_angle", [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
+    return PointConstraint(AT_ANGLE, [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
                            facing=_at_angle, sections=[point])
 
 
@@ -119,7 +184,7 @@ def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
         p0 = mesh.e0[b - mesh.first_dof] - mesh.e0[a - mesh.first_dof]
         L = float(np.hypot(*p0))
         fields = [Field(np.array([a[k], b[k]]), np.array([-1.0, 1.0]), float(p0[k])) for k in range(2)]
-        out.constraints.append(PointConstraint("fixed_length", fields, [L], mesh.plan.name, LENGTH, L))
+        out.constraints.append(PointConstraint(FIXED_LENGTH, fields, [L], mesh.plan.name, LENGTH, L))
 
 
 def share_direction(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:

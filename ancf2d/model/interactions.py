@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..elements.point_laws import MAX_MEM, MAX_PAR
 from ..elements.shape import Array
+from ..interactions.forces import Patch
+from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.points import (
     Points,
@@ -18,15 +20,22 @@ from ..kernels.points import (
 )
 from ..kernels.sliding import sliding_constraint_rates, sliding_matrix
 from .constraints import Constraint
-from .loads import FollowerLine, Patch
 from .mesh import Index
-from .point_patch import PointConstraint, PointPatch
+from .point_patch import Items, PointConstraint, PointPatch
 from .rotation import Turns
 from .signals import rates_of
-from .sliding import OnAxis, sliding_table
 
 # energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m things with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]
+
+
+@runtime_checkable
+class HasItems(Protocol):
+    """A point law, or many of one kind, as tables have it."""
+
+    def items(self) -> Items:
+        """Return the law and what it acts on."""
+        ...
 
 
 def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
@@ -36,7 +45,7 @@ def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
     return starts, np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
 
 
-def point_table(patches: Sequence[PointPatch | FollowerLine], signals: list[Any] | None = None,
+def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
                 steps: bool = False) -> Points:
     """Return the table of point laws; with ``steps`` it also knows their forces over a step.
 
@@ -80,7 +89,7 @@ class Batch:
     Constants and remembered angles of the laws are those of the table from now on.
     """
 
-    def __init__(self, patches: Sequence[PointPatch | FollowerLine]) -> None:
+    def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.table = point_table(patches, self.signals)
         m = len(self.table.forces)
@@ -119,7 +128,7 @@ def batches(patches: Iterable[Any]) -> list[Any]:
     alike: dict[int, list[Any]] = {}
     others = []
     for p in patches:
-        if isinstance(p, PointPatch | FollowerLine):
+        if isinstance(p, HasItems):
             alike.setdefault(p.items().dofs.shape[1], []).append(p)
         else:
             others.append(p)
@@ -135,7 +144,7 @@ class Interactions:
     def __init__(self, springs: Sequence[PointPatch], loads: Sequence[Patch], constraints: Sequence[Constraint],
                  e0: Array) -> None:
         self.e0, self.number = e0, len(constraints)
-        self.points = [p for p in (*springs, *loads, *constraints) if isinstance(p, PointPatch | FollowerLine)]
+        self.points = [p for p in (*springs, *loads, *constraints) if isinstance(p, HasItems)]
         self.springs: list[Batch] = batches(springs)
         self.loads: list[Any] = batches(loads)
         self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from ..elements.shape import Array
+from ..interactions.springs import Spring
 from .constraints import Constraint, Row
 from .mesh import BodyMesh, Index
-from .springs import Spring
 
 
 def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Array:

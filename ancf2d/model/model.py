@@ -10,15 +10,15 @@ import numpy as np
 
 from ..case import Case, LoadedCase, Point
 from ..elements.shape import Array
+from ..interactions.forces import DeadLoad, LoadSet, Patch
+from ..interactions.springs import Spring
 from ..kernels.tree import Fronts
 from .body_groups import Pool, make_pools
 from .constraints import Constraint, Row
 from .elimination import Elimination
-from .loads import DeadLoad, LoadSet, Patch
 from .mesh import BodyMesh, Index
 from .points import PointRef, point_ref
 from .rotation import Turns
-from .springs import Spring
 from .timing import Timing
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..interactions.forces import Patch
 from .constraints import Constraint
 from .elimination import Elimination, as_columns
 from .fronts import band_cost, fronts_cost, least_degree, make_fronts
-from .loads import Patch
 from .mesh import BodyMesh, Index
 from .model import Numbering
 from .order import half_bandwidth, order_unknowns

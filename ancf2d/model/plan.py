@@ -14,7 +14,6 @@ from ..case import (
     Arc,
     Body,
     Case,
-    Distributed,
     Dynamic,
     Element,
     ElementDefinition,
@@ -186,8 +185,8 @@ def acting_points(case: Case) -> dict[str, list[float]]:
     for point in acting_at(case):
         found[point.body].add(point.s)
     for load in case.loads:
-        if isinstance(load, Distributed):
-            found[load.on] |= {load.from_, load.to}
+        if load.line is not None:
+            found[load.line.body] |= {load.line.start, load.line.end}
     return {name: sorted(places) for name, places in found.items()}
 
 

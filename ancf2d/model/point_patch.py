@@ -1,4 +1,4 @@
-"""Springs, loads that turn and constraints at points: a law of ``elements.point_laws`` over fields of coordinates."""
+"""Springs, loads that turn and constraints at points: a law (``elements.point_laws``) over fields of coordinates."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, PointLaw
+from ..case.records import tag_of
+from ..elements.point_laws import DIRECTION, GROUND, MAX_CONSTANTS, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array
-from ..errors import ComputationError
+from ..errors import ComputationError, PluginError
 from .mesh import Index
 from .points import PointRef, dot
 
@@ -76,6 +77,20 @@ class Items(NamedTuple):
     scale: float = 1.0
 
 
+def law_name(cls: type) -> str:
+    """Return the name of the law of a record: compiled laws are told apart by it."""
+    return f"{cls.__module__}_{tag_of(cls)}".replace(".", "_")
+
+
+def constants_of(item: Any) -> list[float]:
+    """Return the constants of the law of a record. Raises PluginError where there are too many."""
+    found = [float(x) for x in item.constants()]
+    if len(found) > MAX_CONSTANTS:
+        raise PluginError(f"{type(item).__name__}.constants() returns {len(found)} numbers; expected at most "
+                          f"{MAX_CONSTANTS}")
+    return found
+
+
 class PointPatch:
     """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
 
@@ -87,10 +102,10 @@ class PointPatch:
     multiplier = -1
     scale = 1.0
 
-    def __init__(self, law: str | PointLaw, fields: Sequence[Field], par: Sequence[float],
+    def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float],
                  signal: Callable[[float], float] | None = None, fed: int = -1,
                  sections: Sequence[PointRef | None] = ()) -> None:
-        self.law = LAWS[law] if isinstance(law, str) else law
+        self.law = law
         self.par, self.signal, self.fed = np.array(par, dtype=float), signal, fed
         coords, self.G, self.p0 = table_of(fields)
         self.dofs: Index = coords[None, :]
@@ -142,8 +157,8 @@ class PointConstraint(PointPatch):
     the fields by its sign whether two directions agree (None: there are none).
     """
 
-    def __init__(self, law: str, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str, scale: float,
-                 signal: Callable[[float], float] | None = None, fed: int = -1,
+    def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str,
+                 scale: float, signal: Callable[[float], float] | None = None, fed: int = -1,
                  facing: Callable[[Array], float] | None = None, sections: Sequence[PointRef | None] = ()) -> None:
         super().__init__(law, [*fields, NOTHING], par, signal, fed, sections)
         self.dofs = self.dofs[0]

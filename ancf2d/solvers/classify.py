@@ -9,7 +9,7 @@ import numpy as np
 
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from ..model.masses import mass_terms
+from ..interactions.inertia import mass_terms
 from ..model.mechanism import rigid_motion
 from ..model.mesh import BodyMesh
 from ..model.model import Model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..case import Constant
 from ..elements.shape import Array
-from ..model.loads import Amplitude, DeadLoad
+from ..interactions.forces import DeadLoad
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.signals import Signal
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-def is_constant(amplitude: Amplitude) -> bool:
+def is_constant(amplitude: Callable[[float], float]) -> bool:
     """Whether what a load of a dynamic case follows has the same value at all times."""
     return isinstance(amplitude, Signal) and (amplitude.amplitude is None or isinstance(amplitude.amplitude, Constant))
 

@@ -12,7 +12,6 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..case import Gravity
 from ..elements.shape import Array
 from ..errors import ComputationError, SingularTangentError
 from ..model.model import Model
@@ -45,7 +44,7 @@ FELL = ("no path of stable equilibria leads from the reference to the whole load
 
 def slack(model: Model) -> bool:
     """Whether gravity bends a body of the model as if it had no bending stiffness."""
-    g = sum(np.hypot(*load.value) for load in model.case.loads if isinstance(load, Gravity))
+    g = sum(np.hypot(*load.acceleration) for load in model.case.loads if load.acceleration is not None)
     sections = [(m.plan.section, m.plan.length) for m in model.meshes.values() if not m.plan.rigid]
     return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
 
@@ -83,8 +82,8 @@ class _Relaxation:
         assemble_mass(self.model, mass)
         self.M: Array = mass.target.values
         self.start = self.d = d
-        g = max((float(np.hypot(*load.value)) for load in self.model.case.loads if isinstance(load, Gravity)),
-                default=0.0)
+        g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
+                 if load.acceleration is not None), default=0.0)
         self.extent = self.model.extent
         self.h = FIRST * self.extent / (g or 1.0)
         self.shortest = SHORTEST * self.h
@@ -230,7 +229,8 @@ class _Relaxation:
     def _sagging(self, d: Array, sag: float, power: int) -> Array:
         """Return a state in which what may move has sagged from d (n_full,) by a share of the extent."""
         model, num = self.model, self.model.numbering
-        g = sum((np.array(load.value) for load in model.case.loads if isinstance(load, Gravity)), np.zeros(2))
+        g = sum((np.array(load.acceleration) for load in model.case.loads if load.acceleration is not None),
+                np.zeros(2))
         g /= np.hypot(*g) or 1.0
         across, down = np.zeros(len(num.place)), np.zeros(len(num.place))
         for mesh in model.meshes.values():

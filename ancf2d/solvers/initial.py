@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Amplitude, Case, Initial, LoadedCase, Prescribed, Static
+from ..case import Case, Initial, LoadedCase, Ramp, Static
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, ResultsError
 from ..model.build import build_model
@@ -64,18 +64,11 @@ def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
 
 def static_case(case: Case) -> Case:
     """Return the static case whose end is the equilibrium at t = 0: loads and prescribed motion at their size then."""
-    def size(amplitude: Amplitude | None) -> float:
-        return 1.0 if amplitude is None else amplitude.value(0.0)
-
     def scaled(load: Any) -> Any:
-        value = np.multiply(load.value, size(load.amplitude)).tolist()
-        return replace(load, value=tuple(value) if isinstance(value, list) else value, amplitude=None)
+        return load if load.amplitude is None else replace(load, amplitude=Ramp(scale=float(load.amplitude.value(0.0))))
 
     def held(support: Any) -> Any:
-        if not isinstance(support, Prescribed):
-            return support
-        given = {k: getattr(support, k) for k in ("x", "y", "ux", "uy", "angle")}
-        changes: dict[str, Any] = {k: float(s.value(0.0)) for k, s in given.items() if hasattr(s, "value")}
+        changes = {k: float(s.value(0.0)) for k, s in support.motions.items() if hasattr(s, "value")}
         return replace(support, **changes)
 
     return replace(case, loads=tuple(scaled(load) for load in case.loads), initial=None, damping=None,
@@ -129,7 +122,7 @@ def goes_on(model: Model) -> bool:
     from ..results import open_results
 
     case, initial = model.case, model.case.initial
-    moved = any(isinstance(s, Prescribed) for s in case.boundary_conditions)
+    moved = any(s.motions for s in case.boundary_conditions)
     if initial is None or initial.from_ in ("rest", "static") or initial.velocity or initial.rotation_rate or (
             initial.bodies or moved):
         return False

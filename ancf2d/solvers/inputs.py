@@ -11,8 +11,8 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..interactions.forces import LoadSet
 from ..model.interactions import Interactions
-from ..model.loads import LoadSet
 from ..model.mesh import Index
 from ..model.point_patch import PointConstraint
 from ..model.points import PointRef

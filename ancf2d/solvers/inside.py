@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ..case import GroundPoint, Point
 from ..elements.shape import Array
-from ..model.loads import LOADS, LoadContext, LoadSet
+from ..interactions.forces import LoadContext, LoadSet
+from ..interactions.prismatic import OnAxis
+from ..interactions.springs import end_forces
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from ..model.points import PointRef
-from ..model.sliding import OnAxis
-from ..model.springs import end_forces
 from .mass import full_mass, inertia_rates
 from .state import State
 
@@ -95,7 +95,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         follows = model.timing.follow(load.amplitude)
-        LOADS[type(load)](load, LoadContext(model.meshes, model.point, follows, True), out)
+        load.add(LoadContext(model.meshes, model.point, follows), out)
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
         if out.patches:

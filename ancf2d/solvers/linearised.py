@@ -12,8 +12,8 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..interactions.forces import LoadSet
 from ..kernels.elements import viscous_force
-from ..model.loads import LoadSet
 from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import SymmetricBand

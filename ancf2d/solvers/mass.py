@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..elements.shape import Array
+from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.mass import scatter_classes
-from ..model.masses import mass_block, mass_terms
 from ..model.mesh import Index, mass_matrix
 from ..model.model import Model
 from .linear import TangentMatrix

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..interactions.prismatic import check_ends
 from ..model.inversion import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
-from ..model.sliding import check_ends
 from .state import State
 from .system import STILL, Balance, System
 from .vector_chunks import largest, pieces

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.shape import Array
+from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
@@ -21,7 +22,6 @@ from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.signals import Signal, programs
-from ..model.sliding import OnAxis, sliding_table
 from .energy import is_constant
 from .mass import full_mass, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS, Integrator

@@ -15,7 +15,6 @@ from ..case import (
     FrequencyResponse,
     LinearStatic,
     LoadFactor,
-    Prescribed,
     StateSpace,
     Static,
 )
@@ -106,7 +105,7 @@ def left_out(case: Case) -> list[str]:
         out.append(f"these modes are undamped (damped: false): {', '.join(dampers)} have no effect")
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []
-        what += ["prescribed motions"] if any(isinstance(s, Prescribed) for s in case.boundary_conditions) else []
+        what += ["prescribed motions"] if any(s.motions for s in case.boundary_conditions) else []
         if what:
             out.append(f"these modes are about the reference: {' and '.join(what)} have no effect, except that "
                        "prescribed points are held (about: static finds the state that they lead to)")

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Distributed, Gravity
 from ..elements.shape import Array, gauss
+from ..interactions.body_loads import Line
+from ..interactions.inertia import mass_terms
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import tangent_action, viscous_force
 from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
-from ..model.masses import mass_terms
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
@@ -114,8 +114,9 @@ class _Part:
         body, model = self.body, self.body.model
         out, found = np.zeros_like(self.e), False
         for load in model.case.loads:
-            if isinstance(load, Gravity):
-                out[..., :2] += np.where(body.is_r[:, None], self._factor(load) * np.array(load.value, float), 0.0)
+            if load.acceleration is not None:
+                g = self._factor(load) * np.array(load.acceleration, float)
+                out[..., :2] += np.where(body.is_r[:, None], g, 0.0)
                 found = True
         spin = model.case.steady_rotation
         if spin is not None:
@@ -128,13 +129,14 @@ class _Part:
             found = True
         return out if found else None
 
-    def _factor(self, load: Gravity | Distributed) -> float:
+    def _factor(self, load: Any) -> float:
         return float(self.body.model.timing.follow(load.amplitude)(self.state.side))
 
-    def _line_loads(self) -> Iterator[tuple[Distributed, Array]]:
+    def _line_loads(self) -> Iterator[tuple[Line, Array]]:
         for load in self.body.model.case.loads:
-            if isinstance(load, Distributed) and load.on == self.body.mesh.plan.name:
-                yield load, self._factor(load) * np.array(load.value, dtype=float)
+            line = load.line
+            if line is not None and line.body == self.body.mesh.plan.name:
+                yield line, self._factor(load) * np.array(line.density, dtype=float)
 
     def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
         """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
@@ -157,12 +159,12 @@ class _Part:
         start, l = body.mesh.starts[self.chosen], body.mesh.lengths[self.chosen]
         whole = body.mesh.plan.length
         x, w = body.along
-        for load, f in self.lines:
-            low = np.maximum(load.from_ * whole - start, 0.0)
-            span = np.maximum(np.minimum(load.to * whole - start, upto * l) - low, 0.0)
+        for line, f in self.lines:
+            low = np.maximum(line.start * whole - start, 0.0)
+            span = np.maximum(np.minimum(line.end * whole - start, upto * l) - low, 0.0)
             xi = (low[:, None] + x * span[:, None]) / l[:, None]
             force = np.broadcast_to(f, (*xi.shape, 2))
-            if load.follower:
+            if line.follower:
                 c, s = self._axes(xi)
                 force = np.stack([c * f[0] - s * f[1], s * f[0] + c * f[1]], axis=-1)
             yield xi, force * (w * span[:, None])[..., None]

@@ -10,6 +10,7 @@ import numpy as np
 from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..interactions.prismatic import OnAxis
 from ..kernels import advance as kernels
 from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, kinetic, onto_constraints
@@ -35,7 +36,6 @@ from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.signals import Signal
-from ..model.sliding import OnAxis
 from .initial import goes_on
 from .mass import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance

@@ -9,8 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.elements.point_laws import DIRECTION, GROUND, LAWS, MAX_MEM, THETA, half_sine
-from ancf2d.elements.spring_laws import ROTATIONAL, TRANSLATIONAL, count_turns, over_sine, spring_law
+from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
+from ancf2d.interactions import RotationalSpring, TranslationalSpring
+from ancf2d.interactions.forces import FOLLOWER, MOMENT
+from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
+from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
 
 
 def hardening(s, rate, par):
@@ -19,7 +22,8 @@ def hardening(s, rate, par):
     return k * (s**2 / 2 + s**4), k * (s + 4 * s**3) + c * rate * abs(rate), k * (1 + 12 * s * s), 2 * c * abs(rate)
 
 
-LAWS = {**LAWS, "translational": TRANSLATIONAL, "rotational": ROTATIONAL,
+LAWS = {**{law.name: law for law in (FOLLOWER, MOMENT, AT_ANGLE, ALIGNED, FIXED_LENGTH)},
+        "translational": TranslationalSpring.law, "rotational": RotationalSpring.law,
         "hardening": spring_law("hardening", False, hardening),
         "hardening angle": spring_law("hardening angle", True, hardening)}
 TURNS = [(a, b) for a in (GROUND, THETA, DIRECTION) for b in (GROUND, THETA, DIRECTION) if (a, b) != (GROUND, GROUND)]

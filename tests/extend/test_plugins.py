@@ -20,8 +20,6 @@ from ancf2d.case.records import keys_of
 from ancf2d.cli.app import app
 from ancf2d.errors import CaseError, PluginError
 from ancf2d.extend import plugins
-from ancf2d.model.loads import LOADS
-from ancf2d.model.springs import SPRINGS
 
 HERE = Path(__file__).parent / "plugins"
 # a stiff rod of 2 kg that slides along x
@@ -34,7 +32,7 @@ POLE, STRENGTH, REACH = 1.6, 30.0, 0.3
 def registries(monkeypatch):
     """Let what plugins declare be gone after a test."""
     monkeypatch.setenv(plugins.VARIABLE, "")
-    kept = [SPRINGS, LOADS, extend.FORMULATIONS, *(keys_of(Case)[k].kind.item.options for k in ("springs", "loads"))]
+    kept = [extend.FORMULATIONS, *(keys_of(Case)[k].kind.item.known for k in ("springs", "loads"))]
     copies = [dict(table) for table in kept]
     yield
     for table, copy in zip(kept, copies, strict=True):
@@ -125,6 +123,18 @@ def test_a_load_of_ones_own_in_statics_modes_and_motion() -> None:
                       rtol=1e-11, atol=1e-13).y[0, -1]
     moved = rod({"type": "dynamic", "t_end": 0.5, "tolerance": 1e-7}, springs=[linear_spring], loads=[magnet()])
     assert moved.probes["end"]["ux"] == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_motion_begins_from_the_equilibrium_under_a_load_of_ones_own() -> None:
+    """At t = 0 the magnet pulls with half its strength: the motion begins where that is in balance."""
+    add("magnet")
+    linear_spring = {"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 800.0}
+    u = brentq(lambda x: 800 * x - 0.5 * force_of_magnet(x), 0.0, 0.2, xtol=1e-15)
+    half = {"type": "constant", "scale": 0.5}
+    moved = rod({"type": "dynamic", "t_end": 0.01, "tolerance": 1e-7}, springs=[linear_spring],
+                loads=[magnet(amplitude=half)], initial={"from": "static"})
+    assert moved.probes["end"]["ux"] == pytest.approx(u, rel=1e-6)
 
 
 @pytest.mark.usefixtures("registries")

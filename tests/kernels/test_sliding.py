@@ -4,6 +4,7 @@ import helpers
 import numpy as np
 import pytest
 
+from ancf2d.interactions.prismatic import OnAxis, foot_point, sliding_table
 from ancf2d.kernels.matrix import Csr
 from ancf2d.kernels.sliding import (
     sliding_accept,
@@ -17,7 +18,6 @@ from ancf2d.kernels.sliding import (
 )
 from ancf2d.model.interactions import Interactions
 from ancf2d.model.points import point_ref
-from ancf2d.model.sliding import OnAxis, foot_point, sliding_table
 
 TYPES = ["2d2n", "cable", "vallejo", "kerkkanen", "reissner3", "ancf[3,2]"]
 AMPS = np.zeros((0, 3))

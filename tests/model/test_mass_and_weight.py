@@ -6,7 +6,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.model.masses import mass_terms
+from ancf2d.interactions.inertia import mass_terms
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.model.mesh import BodyMesh, mass_matrix, volume_weights
 from ancf2d.model.points import point_ref

@@ -6,7 +6,7 @@ import helpers as h
 import numpy as np
 import pytest
 
-from ancf2d.model.loads import DeadLoad
+from ancf2d.interactions.forces import DeadLoad
 from ancf2d.solvers.energy import Kinds
 from ancf2d.solvers.mass import full_mass
 from ancf2d.solvers.post import Observer, energies, reactions
@@ -132,7 +132,7 @@ def test_angular_acceleration_bends_a_bar(name, s):
     Kinds(model).rotation(a, model.e0, alpha)
     statics = h.build(bodies(name), "static", bc=[{"type": "clamp", "at": "b@0", "hold": "section"}])
     everything = np.arange(model.n_q)
-    statics.loads.dead.append(DeadLoad(everything, -(full_mass(model) @ a), lambda t: t, True))
+    statics.loads.dead.append(DeadLoad(everything, -(full_mass(model) @ a), lambda t: t))
     *_, held = solve(statics)
     state = moving(model, held.d, a=a)
     _, Q, M = section_forces(model, state, h.point_ref(model.meshes["b"], s))

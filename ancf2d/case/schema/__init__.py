@@ -1,7 +1,7 @@
 """The case format as frozen dataclasses; each field says its kind, unit, bounds and meaning.
 
-A further load, joint, support, spring, solver or amplitude is one more dataclass with a ``tag``
-(what ``type`` says of it), named in the union of its module.
+A further solver or amplitude is one more dataclass with a ``tag`` (what ``type`` says of it), named in the union of its
+module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions`` and in plugins, which register them.
 """
 
 from .amplitudes import Amplitude, Constant, Expression, Ramp, Sine, Table
@@ -28,19 +28,9 @@ from .case import (
     Rayleigh,
     RotationRate,
     SteadyRotation,
+    kinds_of,
+    register,
 )
-from .joints import (
-    Joint,
-    Mass,
-    PinJoint,
-    PrismaticJoint,
-    RotationalSpring,
-    SliderJoint,
-    Spring,
-    TranslationalSpring,
-    WeldJoint,
-)
-from .loads import Distributed, FollowerForce, Force, Gravity, Load, Moment
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, Point, Probe
 from .solvers import (
@@ -57,16 +47,12 @@ from .solvers import (
     StateSpace,
     Static,
 )
-from .supports import Clamp, Fix, Pin, Prescribed, Roller, Support
 
 __all__ = [
-    "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Clamp",
-    "Constant", "Damping", "Distributed", "Dynamic", "Eigen", "Element", "Expected", "Expression",
-    "Fix", "FollowerForce", "Force", "FrequencyResponse", "Geometry", "Goal", "Gravity", "GroundPoint", "Initial",
-    "Joint", "LimitPoints", "Line", "LinearStatic", "Load", "LoadFactor", "Mass", "Material",
-    "MaterialDamping", "Moment", "Output", "Pin", "PinJoint", "Point", "Polyline", "Prescribed",
-    "PrismaticJoint", "Probe", "ProbeReaches", "Ramp", "Rayleigh", "Rectangle", "Roller",
-    "RotationRate", "RotationalSpring", "Section", "Selective", "Sine", "SliderJoint", "SmallMotions", "Solver",
-    "Spring", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Support", "Table", "TranslationalSpring",
-    "Units", "WeldJoint",
+    "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant", "Damping",
+    "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse", "Geometry", "Goal",
+    "GroundPoint", "Initial", "LimitPoints", "Line", "LinearStatic", "LoadFactor", "Material",
+    "MaterialDamping", "Output", "Point", "Polyline", "Probe", "ProbeReaches", "Ramp", "Rayleigh", "Rectangle",
+    "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "StateSpace", "Static",
+    "SteadyRotation", "Stiffness", "Table", "Units", "kinds_of", "register",
 ]

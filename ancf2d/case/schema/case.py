@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeVar
 
+from ...errors import PluginError
 from ..binder import INVALID, Binder, Issue, Path, dotted, nearest
 from ..declare import key, record
 from ..kinds import Integer, ListOf, MapOf, Number, Text, Vector
 from ..nodes import Node, quoted
-from ..records import OneOf, Record
+from ..records import OneOf, Record, Registered, RegisteredRecord, keys_of, tag_of
 from .body import Body
-from .joints import Joint, Mass, Spring
-from .loads import Load
 from .output import Expected, Goal, Output, Units
 from .solvers import Solver
-from .supports import Support
 
 PLACE = Vector(Number("m"))
 
@@ -120,14 +118,13 @@ class Case:
     units: Units = key(Record(Units), "Labels of the units that the numbers are in",
                        default=Units())
     bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies of the model")
-    boundary_conditions: tuple[Support, ...] = key(
-        ListOf(OneOf(Support), "boundary conditions"), "Supports and prescribed motion", default=())
-    joints: tuple[Joint, ...] = key(ListOf(OneOf(Joint), "joints"), "Joints between bodies",
-                                    default=())
-    springs: tuple[Spring, ...] = key(ListOf(OneOf(Spring), "springs"), "Springs and dampers",
-                                      default=())
-    masses: tuple[Mass, ...] = key(ListOf(Record(Mass), "masses"), "Point masses", default=())
-    loads: tuple[Load, ...] = key(ListOf(OneOf(Load), "loads"), "Loads", default=())
+    # records of ancf2d/interactions and of plugins: see register
+    boundary_conditions: tuple[Any, ...] = key(
+        ListOf(Registered(), "boundary conditions"), "Supports and prescribed motion", default=())
+    joints: tuple[Any, ...] = key(ListOf(Registered(), "joints"), "Joints between bodies", default=())
+    springs: tuple[Any, ...] = key(ListOf(Registered(), "springs"), "Springs and dampers", default=())
+    masses: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "masses"), "Point masses", default=())
+    loads: tuple[Any, ...] = key(ListOf(Registered(), "loads"), "Loads", default=())
     initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
     damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic, eigen, buckling, "
                                   "frequency_response)", default=None)
@@ -145,3 +142,50 @@ class Case:
     def inputs(self) -> tuple[str, ...]:
         """The names of the loads and prescribed motions that are inputs of small motions; empty for other solvers."""
         return getattr(self.solver, "inputs", ())
+
+
+R = TypeVar("R", bound=type)
+# what the records of each list declare to the rest of the model, unless they say otherwise
+DECLARED: dict[str, dict[str, Any]] = {
+    # the acceleration of all that has mass, and the force per length of a body, both times the amplitude
+    "loads": {"acceleration": None, "line": None},
+    # whether rates cause forces
+    "springs": {"damped": False},
+    # the body along which a point slides
+    "joints": {"slides_along": None},
+    # the prescribed motions by their keys
+    "boundary_conditions": {"motions": {}},
+    "masses": {},
+}
+
+
+def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: tuple[str, ...] = (),
+             **declared: Any) -> R:
+    """Make a record one of the types of a list of the case, with what it declares to the rest of the model.
+
+    It must have the keys and methods ``wanted`` of it. Raises PluginError where it has not, or where its type is taken.
+    """
+    tag, keys, typed = tag_of(cls), keys_of(cls), isinstance(_kind(where), Registered)
+    if typed and not tag:
+        raise PluginError(f"{cls.__name__} has no tag, the type that a case gives it")
+    missing = [name for name in wanted if name not in keys]
+    if missing:
+        raise PluginError(f"{cls.__name__} has no key {' and '.join(missing)}")
+    for method in methods:
+        if not callable(getattr(cls, method, None)):
+            raise PluginError(f"{cls.__name__} has no method {method}(), which gives the numbers of its law")
+    if _kind(where).known.setdefault(tag, cls) is not cls:
+        raise PluginError(f"{where} already have a type '{tag}'")
+    for name, value in {**DECLARED[where], **declared}.items():
+        if not hasattr(cls, name):
+            setattr(cls, name, value)
+    return cls
+
+
+def kinds_of(where: str) -> dict[str, type]:
+    """Return the records of a list of the case by their types; that of the masses has none."""
+    return dict(_kind(where).registered.options if where == "masses" else _kind(where).options)
+
+
+def _kind(where: str) -> Any:
+    return keys_of(Case)[where].kind.item  # type: ignore[attr-defined]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
-from ..binder import Binder, Path, dotted
+from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..emit import number_text
 from ..kinds import Book, JsonSchema, Kind, Number, Vector, good_name
@@ -76,6 +77,13 @@ class Probe:
     def written(self) -> Any:
         """Return the probe as a case has it: the point alone where it is on the axis."""
         return self.at if self.y == 0 else {"at": self.at, "y": self.y}
+
+
+def named_twice(points: tuple[object, ...]) -> Iterator[Issue]:
+    """Yield each point of a key ``between`` that stands there before."""
+    for i, point in enumerate(points):
+        if point in points[:i]:
+            yield Issue(("between", i), "{}.between: the same point is named twice")
 
 
 PROBE = Record(Probe, short="at")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ...case import LoadedCase, PrismaticJoint
+from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
 from ...solvers.registry import takes_guess
@@ -87,7 +87,7 @@ class Pursuit:
         """Whether a point slides along a body that deforms."""
         case = self.loaded.case
         meshed = bodies_with_meshes(case, setting.types)
-        return any(isinstance(joint, PrismaticJoint) and joint.on in meshed for joint in case.joints)
+        return any(joint.slides_along in meshed for joint in case.joints)
 
     def write(self, level: Level, told: Told) -> None:
         """Make a level the result, solved once more, from the reference on, unless it is written already."""

@@ -1,22 +1,29 @@
-"""Each kind of joint as equations. A further kind is one function and one entry in ``JOINTS``."""
+"""Joints between bodies as equations: pins, welds, and points on a line of the ground."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
-from ..case import PinJoint, Point, PrismaticJoint, SliderJoint, WeldJoint
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.schema.case import register
+from ..case.schema.points import POINT, Point, named_twice
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from .constraints import Equations, Row, align, along, combine, share_direction
-from .mesh import BodyMesh
-from .points import PointRef
-from .sliding import OnAxis, foot_point
+from ..model.constraints import Equations, Row, align, along, combine, share_direction
+from ..model.mesh import BodyMesh
+from ..model.points import PointRef
+
+R = TypeVar("R", bound=type)
+NAME = Name()
+BETWEEN = ListOf(POINT, "points BODY@S", 2)
 
 # a gap in the reference, beside the length of the shortest body joined, or an angle between bodies that go on smoothly
 # that is taken for round-off of the case's numbers
@@ -66,6 +73,11 @@ class JointContext:
         return points
 
 
+def joint(cls: R) -> R:
+    """Register a record as a kind of joint; its method ``add(context, owner, out)`` says what it asks for."""
+    return register("joints", cls)
+
+
 def closable(r: Array, *joined: BodyMesh) -> float:
     """Return the largest gap at r that a joint between bodies may close [m]: small beside each of them."""
     return GAP * min(m.plan.length for m in joined) + ROUND_OFF * float(np.abs(r).max())
@@ -74,12 +86,6 @@ def closable(r: Array, *joined: BodyMesh) -> float:
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
     for ca, cb, axis in zip(a.position(), b.position(), "xy", strict=True):
         out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis))
-
-
-def _pin(joint: PinJoint, context: JointContext, owner: str, out: Equations) -> None:
-    a, *others = context.together(joint.between)
-    for b in others:
-        _share_position(a, b, owner, out)
 
 
 def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
@@ -162,37 +168,6 @@ def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
         align(a, b, owner, out)
 
 
-def _weld(joint: WeldJoint, context: JointContext, owner: str, out: Equations) -> None:
-    points = context.together(joint.between)
-    a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
-    if a is not None and b is not None and _goes_on(a, b):
-        _share_nodes(a, b, any(context.acting[p] > 1 for p in joint.between), owner, out)
-        return
-    for point in points[1:]:
-        _weld_points(points[0], point, owner, out)
-
-
-def _slider(joint: SliderJoint, context: JointContext, owner: str, out: Equations) -> None:
-    point = context.point(joint.at)
-    c, s = np.array(joint.along) / math.hypot(*joint.along)
-    x, y = context.place(point)
-    gap = (x - joint.through[0]) * -s + (y - joint.through[1]) * c
-    if abs(gap) > closable(np.array([x, y, *joint.through]), point.mesh):
-        raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
-                           f"{abs(gap):.3g} away from the line", "a line through where the point is in the reference")])
-    out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))
-
-
-def _prismatic(joint: PrismaticJoint, context: JointContext, owner: str, out: Equations) -> None:
-    point, mesh = context.point(joint.point), context.meshes[joint.on]
-    x, y = context.place(point)
-    s, gap = foot_point(mesh.plan, np.array([x, y]))
-    if gap > closable(np.array([x, y]), point.mesh, mesh):
-        raise JointError([(("point",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), {gap:.3g} away from "
-                           f"the axis of {joint.on}", "a point on the axis in the reference")])
-    out.constraints.append(OnAxis(point, mesh, s, owner))
-
-
 def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
     """Weld the pieces of a body at corners and kinks; where it goes on smoothly, they are one beam."""
     last, corners = len(mesh.plan.element.nodes) - 1, 0
@@ -207,6 +182,70 @@ def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
             _weld_points(a, b, f"corner {corners} of {mesh.plan.name}", out)
 
 
-JOINTS: dict[type, Callable[[Any, JointContext, str, Equations], None]] = {
-    PinJoint: _pin, WeldJoint: _weld, SliderJoint: _slider, PrismaticJoint: _prismatic,
-}
+@joint
+@record
+class PinJoint:
+    """Keeps points together; the bodies turn freely."""
+
+    tag = "pin"
+    between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["crank@1", "rod@0"])
+    name: str | None = key(NAME, "Name", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield points that are named twice."""
+        return named_twice(self.between)
+
+    def add(self, context: JointContext, owner: str, out: Equations) -> None:
+        """Ask that all points have the position of the first."""
+        a, *others = context.together(self.between)
+        for b in others:
+            _share_position(a, b, owner, out)
+
+
+@joint
+@record
+class WeldJoint:
+    """Keeps points together and the angle between the bodies; two alike that go on smoothly become one body."""
+
+    tag = "weld"
+    between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])
+    name: str | None = key(NAME, "Name", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield points that are named twice."""
+        return named_twice(self.between)
+
+    def add(self, context: JointContext, owner: str, out: Equations) -> None:
+        """Ask that all points have the position and rotation of the first, or that two ends share their nodes."""
+        points = context.together(self.between)
+        a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
+        if a is not None and b is not None and _goes_on(a, b):
+            _share_nodes(a, b, any(context.acting[p] > 1 for p in self.between), owner, out)
+            return
+        for point in points[1:]:
+            _weld_points(points[0], point, owner, out)
+
+
+@joint
+@record
+class SliderJoint:
+    """Keeps a point on a straight line of the ground."""
+
+    tag = "slider"
+    at: Point = key(POINT, "Point that slides", example="rod@1")
+    through: tuple[float, float] = key(Vector(Number("m")), "A point of the line", example=[0, 0])
+    along: tuple[float, float] = key(Vector(Number(), nonzero=True),
+                                     "Direction of the line, of any length", example=[1, 0])
+    name: str | None = key(NAME, "Name", default=None)
+
+    def add(self, context: JointContext, owner: str, out: Equations) -> None:
+        """Ask that the point keeps its position across the line."""
+        point = context.point(self.at)
+        c, s = np.array(self.along) / math.hypot(*self.along)
+        x, y = context.place(point)
+        gap = (x - self.through[0]) * -s + (y - self.through[1]) * c
+        if abs(gap) > closable(np.array([x, y, *self.through]), point.mesh):
+            raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
+                               f"{abs(gap):.3g} away from the line",
+                               "a line through where the point is in the reference")])
+        out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))

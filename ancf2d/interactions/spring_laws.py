@@ -1,4 +1,4 @@
-"""Springs and dampers as laws of points, made of their force as a function of elongation or angle alone."""
+"""How a force that is a function of an elongation or angle alone becomes a law of points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .point_laws import DIRECTION, THETA, PointLaw, turn, turn_hessian
+from ..elements.point_laws import DIRECTION, THETA, PointLaw, turn, turn_hessian
 
 
 def over_sine(x):  # type: ignore[no-untyped-def]
@@ -25,18 +25,6 @@ def stretch_of(p0, u, rest, start):  # type: ignore[no-untyped-def]
     if L + start > 0.0:
         s += (2.0 * (p0[0] * u[0] + p0[1] * u[1]) + u[0] * u[0] + u[1] * u[1]) / (L + start)
     return x, y, L, s
-
-
-def linear(s, rate, par):  # type: ignore[no-untyped-def]
-    """A linear spring and damper: k s and c ds/dt; par: k, c."""
-    k, c = par[0], par[1]
-    return 0.5 * k * s * s, k * s + c * rate, k, c
-
-
-def linear_mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
-    """The mean of k s, whose work is the difference of the energy, and the damper's force."""
-    k, c = par[0], par[1]
-    return 0.5 * k * (s0 + s1) + c * rate, c * rate * rate
 
 
 def step_of(scalar):  # type: ignore[no-untyped-def]
@@ -221,9 +209,6 @@ def spring_law(name: str, angle: bool, scalar: Callable[..., Any], mean: Callabl
     """
     over_step = step_of(scalar) if mean is None else mean
     forces, forces_of_step = (about if angle else along)(scalar, over_step)
-    return PointLaw(name, forces, forces_of_step, accept=count_turns if angle else None, helpers=(scalar, over_step))
-
-
-HELPERS = (over_sine, stretch_of, twist, twist_hessian, twist_step, relative_gradient)
-TRANSLATIONAL = spring_law("translational", False, linear, linear_mean)
-ROTATIONAL = spring_law("rotational", True, linear, linear_mean)
+    return PointLaw(name, forces, forces_of_step, accept=count_turns if angle else None,
+                    helpers=(over_sine, stretch_of, twist, twist_hessian, twist_step, relative_gradient, scalar,
+                             over_step))

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import Name
+from ..case.schema.points import POINT, Point
 from ..elements import sliding
 from ..elements.shape import Array
 from ..elements.sliding import Index, Sliding
 from ..errors import ComputationError
-from .curve import Piece
-from .mesh import BodyMesh
-from .plan import BodyPlan
-from .points import PointRef
+from ..model.constraints import Equations
+from ..model.curve import Piece
+from ..model.mesh import BodyMesh
+from ..model.plan import BodyPlan
+from ..model.points import PointRef
+from .joints import NAME, JointContext, JointError, closable, joint
 
 # of an element: what keeps a foot point between its ends
 BETWEEN = 1e-12
@@ -164,3 +170,35 @@ def sliding_table(constraints: Iterable[object], e0: Array) -> Sliding:
             parts = [p + b for p, b in zip(parts, before[:-1], strict=True)]
         out[name] = np.concatenate([getattr(_EMPTY, name), *parts])
     return Sliding(e0, **out)
+
+
+@joint
+@record
+class PrismaticJoint:
+    """Keeps a point on the axis of a deforming body, along which it slides."""
+
+    tag = "prismatic"
+    point: Point = key(POINT, "Point that slides", example="slider@0")
+    on: str = key(Name("the name of a body"), "Body along which it slides", refers="bodies",
+                  example="beam")
+    name: str | None = key(NAME, "Name", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield a problem where a body would slide along itself."""
+        if self.point.body == self.on:
+            yield Issue(("on",), f"{{}}: '{self.on}' cannot slide along itself")
+
+    @property
+    def slides_along(self) -> str:
+        """The body along which the point slides."""
+        return self.on
+
+    def add(self, context: JointContext, owner: str, out: Equations) -> None:
+        """Ask that the point keeps its distance from the axis."""
+        point, mesh = context.point(self.point), context.meshes[self.on]
+        x, y = context.place(point)
+        s, gap = foot_point(mesh.plan, np.array([x, y]))
+        if gap > closable(np.array([x, y]), point.mesh, mesh):
+            raise JointError([(("point",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), {gap:.3g} away "
+                               f"from the axis of {self.on}", "a point on the axis in the reference")])
+        out.constraints.append(OnAxis(point, mesh, s, owner))

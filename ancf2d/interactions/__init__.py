@@ -1,0 +1,18 @@
+"""Loads, springs, joints, supports and masses: each kind with its record of a case, its law and its place in the model.
+
+A kind registers its record where it stands, and so do those of plugins (``ancf2d.extend``): reading, schema, reference
+and models take them from there. The order of imports is that of the reference.
+"""
+
+from .body_loads import Distributed, Gravity
+from .forces import FollowerForce, Force, Moment
+from .inertia import Mass
+from .joints import PinJoint, SliderJoint, WeldJoint
+from .prismatic import PrismaticJoint
+from .springs import RotationalSpring, TranslationalSpring
+from .supports import Clamp, Fix, Pin, Prescribed, Roller
+
+__all__ = [
+    "Clamp", "Distributed", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin", "PinJoint",
+    "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "TranslationalSpring", "WeldJoint",
+]

@@ -1,0 +1,179 @@
+"""Loads on whole bodies and along them: gravity and line loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import Flag, Name, Number, Vector
+from ..case.schema.amplitudes import Amplitude
+from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
+from ..elements.shape import Array, gauss
+from ..model.mesh import BodyMesh, Index, volume_weights
+from ..model.point_patch import Items
+from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadSet, load
+
+# the derivative of r (or theta itself) that a section turns with
+_TURNS_WITH = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}
+
+
+class Line(NamedTuple):
+    """A force per reference length on a body from S = ``start`` to ``end``; a ``follower`` turns with the axis."""
+
+    body: str
+    start: float
+    end: float
+    density: tuple[float, float]
+    follower: bool
+
+
+def _element_loads(mesh: BodyMesh, elements: Index, weights: Array, value: Any) -> tuple[Index, Array]:
+    nc = mesh.plan.element.components
+    dofs = np.concatenate([mesh.dofs[elements, c::nc].ravel() for c in (0, 1)])
+    values = np.concatenate([np.tile(weights * f, len(elements)) for f in value])
+    return dofs, values
+
+
+@load
+@record
+class Gravity:
+    """Gravity on everything that has mass."""
+
+    tag = "gravity"
+    value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
+                                     example=[0, -9.81])
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def acceleration(self) -> tuple[float, float]:
+        """What everything that has mass is accelerated by, times the amplitude."""
+        return self.value
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the weight of every body and point mass."""
+        for mesh in context.meshes.values():
+            for k, cls in enumerate(mesh.classes):
+                weights = mesh.plan.section.rhoA * volume_weights(cls.sampler)
+                dofs, values = _element_loads(mesh, np.flatnonzero(mesh.cls == k), weights, self.value)
+                out.dead.append(context.dead(dofs, values, gravity=True))
+        for mass in context.masses:
+            for (coords, weights), a in zip(context.point(mass.at).position(), self.value, strict=True):
+                out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
+
+
+class FollowerLine:
+    """A line load (tangential, normal) per reference length: a force that turns at each of its quadrature points.
+
+    ``dofs`` (elements, n) are its coordinates.
+    """
+
+    symmetric = False
+
+    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Array,
+                 amplitude: Callable[[float], float]) -> None:
+        self.mesh, self.cover, self.value, self.amplitude = mesh, cover, value, amplitude
+        self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
+
+    def items(self) -> Items:
+        """Return the forces at the quadrature points, element by element, as tables have them."""
+        return self._items
+
+    @cached_property
+    def _items(self) -> Items:
+        parts = [self._of(*part) for part in self.cover]
+        dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Items(FOLLOWER, dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
+
+    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
+        """Return dofs, G, p0 and par of the points xi of some elements of one class."""
+        mesh, element = self.mesh, self.mesh.plan.element
+        nc, dofs = element.components, mesh.dofs[elements]
+        shape, zero = mesh.classes[mesh.cls[elements[0]]].shape, np.zeros_like(xi)
+        S, D = shape(xi, zero), shape(xi, zero, *_TURNS_WITH[element.section_kind])
+        local, theta = mesh.e0[dofs - mesh.first_dof], nc == 3
+        m, p, n = len(elements), len(xi), dofs.shape[1]
+        G, p0 = np.zeros((m, p, 3 if theta else 4, n)), np.zeros((m, p, 3 if theta else 4))
+        G[:, :, 0, 0::nc], G[:, :, 1, 1::nc] = S, S
+        if theta:
+            angle = local[:, 2::3] @ D.T
+            G[:, :, 2, 2::3] = D
+        else:
+            x, y = local[:, 0::2] @ D.T, local[:, 1::2] @ D.T
+            p0[:, :, 2] = length = np.hypot(x, y)
+            c, s = x / length, y / length
+            G[:, :, 2, 0::2], G[:, :, 2, 1::2] = c[..., None] * D, s[..., None] * D
+            G[:, :, 3, 0::2], G[:, :, 3, 1::2] = -s[..., None] * D, c[..., None] * D
+            angle = np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
+        (ft, fn), c, s = self.value, np.cos(angle), np.sin(angle)
+        kind = np.full((m, p), THETA if theta else DIRECTION)
+        par = np.stack([w * (c * ft - s * fn), w * (s * ft + c * fn), kind], axis=-1)
+        return np.repeat(dofs, p, axis=0), G.reshape(m * p, -1, n), p0.reshape(m * p, -1), par.reshape(m * p, 3)
+
+
+def covered(mesh: BodyMesh, s0: float, s1: float) -> list[tuple[Index, Array, Array]]:
+    """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arclength."""
+    x, w = gauss(mesh.plan.element.degree_x + 3)
+    out = []
+    for k, piece in enumerate(mesh.plan.pieces):
+        a = (s0 * mesh.plan.length - piece.s0) / piece.l
+        b = (s1 * mesh.plan.length - piece.s0) / piece.l
+        a, b = max(a, 0.0), min(b, float(piece.count))
+        if b - a <= 1e-12:
+            continue
+        first, last = int(np.ceil(a - 1e-12)), int(np.floor(b + 1e-12))
+        base = mesh.piece_first[k]
+        if last > first:
+            out.append((base + np.arange(first, last), x, w * piece.l))
+        ends = [(first - 1, a - first + 1, 1.0), (last, 0.0, b - last)]
+        if last < first:
+            ends = [(last, a - last, b - last)]
+        for ie, xi0, xi1 in ends:
+            if xi1 - xi0 > 1e-12:
+                out.append((np.array([base + ie]), xi0 + (xi1 - xi0) * x, w * piece.l * (xi1 - xi0)))
+    return out
+
+
+@load
+@record
+class Distributed:
+    """A force per unit reference length on a body's axis."""
+
+    tag = "distributed"
+    on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="beam")
+    value: tuple[float, float] = key(
+        Vector(Number("N/m"), "fx, fy"),
+        "Force per length; [tangential, normal] with follower", example=[0, -500])
+    from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
+    to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
+    follower: bool = key(Flag(), "Turns with the axis", default=False)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def line(self) -> Line:
+        """Where it acts and how much, times the amplitude."""
+        return Line(self.on, self.from_, self.to, self.value, self.follower)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield an extent that is empty or backward."""
+        if not self.from_ < self.to:
+            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} "
+                        f"to {self.to:g}")
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the load by quadrature along the elements that it covers."""
+        mesh = context.meshes[self.on]
+        cover = covered(mesh, self.from_, self.to)
+        if self.follower:
+            out.patches.append(FollowerLine(mesh, cover, np.array(self.value, dtype=float), context.amplitude))
+            return
+        for elements, xi, w in cover:
+            S = mesh.classes[mesh.cls[elements[0]]].shape(xi, np.zeros_like(xi))
+            out.dead.append(context.dead(*_element_loads(mesh, elements, w @ S, self.value)))

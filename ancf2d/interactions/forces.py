@@ -1,0 +1,238 @@
+"""Forces and moments at points: what a load is to a model, and the loads that act at one point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from ..case.declare import key, record
+from ..case.kinds import Choice, Name, Number, Vector
+from ..case.records import OneOf
+from ..case.schema.amplitudes import Amplitude
+from ..case.schema.case import register
+from ..case.schema.points import POINT, Point
+from ..elements.point_laws import THETA, PointLaw, turn_hessian
+from ..elements.shape import Array
+from ..model.mesh import BodyMesh, Index
+from ..model.point_patch import PointPatch, constants_of, law_name, position_fields, turn_fields
+from ..model.points import PointRef
+
+R = TypeVar("R", bound=type)
+NAME = Name()
+AMPLITUDE = OneOf(Amplitude)
+AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
+SPREAD = Choice("uniform", "parabolic")
+SPREAD_DOC = "Spread the force over the section (default: on the axis)"
+
+
+@dataclass
+class DeadLoad:
+    """A generalised force that depends on load factor or time alone: Q_k = amplitude(t) * values at dofs."""
+
+    dofs: Index
+    values: Array
+    amplitude: Callable[[float], float]
+    gravity: bool = False
+
+
+class Patch(Protocol):
+    """Forces that depend on the configuration, along coordinates ``dofs`` (m, n): point laws, centrifugal forces.
+
+    ``symmetric`` tells whether their stiffness is.
+    """
+
+    dofs: Index
+    symmetric: bool
+
+
+@dataclass
+class LoadSet:
+    """Everything that acts on the model."""
+
+    dead: list[DeadLoad] = field(default_factory=list)
+    patches: list[Patch] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class LoadContext:
+    """What a load needs to find its place: meshes, points, its amplitude, and the point masses of the scene."""
+
+    meshes: dict[str, BodyMesh]
+    point: Callable[[Any], PointRef]
+    amplitude: Callable[[float], float]
+    masses: Sequence[Any] = ()
+
+    def dead(self, dofs: Index, values: Array, gravity: bool = False) -> DeadLoad:
+        """Return a load of fixed direction that follows the amplitude."""
+        return DeadLoad(dofs, values, self.amplitude, gravity)
+
+
+def load(cls: R) -> R:
+    """Register a record as a kind of load; its method ``add(context, out)`` says what acts on the model."""
+    return register("loads", cls, ("name", "amplitude"))
+
+
+def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R], R]:
+    """Register a record as a kind of load: a force on a point, as a function of where the point is.
+
+    ``force(x, y, par)`` returns fx, fy [N] and dfx/dx, dfx/dy, dfy/dx, dfy/dy; ``par`` are what the record's method
+    ``constants()`` returns, at most five numbers. The force is multiplied by the record's amplitude. ``potential``
+    tells whether dfx/dy = dfy/dx: without, modes about a static state and buckling are refused. The record has ``tag``
+    and the keys ``at`` (kind POINT), ``amplitude`` and ``name``. Raises PluginError.
+    """
+    def with_force(cls: R) -> R:
+        law = position_law(law_name(cls), force, potential)
+
+        def add(self: Any, context: LoadContext, out: LoadSet) -> None:
+            fields = position_fields(context.point(self.at))
+            out.patches.append(PointPatch(law, fields, constants_of(self), context.amplitude))
+
+        register("loads", cls, ("at", "amplitude", "name"), methods=("constants",))
+        cls.add = add  # type: ignore[attr-defined]
+        return cls
+    return with_force
+
+
+def position_law(name: str, force: Callable[..., Any], potential: bool) -> PointLaw:
+    """Return the law of a load from its force as a function of position, as ``position_load`` has it."""
+    def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+        fx, fy, xx, xy, yx, yy = force(p0[0] + u[0], p0[1] + u[1], par)
+        f[0], f[1] = -a[0] * fx, -a[0] * fy
+        H[0, 0], H[0, 1], H[1, 0], H[1, 1] = -a[0] * xx, -a[0] * xy, -a[0] * yx, -a[0] * yy
+        return 0.0, 0.0
+
+    def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+        # the force in the middle of the step
+        a = 0.5 * (a0[0] + a1[0])
+        fx, fy, _, _, _, _ = force(p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1]), par)
+        f[0], f[1] = -a * fx, -a * fy
+        return 0.0, 0.0
+    return PointLaw(name, forces, mean, symmetric=potential, helpers=(force,))
+
+
+@load
+@record
+class Force:
+    """A force whose direction stays."""
+
+    tag = "force"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the force on the coordinates of its point."""
+        columns = context.point(self.at).position(self.spread)
+        out.dead += [context.dead(coords, weights * f) for (coords, weights), f in
+                     zip(columns, self.value, strict=True)]
+
+
+def follower(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A force that turns with a section: position, then rotation; par: force in the reference (x, y), how it turns."""
+    if par[2] == THETA:
+        c, s = np.cos(p0[2] + u[2]), np.sin(p0[2] + u[2])
+    else:
+        px, py = p0[2] + u[2], p0[3] + u[3]
+        L = np.sqrt(px * px + py * py)
+        c, s = px / L, py / L
+    fx, fy = a[0] * (c * par[0] - s * par[1]), a[0] * (s * par[0] + c * par[1])
+    f[0], f[1] = -fx, -fy
+    if par[2] == THETA:
+        H[0, 2], H[1, 2] = fy, -fx
+    else:
+        H[0, 2], H[0, 3] = -fy * s / L, fy * c / L
+        H[1, 2], H[1, 3] = fx * s / L, -fx * c / L
+    return 0.0, 0.0
+
+
+def follower_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The force in the middle of the step."""
+    if par[2] == THETA:
+        angle = p0[2] + 0.5 * (u0[2] + u1[2])
+        c, s = np.cos(angle), np.sin(angle)
+    else:
+        px, py = p0[2] + 0.5 * (u0[2] + u1[2]), p0[3] + 0.5 * (u0[3] + u1[3])
+        L = np.sqrt(px * px + py * py)
+        c, s = px / L, py / L
+    a = 0.5 * (a0[0] + a1[0])
+    f[0], f[1] = -a * (c * par[0] - s * par[1]), -a * (s * par[0] + c * par[1])
+    return 0.0, 0.0
+
+
+FOLLOWER = PointLaw("follower", follower, follower_mean, symmetric=False)
+
+
+def follower_force(point: PointRef, value: tuple[float, float], amplitude: Callable[[float], float],
+                   spread: str | None = None) -> PointPatch:
+    """Return a force (tangential, normal) along the axes of its section as it turns."""
+    kind, fields = turn_fields(point)
+    c, s = math.cos(point.angle), math.sin(point.angle)
+    reference = (c * value[0] - s * value[1], s * value[0] + c * value[1])
+    return PointPatch(FOLLOWER, [*position_fields(point, spread), *fields], [*reference, kind], amplitude)
+
+
+@load
+@record
+class FollowerForce:
+    """A force that turns with the section it acts on."""
+
+    tag = "follower_force"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: tuple[float, float] = key(Vector(Number("N"), "tangential, normal"),
+                                     "Force along the axes of the section", example=[0, -1000])
+    spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the force as a law of the position and direction of its section."""
+        out.patches.append(follower_force(context.point(self.at), self.value, context.amplitude, self.spread))
+
+
+def moment(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A moment conjugate to the rotation of a direction or to theta; par: moment, how it turns."""
+    M = par[0] * a[0]
+    if par[1] == THETA:
+        f[0] = -M
+        return 0.0, 0.0
+    px, py = p0[0] + u[0], p0[1] + u[1]
+    f[0], f[1] = M * py / (px * px + py * py), -M * px / (px * px + py * py)
+    turn_hessian(px, py, 0, -M, H)
+    return 0.0, 0.0
+
+
+def moment_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The moment in the middle of the step."""
+    M = 0.5 * (a0[0] + a1[0]) * par[0]
+    if par[1] == THETA:
+        f[0] = -M
+        return 0.0, 0.0
+    px, py = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
+    f[0], f[1] = M * py / (px * px + py * py), -M * px / (px * px + py * py)
+    return 0.0, 0.0
+
+
+MOMENT = PointLaw("moment", moment, moment_mean)
+
+
+@load
+@record
+class Moment:
+    """A moment, conjugate to the rotation of the section."""
+
+    tag = "moment"
+    at: Point = key(POINT, "Where it acts", example="beam@1")
+    value: float = key(Number("N m"), "Moment, counter-clockwise", example=100)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the moment on what turns with its section: Q_k = M dtheta/de."""
+        kind, fields = turn_fields(context.point(self.at))
+        out.patches.append(PointPatch(MOMENT, fields, [float(self.value), kind], context.amplitude))

@@ -1,0 +1,233 @@
+"""Springs and dampers between points: what a kind of spring is, and the linear ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import ListOf, Name, Number
+from ..case.schema.case import register
+from ..case.schema.points import SPRING_END, GroundPoint, Point, named_twice
+from ..elements.point_laws import DIRECTION, PointLaw
+from ..elements.shape import Array
+from ..errors import PluginError
+from ..model.point_patch import (
+    NOTHING,
+    Field,
+    PointPatch,
+    constants_of,
+    law_name,
+    position_fields,
+    table_of,
+    turns,
+)
+from ..model.points import PointRef
+from .spring_laws import spring_law
+
+R = TypeVar("R", bound=type)
+NAME = Name()
+ENDS = ListOf(SPRING_END, "ends, each BODY@S or [x, y]", 2, 2)
+End = PointRef | GroundPoint
+
+
+def _place(end: End) -> list[Field]:
+    if isinstance(end, GroundPoint):
+        return [Field(np.zeros(0, dtype=np.int64), np.zeros(0), v) for v in (end.x, end.y)]
+    return position_fields(end)
+
+
+class Spring(PointPatch):
+    """A spring and damper; ``slack`` is the length or angle of the reference, where it would not pull.
+
+    ``par`` are the constants of its law behind ``rest``; ``damped`` tells whether rates make forces.
+    """
+
+    def __init__(self, law: PointLaw, fields: list[Field], rest: float, slack: float, par: Sequence[float],
+                 damped: bool, sections: Sequence[PointRef | None] = ()) -> None:
+        super().__init__(law, fields, [rest, *par], sections=sections)
+        self.rest, self.slack, self.damped = rest, slack, damped
+        self.angle = self.law.accept is not None
+
+    def tighten(self, share: float) -> None:
+        """Let it pull in the reference as by a share of the way from slack to its own free length or angle."""
+        self.par[0] = self.rest if share == 1.0 else self.slack + share * (self.rest - self.slack)
+
+
+def _distance(ends: list[End]) -> list[list[Field]]:
+    """Return what each end has of x and y of the way from the first to the second."""
+    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _place(end)]
+            for sign, end in zip((-1.0, 1.0), ends, strict=True)]
+
+
+def _turning(ends: list[End]) -> list[list[Field]]:
+    """Return what each end has of the fields that tell how the two sections turn."""
+    own = [turns([end if isinstance(end, PointRef) else None])[1] for end in ends]
+    return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
+
+
+def _sum(parts: list[list[Field]]) -> list[Field]:
+    return [Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
+            for a, b in zip(*parts, strict=True)]
+
+
+def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+          length: float | None = None) -> Spring:
+    """Return a spring along the line between two points; ``length``: that at which its elongation is zero."""
+    fields = _sum(_distance(ends))
+    start = math.hypot(*(f.p0 for f in fields))
+    return Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
+
+
+def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
+          angle: float | None = None) -> Spring:
+    """Return a spring on the angle between sections (or the ground), zero at the relative rotation ``angle``."""
+    sections = [end if isinstance(end, PointRef) else None for end in ends]
+    kinds, _ = turns(sections)
+    counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
+    return Spring(law, _sum(_turning(ends)), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
+
+
+def end_forces(patch: Spring, ends: list[End], d: Array, v: Array | None, t: float,
+               linear: bool) -> list[Array]:
+    """Return the forces (n_q,) that each end of a spring and damper exerts at displacements d and their rates v.
+
+    With ``linear`` they are those about the reference.
+    """
+    u = patch.G @ d[patch.coordinates]
+    rates = np.zeros_like(u) if v is None else patch.G @ v[patch.coordinates]
+    f, H, _ = patch.forces(np.zeros_like(u) if linear else u, t, rates)
+    if linear:
+        f = f + H @ u
+    out = []
+    for fields in (_turning if patch.angle else _distance)(ends):
+        coords, G, _ = table_of(fields)
+        full = np.zeros_like(d)
+        full[coords] = -(G.T @ f)
+        out.append(full)
+    return out
+
+
+def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = False,
+           over_step: Callable[..., Any] | None = None) -> Callable[[R], R]:
+    """Register a record as a kind of spring, whose force is a function of the elongation, or of the angle.
+
+    ``force(u, rate, par)`` returns the energy, the force N (N, or the moment in N m) and its derivatives dN/du and
+    dN/d(rate), of the elongation u from the reference [m], or with ``on="angle"`` the relative rotation [rad]; ``par``
+    are what the record's method ``constants()`` returns, at most five numbers. ``damped`` tells that N depends on the
+    rate. ``over_step(u0, u1, rate, par)`` returns the force of a step of energy_momentum and the power that it
+    dissipates (default: found from the energy). The record has ``tag`` (its ``type``) and the keys ``between`` (kind
+    ENDS) and ``name``; its method ``rest()`` returns the length or angle at which u is zero, None for that of the
+    reference (default). Raises PluginError.
+    """
+    if on not in ("elongation", "angle"):
+        raise PluginError(f"a spring acts on its elongation or angle, not '{on}'")
+
+    def with_force(cls: Any) -> Any:
+        law = spring_law(law_name(cls), on == "angle", force, over_step)
+
+        def place(self: Any, ends: list[End]) -> Spring:
+            rest = self.rest() if hasattr(self, "rest") else None
+            return (about if on == "angle" else along)(law, ends, constants_of(self), self.damped, rest)
+
+        if "check" not in cls.__dict__:
+            cls.check = _check_ends
+        register("springs", cls, ("between", "name"), ("constants",), damped=damped)
+        cls.law, cls.place = law, place
+        return cls
+    return with_force
+
+
+def _check_ends(self: Any) -> Iterator[Issue]:
+    """Yield ends that cannot be those of a spring."""
+    yield from named_twice(self.between)
+    if all(isinstance(end, GroundPoint) for end in self.between):
+        yield Issue(("between",), "{}.between: both ends are on the ground",
+                    "at least one point BODY@S")
+
+
+def _without_effect(stiffness: float, damping: float) -> Iterator[Issue]:
+    if stiffness == 0 and damping == 0:
+        yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0")
+
+
+def linear(s, rate, par):  # type: ignore[no-untyped-def]
+    """A linear spring and damper: k s and c ds/dt; par: k, c."""
+    k, c = par[0], par[1]
+    return 0.5 * k * s * s, k * s + c * rate, k, c
+
+
+def linear_mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
+    """The mean of k s, whose work is the difference of the energy, and the damper's force."""
+    k, c = par[0], par[1]
+    return 0.5 * k * (s0 + s1) + c * rate, c * rate * rate
+
+
+@spring(linear, over_step=linear_mean)
+@record
+class TranslationalSpring:
+    """A spring and damper along the line between two points."""
+
+    tag = "translational"
+    between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends",
+                                                   example=["a@1", [0, 1]])
+    stiffness: float = key(Number("N/m", ge=0), "Stiffness", default=0.0)
+    damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
+    length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "
+                               "in the reference)", default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def damped(self) -> bool:
+        """Whether rates cause forces."""
+        return self.damping > 0.0
+
+    def check(self) -> Iterator[Issue]:
+        """Yield ends that cannot be, or a spring without any effect."""
+        yield from _check_ends(self)
+        yield from _without_effect(self.stiffness, self.damping)
+
+    def constants(self) -> list[float]:
+        """Return the constants of the law: U = k (L - L0)^2/2, and c dL/dt."""
+        return [self.stiffness, self.damping]
+
+    def rest(self) -> float | None:
+        """Return the length L0."""
+        return self.length
+
+
+@spring(linear, on="angle", over_step=linear_mean)
+@record
+class RotationalSpring:
+    """A spring and damper on the angle between two sections."""
+
+    tag = "rotational"
+    between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends; [x, y] is the ground",
+                                                   example=["a@1", "b@0"])
+    stiffness: float = key(Number("N m/rad", ge=0), "Stiffness", default=0.0)
+    damping: float = key(Number("N m s/rad", ge=0), "Damping", default=0.0)
+    angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
+                       default=0.0)
+    name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def damped(self) -> bool:
+        """Whether rates cause forces."""
+        return self.damping > 0.0
+
+    def check(self) -> Iterator[Issue]:
+        """Yield ends that cannot be, or a spring without any effect."""
+        yield from _check_ends(self)
+        yield from _without_effect(self.stiffness, self.damping)
+
+    def constants(self) -> list[float]:
+        """Return the constants of the law: U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
+        return [self.stiffness, self.damping]
+
+    def rest(self) -> float:
+        """Return the angle."""
+        return self.angle
