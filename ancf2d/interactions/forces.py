@@ -11,14 +11,14 @@ import numpy as np
 
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
-from ..case.records import OneOf
+from ..case.records import OneOf, tag_of
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
-from ..model.point_patch import PointPatch, constants_of, law_name, position_fields, turn_fields
+from ..model.point_patch import PointPatch, constants_of, position_fields, turn_fields
 from ..model.points import PointRef
 
 R = TypeVar("R", bound=type)
@@ -85,7 +85,7 @@ def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R]
     and the keys ``at`` (kind POINT), ``amplitude`` and ``name``. Raises PluginError.
     """
     def with_force(cls: R) -> R:
-        law = position_law(law_name(cls), force, potential)
+        law = position_law(tag_of(cls), force, potential)
 
         def add(self: Any, context: LoadContext, out: LoadSet) -> None:
             fields = position_fields(context.point(self.at))

@@ -11,6 +11,7 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import ListOf, Name, Number
+from ..case.records import tag_of
 from ..case.schema.case import register
 from ..case.schema.points import SPRING_END, GroundPoint, Point, named_twice
 from ..elements.point_laws import DIRECTION, PointLaw
@@ -21,7 +22,6 @@ from ..model.point_patch import (
     Field,
     PointPatch,
     constants_of,
-    law_name,
     position_fields,
     table_of,
     turns,
@@ -128,7 +128,7 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
         raise PluginError(f"a spring acts on its elongation or angle, not '{on}'")
 
     def with_force(cls: Any) -> Any:
-        law = spring_law(law_name(cls), on == "angle", force, over_step)
+        law = spring_law(tag_of(cls), on == "angle", force, over_step)
 
         def place(self: Any, ends: list[End]) -> Spring:
             rest = self.rest() if hasattr(self, "rest") else None

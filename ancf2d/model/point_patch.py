@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case.records import tag_of
 from ..elements.point_laws import DIRECTION, GROUND, MAX_CONSTANTS, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError, PluginError
@@ -75,11 +74,6 @@ class Items(NamedTuple):
     fed: int = -1
     multiplier: int = -1
     scale: float = 1.0
-
-
-def law_name(cls: type) -> str:
-    """Return the name of the law of a record: compiled laws are told apart by it."""
-    return f"{cls.__module__}_{tag_of(cls)}".replace(".", "_")
 
 
 def constants_of(item: Any) -> list[float]:
