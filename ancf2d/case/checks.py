@@ -27,9 +27,9 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
 }
 # what a goal names -> the solvers that can answer
 _GOALS = {"probe": (*PATHS, "state_space"), "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
-          "load_factor": ("buckling",), "limit_point": ("static",)}
+          "load_factor": ("buckling",), "limit_point": ("static",), "input": ("frequency_response",)}
 _CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a buckling load factor",
-           "limit_point": "a limit point"}
+           "limit_point": "a limit point", "input": "a response"}
 _WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
          "reactions": ("boundary condition named", "boundary conditions with a name")}
 # times are squared, and divided by
@@ -158,16 +158,18 @@ class _Checker:
     def goal(self, path: Path, goal: Any) -> None:
         if path in self.failed:
             return
-        form = next((f for f in ("limit_point", "load_factor", "kind", "reaction", "probe")
+        form = next((f for f in ("input", "limit_point", "load_factor", "kind", "reaction", "probe")
                      if getattr(goal, f) is not None), "strain_energy")
-        solvers = ("dynamic",) if goal.quantity in ("vx", "vy") else _GOALS[form]
+        moves = form == "probe" and goal.quantity in ("vx", "vy")
+        solvers = ("dynamic",) if moves else _GOALS[form]
         what = _CALLED.get(form) or goal.quantity
         below = form if form != "strain_energy" else "quantity"
-        if what in ("vx", "vy"):
+        if moves:
             below = "quantity"
         if self.solver not in solvers:
             self.fail((*path, below), f"{dotted(path)}: {what} is not available from solver {self.solver}, only from "
-                      f"{listed(solvers)}", on_key=True)
+                      f"{listed(solvers)}", "input: the name of an input, for a response" if
+                      (form, self.solver) == ("probe", "frequency_response") else "", on_key=True)
             return
         if ("solver",) in self.failed:
             return
@@ -179,6 +181,24 @@ class _Checker:
                       "larger solver.modes")
         if form == "limit_point":
             self.limit_point(path, goal.limit_point)
+        if form == "input":
+            self.response(path, goal)
+
+    def response(self, path: Path, goal: Any) -> None:
+        """Check that a response is to an input, at a frequency that is computed."""
+        solver: Any = self.case.solver
+        near = self.binder.nearest(goal.input, solver.inputs)
+        if goal.input not in solver.inputs:
+            self.fail((*path, "input"), f"{dotted((*path, 'input'))}: {quoted(goal.input)} is not among solver.inputs",
+                      "" if near else listed(sorted(solver.inputs)), near)
+        if goal.hz is None:
+            return
+        if solver.frequencies is not None and goal.hz not in solver.frequencies:
+            self.fail((*path, "hz"), f"{dotted((*path, 'hz'))}: {goal.hz:g} is not among solver.frequencies",
+                      "one of them")
+        elif solver.frequencies is None and not solver.from_ <= goal.hz <= solver.to:
+            self.fail((*path, "hz"), f"{dotted((*path, 'hz'))}: {goal.hz:g} is outside the range of the solver",
+                      f"from {solver.from_:g} to {solver.to:g}")
 
     def inputs(self) -> None:
         """Check that each input is the name of one load or prescribed motion."""
@@ -284,7 +304,8 @@ class _Checker:
         case = self.case
         if case.goal is not None:
             return
-        if isinstance(case.accuracy, float):
+        # without a goal, all responses are judged
+        if isinstance(case.accuracy, float) and self.solver != "frequency_response":
             self.fail(("accuracy",), "accuracy is given without a goal",
                       "goal: {probe, quantity} or another goal")
         for name, body in case.bodies.items() if case.bodies is not INVALID else ():

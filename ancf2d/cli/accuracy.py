@@ -30,12 +30,13 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     session.print_json(summary)
     for text in summary["warnings"]:
         session.warn(text)
-    assert loaded.case.goal is not None
-    session.out(path_table(reached.accuracy, with_unit(describe_goal(loaded.case.goal), loaded.case.units.labels)))
+    goal = loaded.case.goal
+    named = "" if goal is None else with_unit(describe_goal(goal), loaded.case.units.labels)
+    session.out(path_table(reached.accuracy, named))
     chosen = choices(reached.accuracy)
     if chosen:
         session.out(chosen)
-    session.out(describe(reached.accuracy, loaded.case.goal) + "\n")
+    session.out(describe(reached.accuracy, goal) + "\n")
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
     session.out(f"\nresults in {out}; next: {command_line('plot', out)}")
     if not reached.achieved:
@@ -52,13 +53,13 @@ def _tell_best(session: Session, target: Target) -> None:
 
 
 def path_table(accuracy: dict[str, Any], goal: str) -> str:
-    """Return all solves as a table, with the values of the ``goal``."""
+    """Return all solves as a table, with the values of the ``goal`` where it has a name."""
     timed = accuracy["tolerance"] is not None
-    rows = [["elements", *(["tolerance"] if timed else []), goal, "error about", TIME, "why"]]
+    rows = [["elements", *(["tolerance"] if timed else []), *([goal] if goal else []), "error about", TIME, "why"]]
     for level in accuracy["path"]:
         bodies = level.get("bodies")
         rows.append([str(level["elements"]) if bodies is None else "+".join(str(n) for n in bodies.values()),
-                     *([f"{level['tolerance']:.1g}"] if timed else []), number(level["value"], 10),
+                     *([f"{level['tolerance']:.1g}"] if timed else []), *([number(level["value"], 10)] if goal else []),
                      "-" if level["estimate"] is None else f"{level['estimate']:.1e}", duration(level["wall_s"]),
                      f"failed: {level['reason']}" if "reason" in level else level["why"]])
     return "\n".join([*table(rows, left=(len(rows[0]) - 1,)), ""])
@@ -67,7 +68,8 @@ def path_table(accuracy: dict[str, Any], goal: str) -> str:
 def choices(accuracy: dict[str, Any]) -> str:
     """Return what was chosen for each body that was left open, and why, and the parts of the error."""
     lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
-    parts = [f"{text} {accuracy[key]:.1e}" for key, text in (("model_error", "model"), ("time_error", "steps in time"))
+    parts = [f"{text} {accuracy[key]:.1e}" for key, text in (("model_error", "model"), ("time_error", "steps in time"),
+                                                        ("points_error", "points in the frequency"))
              if key in accuracy]
     if parts:
         lines.append("of the estimated error: " + ", ".join(parts))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -17,10 +17,10 @@ from ..model.model import Model
 from .factors import Factors
 from .inputs import Input, Inputs, Output, outputs
 from .linearised import small_motions
-from .reduced import Complex, Quadratic, Space
+from .reduced import Complex, Quadratic, Space, projected_values, within_constraints
 from .state import State
 
-# from so many unknowns and frequencies on, responses are computed in a space of few vectors
+# from so many unknowns and frequencies on, responses at given frequencies are computed in a space of few vectors
 LARGE, MANY = 400, 40
 # frequencies that the space begins with, and most of them beside all
 BEGIN, SHARE = 6, 0.5
@@ -29,6 +29,14 @@ BEGIN, SHARE = 6, 0.5
 SETTLED, CALM = 1e-7, 2
 # relative correction that is none, and most corrections of a solution
 ROUND_OFF, MOST = 1e-11, 6
+# frequencies whose responses in the space are computed at a time
+BLOCK = 64
+# frequencies over a range at which a space is built before points are placed in it, and most times of both
+SEARCHED, ROUNDS = 200, 6
+# damping ratio of the sharpest resonance that is resolved, closest points beside their frequency, most points of all
+SHARPEST, CLOSEST, MOST_POINTS = 1e-5, 2.1e-5, 20_000
+# amplitudes beside the largest of all probes that are resolved
+FAINT = 1e-3
 
 
 def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[State]:
@@ -42,9 +50,17 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     small = small_motions(model, spec.about, "frequency_response")
     state = small.base.state
     inputs, probes = Inputs(small)(spec.inputs), outputs(small)
-    found, error = responses(Quadratic(small), inputs, probes, spec.hz)
-    state.report = {"response": _report(spec.hz, inputs, probes, found), "response_error": error}
-    state.tables = {"response": _table(spec.hz, inputs, probes, found)}
+    problem = Quadratic(small)
+    if spec.frequencies is None:
+        hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.told_frequencies)
+        if len(hz) >= MOST_POINTS:
+            state.warnings = [*state.warnings, f"{len(hz)} frequencies do not yet resolve the responses: give a "
+                                               "smaller range or a larger solver.tolerance"]
+    else:
+        hz = list(spec.frequencies)
+        found, error = responses(problem, inputs, probes, hz)
+    state.report = {"response": _report(hz, inputs, probes, found), "response_error": error}
+    state.tables = {"response": _table(hz, inputs, probes, found)}
     yield state
 
 
@@ -54,84 +70,197 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
 
     The error is beside the largest displacement of a probe at the same frequency; None where each frequency is solved.
     """
-    num = problem.small.model.numbering
-    if problem.n >= LARGE and len(hz) >= MANY and not num.n_multipliers:
-        # at a frequency of an undamped mode the projected matrix is singular too
-        with suppress(np.linalg.LinAlgError):
-            found = _Reduced(problem, inputs, probes, np.array(hz)).settled()
-            if found is not None:
-                return found
-    out = np.zeros((len(hz), len(inputs), len(probes)), dtype=complex)
-    for k, f in enumerate(hz):
-        s = 2j * math.pi * f
-        out[k] = _read(problem, inputs, probes, s, _direct(problem, inputs, s))
-    return out, None
+    if problem.n >= LARGE and len(hz) >= MANY:
+        found = _Reduced(problem, inputs, probes).settled(np.array(hz))
+        if found is not None:
+            return found
+    return _Solved(problem, inputs, probes)(hz), None
+
+
+def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], spec: FrequencyResponse,
+                     more: Sequence[float]) -> tuple[list[float], Complex, float | None]:
+    """Return the frequencies of a range, those where the responses bend among them, and what ``responses`` does.
+
+    ``more`` are frequencies in the range that are to be among them.
+    """
+    hz = np.unique([*spec.hz, *more])
+    space = np.geomspace if spec.scale == "log" else np.linspace
+    grid, reduced = np.union1d(hz, space(hz[0], hz[-1], SEARCHED)[1:-1]), _Reduced(problem, inputs, probes)
+    place = _Placing(problem, probes, spec)
+    for _ in range(ROUNDS):
+        found = reduced.settled(grid)
+        if found is None:
+            break
+        hz = place(reduced.at, hz, reduced.poles())
+        if len(hz) == len(grid):
+            return hz.tolist(), *found
+        grid = hz
+    solved = _Solved(problem, inputs, probes)
+    hz = place(solved, hz, reduced.poles())
+    return hz.tolist(), solved(hz), None
+
+
+class _Placing:
+    """Places frequencies so densely that a cubic through four neighbours gives the response between them."""
+
+    def __init__(self, problem: Quadratic, probes: Sequence[Output], spec: FrequencyResponse) -> None:
+        self.tolerance = spec.resolution
+        self.axis: Callable[[Array], Array] = np.log if spec.scale == "log" else np.asarray
+        self.back: Callable[[Array], Array] = np.exp if spec.scale == "log" else np.asarray
+        self.moves = _sizes(problem, probes)
+
+    def __call__(self, at: Callable[[Array], Complex], hz: Array, poles: Complex) -> Array:
+        """Return frequencies ``hz`` and more, where responses ``at`` them bend.
+
+        The first that are tried lie in the middle between two neighbours, and at the resonances of ``poles`` [1/s],
+        which may be too narrow to be seen from there.
+        """
+        values = self._of(at(hz))
+        tries = np.union1d(self._middles(hz), self._resonances(poles, hz[0], hz[-1]))
+        while len(tries) and len(hz) < MOST_POINTS:
+            tries = np.setdiff1d(tries, hz)
+            found = self._of(at(tries)) if len(tries) else values[:0]
+            guess, size = interpolated(self.axis(hz), values, self.axis(tries))
+            size = np.maximum(size, np.abs(found))
+            size = np.maximum(size, FAINT * size.max(axis=2, keepdims=True, initial=0.0))
+            bends = (np.abs(found - guess) > self.tolerance * size).any(axis=(1, 2))
+            new, merged = tries[bends], np.union1d(hz, tries[bends])
+            values, old = np.empty((len(merged), *values.shape[1:]), dtype=complex), values
+            values[np.searchsorted(merged, hz)], values[np.searchsorted(merged, new)] = old, found[bends]
+            hz, k = merged, np.searchsorted(merged, new)
+            ends = np.unique(np.concatenate([k - 1, k]))
+            tries = self._middles(hz, ends[(ends >= 0) & (ends < len(hz) - 1)])
+        return hz
+
+    def _of(self, values: Complex) -> Complex:
+        """Return the displacements (frequencies, inputs, quantities), rotations at the distance of the extent."""
+        return np.asarray((values * self.moves)[:, :, self.moves > 0])
+
+    def _middles(self, hz: Array, some: Any = slice(None)) -> Array:
+        """Return the middles between neighbours that are not too close."""
+        low, high = hz[:-1][some], hz[1:][some]
+        wide = high - low > CLOSEST * high
+        return np.asarray(self.back(0.5 * (self.axis(low[wide]) + self.axis(high[wide]))))
+
+    @staticmethod
+    def _resonances(poles: Complex, low: float, high: float) -> Array:
+        """Return the frequencies of resonances, and both sides of undamped ones, where the response is infinite."""
+        f, sharp = np.abs(poles.imag) / (2 * math.pi), np.abs(poles.real) < SHARPEST * np.abs(poles)
+        f = np.unique(np.concatenate([f[~sharp], f[sharp] * (1 - SHARPEST), f[sharp] * (1 + SHARPEST)]))
+        return f[(f > low) & (f < high)]
+
+
+class _Solved:
+    """Responses (frequencies, inputs, outputs), each frequency solved by itself, once."""
+
+    def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
+        self.problem, self.inputs, self.probes = problem, inputs, probes
+        self.known: dict[float, Complex] = {}
+
+    def __call__(self, hz: Sequence[float] | Array) -> Complex:
+        """Return the responses at some frequencies."""
+        return np.array([self._one(float(f)) for f in hz]).reshape(len(hz), len(self.inputs), len(self.probes))
+
+    def _one(self, f: float) -> Complex:
+        if f not in self.known:
+            s = 2j * math.pi * f
+            self.known[f] = _read(self.problem, self.inputs, self.probes, s, _direct(self.problem, self.inputs, s))
+        return self.known[f]
 
 
 class _Reduced:
-    """Responses in the space of those at a few frequencies, which are chosen where the responses change most."""
+    """Responses in the space of those at a few frequencies, which are chosen where the responses change most.
 
-    def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], hz: Array) -> None:
-        self.problem, self.inputs, self.probes, self.hz = problem, inputs, probes, hz
-        self.space, self.known = Space(problem), dict[int, Complex]()
-        extent = problem.small.model.extent
-        # rates follow from displacements; rotations count as displacements at the distance of the extent
-        self.moves = np.array([0.0 if p.order else extent if p.quantity == "theta" else 1.0 for p in probes])
+    The vectors of the space fulfil the constraints, so their multipliers have no part in it. Where an input moves a
+    constraint, ``lifts`` (inputs, n) is a motion that follows it, and the space holds what is beside it.
+    """
+
+    def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
+        self.problem, self.inputs, self.probes = problem, inputs, probes
+        self.space, self.known = Space(problem, within_constraints(problem)), dict[float, Complex]()
+        self.moves = _sizes(problem, probes)
+        self.lifts = np.zeros((len(inputs), problem.n))
+        self._forces = [one.f for one in inputs]
         self._read = np.zeros((len(probes), 0))
 
-    def settled(self) -> tuple[Complex, float] | None:
+    def settled(self, hz: Array) -> tuple[Complex, float] | None:
         """Return the responses (frequencies, inputs, outputs) and their error, None if too many have to be solved."""
-        for k in np.unique(np.linspace(0, len(self.hz) - 1, BEGIN).round().astype(int)):
-            self._solve(int(k))
+        # at a frequency of an undamped mode the projected matrix is singular too
+        with suppress(np.linalg.LinAlgError):
+            return self._settled(hz)
+        return None
+
+    def _settled(self, hz: Array) -> tuple[Complex, float] | None:
+        if not self.known:
+            for k in np.unique(np.linspace(0, len(hz) - 1, BEGIN).round().astype(int)):
+                self._solve(float(hz[k]))
         # in the widest gap first, then where the space has changed most
-        old, calm, worst = self._responses(), 0, self._widest()
-        while len(self.known) < SHARE * len(self.hz):
-            error = self._off(self._solve(worst)[None], old[worst:worst + 1])[0]
-            new = self._responses()
+        old, calm, worst = self.at(hz), 0, self._widest(hz)
+        while len(self.known) < SHARE * len(hz):
+            error = self._off(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
+            new, known = self.at(hz), np.isin(hz, list(self.known))
             changes = self._off(new, old)
             error = max(float(error), float(changes.max()))
             calm = calm + 1 if error <= SETTLED else 0
             if calm == CALM:
-                for k, known in self.known.items():
-                    new[k] = known
+                for k in np.flatnonzero(known):
+                    new[k] = self.known[float(hz[k])]
                 return new, error
-            changes[list(self.known)] = -1.0
-            worst = int(np.argmax(changes)) if changes.max() > 0.1 * SETTLED else self._widest()
+            changes[known] = -1.0
+            worst = int(np.argmax(changes)) if changes.max() > 0.1 * SETTLED else self._widest(hz)
             old = new
         return None
 
-    def _widest(self) -> int:
+    def _widest(self, hz: Array) -> int:
         """Return the middle of the widest gap between the frequencies that are known."""
-        known = sorted(self.known)
+        known = [-1, *np.flatnonzero(np.isin(hz, list(self.known))).tolist(), len(hz)]
         return max(((b - a, (a + b) // 2) for a, b in itertools.pairwise(known)))[1]
 
-    def _solve(self, k: int) -> Complex:
-        """Return the responses (inputs, outputs) at frequency k, and add the motions to the space."""
-        s = 2j * math.pi * self.hz[k]
+    def _solve(self, f: float) -> Complex:
+        """Return the responses (inputs, outputs) at a frequency, and add the motions to the space."""
+        s = 2j * math.pi * f
         Z = _direct(self.problem, self.inputs, s)
-        for z in Z:
-            self.space.add(np.ascontiguousarray(z.real))
+        if not self.known:
+            self._lift(Z)
+        for z, lift in zip(Z, self.lifts, strict=True):
+            self.space.add(z.real - lift)
             self.space.add(np.ascontiguousarray(z.imag))
-        self.known[k] = _read(self.problem, self.inputs, self.probes, s, Z)
-        return self.known[k]
+        self.known[f] = _read(self.problem, self.inputs, self.probes, s, Z)
+        return self.known[f]
 
-    def _responses(self) -> Complex:
+    def _lift(self, Z: Sequence[Complex]) -> None:
+        p = self.problem
+        for k, (one, z) in enumerate(zip(self.inputs, Z, strict=True)):
+            if one.f[0][~p.moved].any():
+                lift = self.lifts[k] = np.where(p.moved, z.real, 0.0)
+                self._forces[k] = one.f - np.array([p.stiffness(lift), p.damping(lift), p.mass(lift)])
+
+    def poles(self) -> Complex:
+        """Return the eigenvalues [1/s] of small motions in the space."""
+        at = 2 * math.pi * math.sqrt(max(min(self.known), 1e-3 * max(self.known)) * max(self.known))
+        return projected_values(self.space.project(), at)
+
+    def at(self, hz: Array) -> Complex:
+        """Return the responses (frequencies, inputs, outputs) in the space."""
         K, C, M = self.space.project()
-        V, model = self.space.V, self.problem.small.model
-        d, old = np.zeros(len(model.numbering.place)), self._read.shape[1]
+        V, num = self.space.V, self.problem.small.model.numbering
+        d, old = np.zeros(len(num.place)), self._read.shape[1]
         new = np.zeros((len(self.probes), len(V) - old))
         for column, v in zip(new.T, V[old:], strict=True):
-            model.numbering.expand(v, d)
+            num.expand(v, d)
             column[:] = [probe.of(d).real for probe in self.probes]
         self._read = np.hstack([self._read, new])
-        F = np.array([one.f @ V.T for one in self.inputs])
-        held = np.array([[probe.of(one.p) for probe in self.probes] for one in self.inputs])
+        F = np.array([f @ V.T for f in self._forces])
+        held = np.zeros((len(self.inputs), len(self.probes)), dtype=complex)
+        for row, one, lift in zip(held, self.inputs, self.lifts, strict=True):
+            num.expand(lift, d)
+            row[:] = [probe.of(d + one.p) for probe in self.probes]
         order = np.array([probe.order for probe in self.probes])
-        out = np.zeros((len(self.hz), len(self.inputs), len(self.probes)), dtype=complex)
-        for row, f in zip(out, self.hz, strict=True):
-            s = 2j * math.pi * f
-            y = np.linalg.solve(K + s * C + s * s * M, (F[:, 0] + s * F[:, 1] + s * s * F[:, 2]).T)
-            row[:] = (y.T @ self._read.T + held) * s**order
+        out = np.zeros((len(hz), len(self.inputs), len(self.probes)), dtype=complex)
+        for first in range(0, len(hz), BLOCK):
+            s = 2j * math.pi * hz[first:first + BLOCK, None, None]
+            y = np.linalg.solve(K + s * C + s * s * M, (F[:, 0] + s * F[:, 1] + s * s * F[:, 2]).transpose(0, 2, 1))
+            out[first:first + BLOCK] = (y.transpose(0, 2, 1) @ self._read.T + held) * s**order
         return out
 
     def _off(self, new: Complex, old: Complex) -> Array:
@@ -139,6 +268,30 @@ class _Reduced:
         size = np.abs(new * self.moves).max(axis=2)
         off = np.abs((new - old) * self.moves).max(axis=2)
         return np.asarray((off / np.where(size > 0.0, size, 1.0)).max(axis=1))
+
+
+def _sizes(problem: Quadratic, probes: Sequence[Output]) -> Array:
+    """Return what makes displacements of what probes read (outputs,), 0 for rates, which follow from displacements.
+
+    Rotations count as displacements at the distance of the extent.
+    """
+    extent = problem.small.model.extent
+    return np.array([0.0 if p.order else extent if p.quantity == "theta" else 1.0 for p in probes])
+
+
+def interpolated(x: Array, values: Complex, at: Array) -> tuple[Complex, Array]:
+    """Return the cubics through the four nearest of ``values`` (m, ...), and the largest of these in size."""
+    count = min(4, len(x))
+    first = np.clip(np.searchsorted(x, at) - count // 2, 0, len(x) - count)
+    some = first[:, None] + np.arange(count)
+    near = x[some]
+    weights = np.ones(near.shape)
+    for i in range(count):
+        for j in range(count):
+            if j != i:
+                weights[:, i] *= (at - near[:, j]) / (near[:, i] - near[:, j])
+    shape = (*weights.shape, *(1,) * (values.ndim - 1))
+    return (weights.reshape(shape) * values[some]).sum(axis=1), np.abs(values[some]).max(axis=1)
 
 
 def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Complex]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,10 +80,13 @@ class Quadratic:
 
 
 class Space:
-    """Vectors (k, n), orthonormal as displacements, with K, C and M projected on them."""
+    """Vectors (k, n), orthonormal as displacements, with K, C and M projected on them.
 
-    def __init__(self, problem: Quadratic) -> None:
-        self.problem, self.count = problem, 0
+    ``within`` may project what is new on a subspace, of which no round-off leaves the vectors then.
+    """
+
+    def __init__(self, problem: Quadratic, within: Callable[[Array], Array] | None = None) -> None:
+        self.problem, self.count, self.within = problem, 0, within
         self._rows = np.empty((16, problem.n))
         self._projected = np.zeros((3, 0, 0))
 
@@ -99,6 +103,8 @@ class Space:
             part = V @ (w2 * x)
             x = x - part @ V
             along += part
+            if self.within is not None:
+                x = self.within(x)
         new = self.problem.size(x)
         if not new > 1e-12 * size:
             return along, 0.0
@@ -127,6 +133,27 @@ class Space:
                 out[m, some, :some.stop] = (self.V[:some.stop] @ images.T).T
         self._projected = out
         return out
+
+
+def within_constraints(problem: Quadratic) -> Callable[[Array], Array]:
+    """Return what projects vectors (n,) on the motions that fulfil the constraints, orthogonally as displacements.
+
+    The parts of multipliers become 0.
+    """
+    moved = problem.moved
+    if moved.all():
+        return lambda x: x
+    from scipy.sparse import diags_array
+
+    w = problem.weights[moved]
+    G = (problem.K.tocsr()[~moved][:, moved] @ diags_array(1.0 / w)).tocsc()
+    factors = Factors((G @ G.T).tocsc())
+
+    def within(x: Array) -> Array:
+        y, out = w * x[moved], np.zeros(len(x))
+        out[moved] = (y - G.T @ factors.solve(G @ y)) / w
+        return out
+    return within
 
 
 def projected_pairs(matrices: Array, s0: float) -> tuple[Complex, Complex]:

@@ -331,7 +331,8 @@ def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last
 
 
-_UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity": "{L}/{T}", "force": "{F}",
+_UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity": "{L}/{T}", "rate": "rad/{T}",
+          "phase": "rad", "force": "{F}",
           "moment": "{F}*{L}", "energy": "{F}*{L}"}
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, Goal, LoadedCase
+from ..case import Dynamic, FrequencyResponse, Goal, LoadedCase, Solver
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
@@ -16,15 +17,17 @@ from .record import Progress
 from .run import Begin, Outcome, describe_goal, quantity, run_case
 
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
-          "vx": "velocity", "vy": "velocity", "N": "force", "Q": "force", "fx": "force", "fy": "force",
+          "vx": "velocity", "vy": "velocity", "omega": "rate", "N": "force", "Q": "force", "fx": "force", "fy": "force",
           "M": "moment", "m": "moment"}
+# what is judged of responses: rates follow from these
+JUDGED = ("ux", "uy", "theta")
 SHARE = 1e-3
 TINY = 2.0**-1022
 
 
 def goal_kind(goal: Goal) -> str:
     """Return the kind of quantity that a goal is: displacement, force, ..., energy."""
-    return _KINDS.get(goal.quantity or "", "energy")
+    return "phase" if goal.part == "phase" else _KINDS.get(goal.quantity or "", "energy")
 
 
 def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) -> float:
@@ -34,6 +37,10 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     the extent of the model.
     """
     kind = goal_kind(goal)
+    if kind == "phase":
+        return SHARE * math.pi
+    if goal.input is not None:
+        return smallest_peak(summary["response"][goal.input], kind)
     rows = [*summary["probes"].values(), *summary.get("reactions", {}).values()]
     largest = [abs(v) for row in rows for q, v in row.items() if _KINDS.get(q) == kind]
     if kind == "displacement":
@@ -43,9 +50,56 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     return SHARE * max(largest, default=0.0)
 
 
+def smallest_peak(probes: dict[str, Any], kind: str) -> float:
+    """Return 1e-3 of the largest amplitude of a kind in the responses of all probes to one input."""
+    return SHARE * max((math.hypot(*v) for row in probes.values() for q, H in row.items() if _KINDS.get(q) == kind
+                        for v in zip(H["re"], H["im"], strict=True)), default=0.0)
+
+
 def error_scale(value: float, smallest: float) -> float:
     """Return what an error of a value is divided by: the value, or the smallest scale where it is smaller."""
     return max(abs(value), smallest, TINY)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Responses ``H`` (n, curves) at frequencies ``hz`` (n,), and what is a large one of each (curves,)."""
+
+    hz: Array
+    H: Any
+    sizes: Array
+    log: bool
+
+    def distance(self, other: Curves) -> float:
+        """Return how far other responses are from these over all frequencies, beside what is large."""
+        hz = np.union1d(self.hz, other.hz)
+        gap = np.abs(self.at(hz) - other.at(hz)) / self.sizes
+        return float(gap.max(initial=0.0))
+
+    def at(self, hz: Array) -> Any:
+        """Return the responses at other frequencies, by the cubics that the points were placed for."""
+        from ..solvers.frequency_response import interpolated
+
+        if np.array_equal(hz, self.hz):
+            return self.H
+        axis = np.log if self.log else np.asarray
+        return interpolated(axis(self.hz), self.H, axis(hz))[0]
+
+
+def curves_of(goal: Goal | None, response: dict[str, Any], log: bool) -> Curves:
+    """Return the responses that accuracy is asked of: that of the goal, or those of all probes.
+
+    A large one is the peak, or 1e-3 of the largest of its kind by the same input, where the peak is smaller.
+    """
+    H, sizes = [], []
+    for name in (n for n in response if n != "hz"):
+        for probe, quantities in response[name].items():
+            for q in JUDGED if goal is None else quantities:
+                if goal is None or (name, probe, q) == (goal.input, goal.probe, goal.quantity):
+                    H.append(np.array(quantities[q]["re"]) + 1j * np.array(quantities[q]["im"]))
+                    kind = goal_kind(Goal(probe=probe, quantity=q))
+                    sizes.append(max(float(np.abs(H[-1]).max()), smallest_peak(response[name], kind), TINY))
+    return Curves(np.array(response["hz"]), np.array(H).T, np.array(sizes), log)
 
 
 @dataclass
@@ -55,15 +109,22 @@ class Answer:
     ``value`` at the end; ``course`` (states,) at all stored times of a motion; ``size`` > 0 is what its errors are
     relative to: the value, or where that is smaller ``smallest``, 1e-3 of the largest of its kind in the model; in
     motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
+    ``curves``: of responses over the frequency, whose errors are shares of their peaks; without a goal ``value`` is 1.
     """
 
     value: float
     size: float
     course: Array | None = None
     smallest: float = 0.0
+    curves: Curves | None = None
 
     def distance(self, other: Answer) -> float:
-        """Return how far another answer is from this one, in the goal's units: in motion the most over time."""
+        """Return how far another answer is from this one, in the goal's units: in motion the most over time.
+
+        Of responses the most over the frequency.
+        """
+        if self.curves is not None and other.curves is not None:
+            return other.size * other.curves.distance(self.curves)
         if self.course is None or other.course is None or len(self.course) != len(other.course):
             return abs(self.value - other.value)
         return float(np.max(np.abs(self.course - other.course), initial=0.0))
@@ -115,16 +176,16 @@ class File:
 
 def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
                    begin: Begin | None = None) -> Solved:
-    """Solve a case that has a goal, from the guess of ``begin`` where there is one.
+    """Solve a case that has a goal, or responses, from the guess of ``begin`` where there is one.
 
     Raises CaseError, and ComputationError where it fails or has no such value.
     """
     loaded = for_study(loaded)
     goal = loaded.case.goal
-    if goal is None:
+    if goal is None and not isinstance(loaded.case.solver, FrequencyResponse):
         raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to find the error of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
-    watch = _Watch(goal, isinstance(loaded.case.solver, Dynamic))
+    watch = _Watch(goal, loaded.case.solver)
     given = progress or Progress()
 
     def built(model: Model) -> None:
@@ -153,8 +214,8 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
 class _Watch:
     """Follows the goal of a motion from state to state."""
 
-    def __init__(self, goal: Goal, moves: bool) -> None:
-        self.goal, self.moves = goal, moves
+    def __init__(self, goal: Goal | None, solver: Solver) -> None:
+        self.goal, self.solver, self.moves = goal, solver, isinstance(solver, Dynamic)
         self.course: list[float] = []
         self.largest = 0.0
         self.last: Any = None
@@ -170,7 +231,7 @@ class _Watch:
     def take(self, state: Any) -> None:
         """Take the next state."""
         self.last = state
-        if not self.moves:
+        if not self.moves or self.goal is None:
             return
         summary = self._summary(state)
         value = quantity(self.goal, summary)
@@ -182,6 +243,12 @@ class _Watch:
 
     def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
         """Return the answer of a finished run, None where it has no such value."""
+        if isinstance(self.solver, FrequencyResponse) and (self.goal is None or self.goal.hz is None):
+            curves = curves_of(self.goal, summary["response"], self.solver.scale == "log")
+            if self.goal is None:
+                return Answer(1.0, 1.0, curves=curves)
+            return Answer(quantity(self.goal, summary) or 0.0, float(curves.sizes[0]), curves=curves)
+        assert self.goal is not None
         value = quantity(self.goal, summary)
         if value is None:
             return None
@@ -195,7 +262,7 @@ class _Watch:
         from ..solvers.post import reactions
 
         out: dict[str, Any] = {"probes": self.observer.observe(state), "energy": state.history}
-        if self.goal.reaction is not None:
+        if self.goal is not None and self.goal.reaction is not None:
             out["reactions"] = reactions(self.model, state)
         return out
 
@@ -203,9 +270,10 @@ class _Watch:
 def sequence(answers: Sequence[Answer]) -> list[float]:
     """Return a sequence of numbers with the distances of neighbouring answers, which ends with the last value.
 
-    Of scalar answers these are their values; courses over time approach the last one from one side.
+    Of scalar answers these are their values; courses over time, and responses over the frequency, approach the last one
+    from one side.
     """
-    if any(a.course is None for a in answers):
+    if any(a.course is None and a.curves is None for a in answers):
         return [a.value for a in answers]
     out = [a.value for a in answers[-1:]]
     for a, b in zip(answers[-2::-1], answers[:0:-1], strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -185,6 +186,8 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
         if goal.probe is None or not points:
             return points[0]["factor"] if points else None
         return points[0]["probes"].get(goal.probe, {}).get(goal.quantity)
+    if goal.input is not None:
+        return _response_value(goal, summary.get("response", {}))
     if goal.probe is not None:
         return summary["probes"].get(goal.probe, {}).get(goal.quantity)
     if goal.reaction is not None:
@@ -200,8 +203,31 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
     return None
 
 
+def _response_value(goal: Any, response: dict[str, Any]) -> float | None:
+    """Return the part of a response that a goal asks for, of phases the one nearest to what is expected."""
+    found = response.get(goal.input, {}).get(goal.probe, {}).get(goal.quantity)
+    if found is None:
+        return None
+    H = np.array(found["re"]) + 1j * np.array(found["im"])
+    if goal.hz is None:
+        return float(np.abs(H).max())
+    if goal.hz not in response["hz"]:
+        return None
+    one = complex(H[response["hz"].index(goal.hz)])
+    if goal.part == "phase":
+        angle, near = float(np.angle(one)), getattr(goal, "value", 0.0)
+        return angle + 2 * math.pi * round((near - angle) / (2 * math.pi))
+    return {"re": one.real, "im": one.imag}.get(goal.part, abs(one))
+
+
 def describe_goal(goal: Any) -> str:
     """Return 'mid uy' for a goal."""
+    if goal is None:
+        return "responses"
+    if goal.input is not None:
+        at = "" if goal.hz is None else f" at {goal.hz:g} Hz"
+        named = {"re": "real part of the response", "im": "imaginary part of the response"}.get(goal.part, "response")
+        return f"{named} to {goal.input}{at}: {goal.probe} {goal.quantity}" + (" phase" if goal.part == "phase" else "")
     limit = None if goal.limit_point is None else f"limit point {goal.limit_point}"
     factor = None if goal.load_factor is None else f"load factor {goal.load_factor}"
     parts = (limit, factor, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)

@@ -58,18 +58,24 @@ def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: st
     assert amplitude(found, "base", probe="root") == pytest.approx(np.ones(len(HZ)))
 
 
-def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beside the same frequencies one by one, and the closed form; round-off of the formed stiffness has no part."""
+@pytest.fixture
+def count(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The sizes of the matrices that frequency responses factor."""
     from ancf2d.solvers import factors, frequency_response
 
-    count = []
+    found: list[Any] = []
 
     class Counted(factors.Factors):
         def __init__(self, A: Any) -> None:
-            count.append(A.shape)
+            found.append(A.shape)
             super().__init__(A)
 
     monkeypatch.setattr(frequency_response, "Factors", Counted)
+    return found
+
+
+def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(count: list[Any]) -> None:
+    """Beside the same frequencies one by one, and the closed form; round-off of the formed stiffness has no part."""
     damper = {"type": "translational", "between": ["beam@1", [1, 1.0e6]], "stiffness": 0, "damping": 0.3}
     more = {"springs": [damper], "damping": {"rayleigh": {"alpha": 0.1, "beta": 0}}}
     found = ancf2d.solve(cantilever(["shaker", "base"], "reissner3", 150, **more))
@@ -83,6 +89,78 @@ def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(monkeypatc
     for name in ("shaker", "base"):
         assert error(amplitude(found, name)[::10], amplitude(each, name)) < 1e-6
         assert error(amplitude(found, name), known[name]) < 2e-4
+
+
+def test_models_with_multipliers_need_few_factorisations_too(count: list[Any]) -> None:
+    """A support that turns the end of a cable, and a slider with a mass: beside the same frequencies one by one."""
+    case = cantilever(["shaker", "turn"], count=150)
+    case["bodies"]["slider"] = {"geometry": {"type": "line", "start": [0.73, 0], "end": [0.73, 1]},
+                                "element": {"type": "rigid", "mass": 0.1, "inertia": 0.01}}
+    case["joints"] = [{"type": "prismatic", "on": "beam", "point": "slider@0"}]
+    case["boundary_conditions"] = [{"type": "pin", "at": "beam@0"},
+                                   {"type": "prescribed", "name": "turn", "at": "beam@0", "angle": 2},
+                                   {"type": "roller", "at": "slider@0", "fixed": "x"},
+                                   {"type": "roller", "at": "slider@1", "fixed": "x"}]
+    few = {**case, "solver": {**case["solver"], "frequencies": HZ[::25].tolist()}}
+    found = ancf2d.solve(case)
+    assert len(count) <= 40
+    each = ancf2d.solve(few)
+    assert found.summary["response_error"] is not None
+    assert each.summary["response_error"] is None
+    for name in ("shaker", "turn"):
+        for quantity in ("uy", "theta"):
+            assert error(amplitude(found, name, quantity)[::25], amplitude(each, name, quantity)) < 1e-6
+
+
+def over_a_range(tau: float, points: int, **more: Any) -> dict[str, Any]:
+    solver = {"type": "frequency_response", "from": HZ[0], "to": HZ[-1], "points": points, "inputs": ["shaker", "base"]}
+    case = cantilever([], solver={**solver, **more.pop("solver", {})}, **more)
+    case["bodies"]["beam"]["material"]["damping"]["kelvin_voigt"] = tau
+    return case
+
+
+@pytest.mark.parametrize(("tau", "points"), [(3e-3, 400), (1e-5, 5)])
+def test_points_are_placed_where_responses_bend(tau: float, points: int) -> None:
+    """The sharpest of the four resonances have a width of 2e-5 of their frequency: five points alone miss them."""
+    found = ancf2d.solve(over_a_range(tau, points))
+    hz = np.array(found.summary["response"]["hz"])
+    grid = np.geomspace(HZ[0], HZ[-1], points)
+    assert np.abs(hz[:, None] / grid - 1).min(axis=0).max() < 1e-12
+    assert points < len(hz) < points + 600
+    H = np.abs(amplitude(found, "shaker"))
+    for first in (1.8751, 4.6941, 7.8548, 10.9955):
+        # at a resonance the closed form is the static share of its mode, 4/omega^2, over twice the damping ratio
+        omega, zeta = first**2, 0.5 * tau * first**2
+        near = np.abs(hz - omega / (2 * np.pi)) < 0.02 * hz
+        if zeta < 0.005:
+            assert H[near].max() == pytest.approx(4 / omega**2 / (2 * zeta), rel=0.01)
+
+
+def test_points_of_undamped_responses_come_to_an_end() -> None:
+    case = over_a_range(0.0, 20, count=12)
+    del case["bodies"]["beam"]["material"]
+    assert 20 < len(ancf2d.solve(case).summary["response"]["hz"]) < 1000
+
+
+@pytest.mark.parametrize("solver", [{}, {"from": None, "to": None, "points": None, "frequencies": HZ[::4].tolist()}])
+def test_responses_to_an_accuracy(solver: dict[str, Any]) -> None:
+    """The error of all curves is told, and is that beside the closed form, also between the points."""
+    from ancf2d.study.accuracy.control import solve_to_accuracy
+    from ancf2d.study.goal import curves_of
+
+    case = over_a_range(1e-3, 40, solver=solver, count=4, accuracy=1e-3)
+    case["solver"] = {k: v for k, v in case["solver"].items() if v is not None}
+    reached = solve_to_accuracy(ancf2d.load(case))
+    told = reached.accuracy
+    assert told["achieved"]
+    assert told["value"] is None
+    assert told["estimate"] <= 1e-3
+    curves = curves_of(None, reached.outcome.summary["response"], True)
+    w, slope = exact(F=1, tau=1e-3)
+    for k, known in ((1, w), (2, slope)):
+        between = slice(None, None, 1 if "from" in case["solver"] else 4)
+        off = np.abs(curves.at(HZ[between])[:, k] - known[between]) / curves.sizes[k]
+        assert off.max() < told["estimate"]
 
 
 def test_dashpots_and_rayleigh_damping_act() -> None:
@@ -154,7 +232,10 @@ def test_range_of_frequencies() -> None:
     for scale, known in (("log", [1, 10, 100]), ("linear", [1, 50.5, 100])):
         case["solver"] = {"type": "frequency_response", "from": 1, "to": 100, "points": 3, "scale": scale,
                           "inputs": ["shaker"]}
-        assert ancf2d.solve(case).summary["response"]["hz"] == pytest.approx(known, rel=1e-14)
+        hz = np.array(ancf2d.solve(case).summary["response"]["hz"])
+        assert (np.diff(hz) > 0).all()
+        assert hz[[0, -1]] == pytest.approx([1, 100], rel=1e-14)
+        assert np.abs(hz - known[1]).min() < 1e-12
 
 
 def test_what_the_response_does_not_hold_is_told() -> None:

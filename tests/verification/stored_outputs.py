@@ -10,7 +10,8 @@ STORED = Path(__file__).parent / "stored"
 RTOL = 1e-9
 KINDS = {"x": "length", "y": "length", "ux": "displacement", "uy": "displacement", "theta": "angle",
          "fx": "force", "fy": "force", "N": "force", "Q": "force", "m": "moment", "M": "moment",
-         "strain": "energy", "potential": "energy", "kinetic": "energy", "omega": "frequency", "factor": "load factor"}
+         "strain": "energy", "potential": "energy", "kinetic": "energy", "omega": "frequency", "factor": "load factor",
+         "response": "response"}
 
 
 def outputs(summary: dict[str, Any]) -> dict[str, Any]:
@@ -28,6 +29,8 @@ def outputs(summary: dict[str, Any]) -> dict[str, Any]:
         out["modes"] = {f"{f['kind']} {f['number']}": {"omega": f["omega"]} for f in summary["frequencies"]}
     if "load_factors" in summary:
         out["buckling"] = {str(i): {"factor": f} for i, f in enumerate(summary["load_factors"], 1)}
+    if "response" in summary:
+        out["responses"] = {c["what"]: {"response": c["value"]} for c in summary["checks"]}
     return out
 
 

@@ -143,6 +143,11 @@ class Case:
         """The names of the loads and prescribed motions that are inputs of small motions; empty for other solvers."""
         return getattr(self.solver, "inputs", ())
 
+    @property
+    def told_frequencies(self) -> tuple[float, ...]:
+        """The frequencies [Hz] that the goal and the expected values are told at."""
+        told = [self.goal, *self.expected]
+        return tuple(one.hz for one in told if one is not None and one.hz is not None)
 
 R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, unless they say otherwise

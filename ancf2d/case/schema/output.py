@@ -11,11 +11,13 @@ from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
 from .points import PROBE, Probe
 
 PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
+RESPONSE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
+PARTS = ("abs", "re", "im", "phase")
 REACTION_QUANTITIES = ("fx", "fy", "m")
 CASE_QUANTITIES = ("strain_energy",)
 MODE_KINDS = ("bending", "axial", "shear", "thickness", "rigid", "mixed", "spurious")
 FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {kind, number}, "
-         "{load_factor} or {limit_point}")
+         "{load_factor}, {limit_point} or {input, probe, quantity}")
 
 
 def _probe() -> Any:
@@ -25,9 +27,10 @@ def _probe() -> Any:
 
 
 def _quantity() -> Any:
-    return key(Choice(*PROBE_QUANTITIES, *REACTION_QUANTITIES, *CASE_QUANTITIES),
+    return key(Choice(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
                "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
-               "reaction; strain_energy of the case", default=None, example="uy")
+               "reaction; strain_energy of the case; x, y, ux, uy, theta, vx, vy, omega of a response",
+               default=None, example="uy")
 
 
 def _reaction() -> Any:
@@ -52,18 +55,37 @@ def _limit_point() -> Any:
                "that value of the probe there", default=None)
 
 
+def _input() -> Any:
+    return key(Name("the name of an input"), "Input (solver.inputs) that the probe's response is to "
+               "(frequency_response)", default=None, example="shaker")
+
+
+def _hz() -> Any:
+    return key(Number("Hz", ge=0), "Frequency of the response (without: where its amplitude is largest)", default=None,
+               example=10)
+
+
+def _part() -> Any:
+    return key(Choice(*PARTS), "What of the complex amplitude: abs (default), re, im, or phase [rad], by which it "
+               "leads the input", default=None, example="abs")
+
+
 def goal_issues(goal: Any) -> Iterator[Issue]:
     """Yield where a goal is none of the known forms, or mixes two."""
     given = [k for k in ("probe", "reaction", "kind", "load_factor", "limit_point")
              if getattr(goal, k) is not None]
     if given == ["probe", "limit_point"]:
         given = ["probe"]
+    wrong = list(_response_issues(goal))
+    yield from wrong
+    if wrong:
+        return
     if len(given) > 1:
         yield Issue((given[1],), f"{{}}: {given[0]} and {given[1]} cannot both be given", FORMS)
         return
     form = given[0] if given else ""
-    allowed = {"probe": PROBE_QUANTITIES, "reaction": REACTION_QUANTITIES,
-               "": CASE_QUANTITIES}.get(form, ())
+    allowed = {"probe": PROBE_QUANTITIES if goal.input is None else RESPONSE_QUANTITIES,
+               "reaction": REACTION_QUANTITIES, "": CASE_QUANTITIES}.get(form, ())
     if not form and goal.quantity is None:
         yield Issue((), "{}: no quantity is given", FORMS)
     elif goal.quantity is None and allowed:
@@ -72,6 +94,8 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
         yield Issue(("quantity",), f"{{}}: quantity cannot be given with {form}")
     elif goal.quantity is not None and goal.quantity not in allowed:
         of = f"a {form}" if form else "the whole case"
+        if goal.input is not None:
+            of = "a response"
         near = " (is 'probe' or 'reaction' missing?)" if not form else ""
         yield Issue(("quantity",), f"{{}}: {goal.quantity} is not a quantity of {of}{near}",
                     ", ".join(allowed))
@@ -79,6 +103,18 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
         yield (Issue(("number",), "{}: number is for modes only; 'kind' is missing",
                      ", ".join(MODE_KINDS)) if goal.kind is None else
                Issue((), "{}.number is missing: which mode of that kind, counted from 1"))
+
+
+def _response_issues(goal: Any) -> Iterator[Issue]:
+    """Yield what says of a response, without its input, its probe or its frequency."""
+    for name in ("hz", "part"):
+        if goal.input is None and getattr(goal, name) is not None:
+            yield Issue((name,), f"{{}}: {name} is for responses only; 'input' is missing",
+                        "input: the name of an input")
+    if goal.input is not None and goal.probe is None:
+        yield Issue(("input",), "{}: input is given without a probe", "{input, probe, quantity}")
+    if goal.input is not None and goal.hz is None and goal.part not in (None, "abs"):
+        yield Issue(("part",), f"{{}}: {goal.part} needs a frequency", "hz, or part: abs for the largest amplitude")
 
 
 @record
@@ -92,6 +128,9 @@ class Goal:
     number: int | None = _number()
     load_factor: int | None = _load_factor()
     limit_point: int | None = _limit_point()
+    input: str | None = _input()
+    hz: float | None = _hz()
+    part: str | None = _part()
     model: str | None = key(Choice("beam", "continuum"), "With element: auto, what the error is "
                             "measured against: the geometrically exact beam (default), or the "
                             "plane-stress continuum", default=None)
@@ -112,6 +151,9 @@ class Expected:
     number: int | None = _number()
     load_factor: int | None = _load_factor()
     limit_point: int | None = _limit_point()
+    input: str | None = _input()
+    hz: float | None = _hz()
+    part: str | None = _part()
     value: float = key(Number(), "Known value", example=-9.6061e-5)
     rtol: float | None = key(Number("", ge=0), "Allowed error, relative to the value", default=None,
                              example=1e-4)

@@ -12,6 +12,8 @@ from ..records import ByKeys, Record
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
 SHORTEST = 1e-12
+# error of a cubic between neighbouring frequencies, beside the response there, where the case says nothing of it
+RESOLUTION = 1e-3
 # relative error of adaptive steps where the case says nothing of steps
 STEP_TOLERANCE = 1e-6
 INPUTS_DOC = ("Loads and prescribed motions, by name, that oscillate: the value that the case gives is the amplitude; "
@@ -123,11 +125,15 @@ class FrequencyResponse:
                                   example=["shaker"])
     from_: float | None = key(Number("Hz", gt=0), "Lowest frequency", default=None, example=1)
     to: float | None = key(Number("Hz", gt=0), "Highest frequency", default=None, example=500)
-    points: int = key(Integer(2), "Number of frequencies from the lowest to the highest", default=400)
+    points: int = key(Integer(2), "Number of frequencies from the lowest to the highest, at least: where responses "
+                      "bend there are more", default=400)
     scale: str = key(Choice("log", "linear"), "How the frequencies are spaced: evenly in their logarithm, or "
                      "evenly", default="log")
     frequencies: tuple[float, ...] | None = key(ListOf(Number("Hz", ge=0), "frequencies", 1), "The frequencies, "
                                                 "instead of from and to", default=None, example=[1, 10, 100])
+    tolerance: float | None = key(Number("", gt=0, lt=1), "Error of a cubic through neighbouring points, beside the "
+                                  f"response there: where it is larger, there are more points (default {RESOLUTION:g})",
+                                  default=None, example=1e-4)
     about: str = _about()
 
     def check(self) -> Iterator[Issue]:
@@ -135,14 +141,22 @@ class FrequencyResponse:
         ends = [k for k in ("from_", "to") if getattr(self, k) is not None]
         if self.frequencies is not None and ends:
             yield Issue(("frequencies",), "{}: frequencies and a range are both given", "frequencies, or from and to")
+        elif self.frequencies is not None and self.tolerance is not None:
+            yield Issue(("tolerance",), "{}: tolerance places points in a range, but frequencies are given",
+                        "from and to, or no tolerance")
         elif self.frequencies is None and len(ends) < 2:
             yield Issue((), "{}: the frequencies are missing", "from and to, or frequencies")
         elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
 
     @property
+    def resolution(self) -> float:
+        """The error that a cubic between neighbouring points of a range may have."""
+        return RESOLUTION if self.tolerance is None else self.tolerance
+
+    @property
     def hz(self) -> tuple[float, ...]:
-        """The frequencies [Hz]."""
+        """The frequencies that the case gives [Hz]; of a range there may be more."""
         if self.frequencies is not None:
             return self.frequencies
         assert self.from_ is not None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...case import Dynamic, LoadedCase
+from ...case import Dynamic, FrequencyResponse, LoadedCase
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
@@ -19,12 +19,12 @@ from .fidelity import BEAM, choose_types
 from .judgement import apart
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, tenth
-from .setting import Level, with_setting
+from .setting import Level, with_overrides, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
-# of the wanted error: what steps in time, and what simpler models, may take
-TIME, MODEL = 0.2, 0.3
+# of the wanted error: what steps in time, what simpler models, and what points in the frequency may take
+TIME, MODEL, POINTS = 0.2, 0.3, 0.1
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
 
@@ -70,9 +70,14 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
                       tell: Callable[[str], None] = lambda text: None) -> Reached:
     """Solve a case to the accuracy that it asks for; the best that was found where that is not reached.
 
-    Raises CaseError for a case without a goal or that cannot be solved at all, ComputationError where no mesh could be.
+    Raises CaseError for a case without a goal (a frequency response needs none) or that cannot be solved at all,
+    ComputationError where no mesh could be.
     """
-    pursuit = Pursuit(loaded, loaded.case.accuracy or DEFAULT, progress or Progress(), target, tell)
+    wanted = loaded.case.accuracy or DEFAULT
+    dense = _with_points(loaded, POINTS * wanted)
+    pursuit = Pursuit(dense or loaded, wanted, progress or Progress(), target, tell)
+    if dense is not None:
+        pursuit.apart = pursuit.report["points_error"] = POINTS * wanted
     prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
@@ -84,6 +89,19 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
         raise ComputationError(next(level.reason for level in pursuit.levels[::-1] if level.reason))
     pursuit.outcome.summary["accuracy"] = accuracy
     return Reached(pursuit.outcome, accuracy)
+
+
+def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
+    """Return a frequency response over a range with points so dense that a cubic between them errs by no more.
+
+    None where the accuracy is of something else, or of one frequency.
+    """
+    solver, goal = loaded.case.solver, loaded.case.goal
+    if not isinstance(solver, FrequencyResponse) or solver.frequencies is not None:
+        return None
+    if goal is not None and goal.hz is not None:
+        return None
+    return with_overrides(loaded, (f"solver.tolerance={min(error, solver.resolution)!r}",))
 
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
@@ -167,8 +185,10 @@ def describe(accuracy: dict[str, Any], goal: Any) -> str:
     estimate = accuracy["estimate"]
     about = "no estimate of the error"
     if estimate is not None:
-        about = f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of {_measured_by(accuracy, goal)}"
+        about = f"error about {estimate:.1e} of their peaks" if goal is None else (
+            f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of {_measured_by(accuracy, goal)}")
+    told = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
-    return (f"{describe_goal(goal)} = {accuracy['value']:.10g}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
+    return (f"{told}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
             f"{sum(accuracy['elements'].values())} elements, {accuracy['solves']} solves")
 

@@ -142,6 +142,8 @@ class Pursuit:
         total = error + self.apart
         value, size = (None, None) if level.answer is None else (level.answer.value, level.answer.size)
         estimate = total if math.isfinite(total) else None
+        if self.loaded.case.goal is None:
+            value = None
         return {"value": value, "estimate": estimate, "scale": size,
                 "absolute": None if estimate is None or size is None else estimate * size, "wanted": self.wanted,
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,

@@ -148,6 +148,11 @@ def overrides(case: Case, setting: Setting) -> list[str]:
 
 def with_setting(loaded: LoadedCase, setting: Setting, more: Sequence[str] = ()) -> LoadedCase:
     """Return a case with a setting, as if it had been written so. Raises CaseError."""
-    chosen = (*loaded.overrides, *overrides(loaded.case, setting), *more)
+    return with_overrides(loaded, (*overrides(loaded.case, setting), *more))
+
+
+def with_overrides(loaded: LoadedCase, more: Sequence[str]) -> LoadedCase:
+    """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
+    chosen = (*loaded.overrides, *more)
     return load_case_text(loaded.text, loaded.source.file, chosen, vocabulary(),
                           os.path.dirname(loaded.source.file))
