@@ -258,7 +258,7 @@ class Known(Choice):
 class Vector(Kind):
     """A list of so many numbers; ``wrap`` makes a record of them."""
 
-    def __init__(self, item: Number | Integer, names: str = "x, y",
+    def __init__(self, item: Any, names: str = "x, y",
                  wrap: Callable[..., Any] | None = None, *, nonzero: bool = False) -> None:
         self.item, self.names, self.wrap, self.nonzero = item, names, wrap, nonzero
         self.size = names.count(",") + 1

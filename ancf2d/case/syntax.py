@@ -1,4 +1,4 @@
-"""The expression language of amplitudes: a text as a tree, parsed by hand."""
+"""The expression language of amplitudes and profiles: a text as a tree, parsed by hand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_LENGTH = 2000
 MAX_DEPTH = 60
 FUNCTION_NAMES = ("sin", "cos", "exp", "sqrt", "abs")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
-_NAMES = "t, pi, " + ", ".join(FUNCTION_NAMES)
+_NAMES = "pi, " + ", ".join(FUNCTION_NAMES)
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
                     r"|(?P<name>[A-Za-z_]\w*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
 
@@ -31,7 +31,7 @@ class Constant(NamedTuple):
 
 
 class Time(NamedTuple):
-    """t."""
+    """The variable: t, or s along a body."""
 
 
 class Negative(NamedTuple):
@@ -79,18 +79,18 @@ class Choice(NamedTuple):
 Tree = Constant | Time | Negative | Power | Chain | Call | Comparison | Choice
 
 
-def syntax(text: str) -> Tree:
-    """Return the tree of an expression. Raises ExpressionError where the text is none."""
+def syntax(text: str, variable: str = "t") -> Tree:
+    """Return the tree of an expression in ``variable``. Raises ExpressionError where the text is none."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
-    return _Parser(text).whole()
+    return _Parser(text, variable).whole()
 
 
 class _Parser:
     """Recursive descent: conditional < comparison < sum < product < sign < power < atom."""
 
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(self, text: str, variable: str) -> None:
+        self.text, self.variable = text, variable
         self.tokens = list(self.split(text))
         self.at = 0
         self.depth = 0
@@ -202,7 +202,7 @@ class _Parser:
                         else f"'{text}' is unexpected")
 
     def named(self, text: str) -> Tree:
-        if text == "t":
+        if text == self.variable:
             self.take()
             return Time()
         if text == "pi":
@@ -211,7 +211,7 @@ class _Parser:
         if text in ("if", "else"):
             raise self.fail(f"a value is missing before '{text}'")
         if text not in FUNCTION_NAMES:
-            raise self.fail(f"'{text}' is unknown; known names are {_NAMES}")
+            raise self.fail(f"'{text}' is unknown; known names are {self.variable}, {_NAMES}")
         self.take()
         if self.peek() != "(":
             raise self.fail(f"'(' is missing after {text}")

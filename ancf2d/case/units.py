@@ -72,7 +72,7 @@ def unit_warnings(case: Any) -> list[str]:
     units, out = ", ".join(labels), []
     for name, body in case.bodies.items():
         m = body.material
-        if m is None or m.E is None or m.rho is None:
+        if m is None or not isinstance(m.E, float) or not isinstance(m.rho, float):
             continue
         rho, E = m.rho * F * T**2 / L**4, m.E * F / L**2
         known = _DENSITIES[0] <= rho <= _DENSITIES[1] and E <= _STIFFEST and E / rho <= _FASTEST**2

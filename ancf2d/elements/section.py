@@ -15,7 +15,8 @@ class Section:
     """Section constants: height and width [m], E, k_s mu [Pa], and the stiffnesses and inertias.
 
     EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m]; the rectangle height x width stands for the
-    section where a formulation integrates over the body.
+    section where a formulation integrates over the body. Each is a number, or, of a section that varies, an array
+    (stations,) at the stations that were asked for.
     """
 
     height: float

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +14,17 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Flag, Name, Number, Vector
 from ..case.schema.amplitudes import Amplitude
+from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
-from ..model.mesh import BodyMesh, Index, volume_weights
+from ..model.mesh import BodyMesh, Index, mass_weights
 from ..model.point_patch import Items
+from ..model.profiles import load_breaks, values
 from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadSet, load
 
+Density = tuple[float | Profile, float | Profile]
+# points along, beside those for a constant, that integrate a load that varies
+VARYING = 4
 # the derivative of r (or theta itself) that a section turns with
 _TURNS_WITH = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}
 
@@ -29,15 +35,27 @@ class Line(NamedTuple):
     body: str
     start: float
     end: float
-    density: tuple[float, float]
+    density: Density
     follower: bool
 
 
-def _element_loads(mesh: BodyMesh, elements: Index, weights: Array, value: Any) -> tuple[Index, Array]:
+def _element_loads(mesh: BodyMesh, elements: Index, forces: Array) -> tuple[Index, Array]:
+    """Return coordinates and values of forces (2, 1 or elements, n_shape) on the shape functions of some elements."""
     nc = mesh.plan.element.components
     dofs = np.concatenate([mesh.dofs[elements, c::nc].ravel() for c in (0, 1)])
-    values = np.concatenate([np.tile(weights * f, len(elements)) for f in value])
-    return dofs, values
+    return dofs, np.broadcast_to(forces, (2, len(elements), forces.shape[-1])).ravel()
+
+
+def per_length(density: Density, mesh: BodyMesh, elements: Index, xi: Array) -> Array:
+    """Return both components of a load per length at points xi (p,) or (elements, p) of elements: (2, elements, p).
+
+    Where they do not vary, they are (2, 1, 1).
+    """
+    if all(isinstance(v, float) for v in density):
+        return np.array(density, dtype=float)[:, None, None]
+    s = (mesh.starts[elements, None] + np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
+         * mesh.lengths[elements, None]) / mesh.plan.length
+    return np.array([values(v, s.ravel()).reshape(s.shape) for v in density])
 
 
 @load
@@ -60,9 +78,9 @@ class Gravity:
         """Add the weight of every body and point mass."""
         for mesh in context.meshes.values():
             for k, cls in enumerate(mesh.classes):
-                weights = mesh.plan.section.rhoA * volume_weights(cls.sampler)
-                dofs, values = _element_loads(mesh, np.flatnonzero(mesh.cls == k), weights, self.value)
-                out.dead.append(context.dead(dofs, values, gravity=True))
+                forces = np.multiply.outer(np.array(self.value), mass_weights(cls.sampler))[:, None]
+                dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
+                out.dead.append(context.dead(dofs, Q, gravity=True))
         for mass in context.masses:
             for (coords, weights), a in zip(context.point(mass.at).position(), self.value, strict=True):
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
@@ -76,7 +94,7 @@ class FollowerLine:
 
     symmetric = False
 
-    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Array,
+    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
                  amplitude: Callable[[float], float]) -> None:
         self.mesh, self.cover, self.value, self.amplitude = mesh, cover, value, amplitude
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
@@ -111,15 +129,18 @@ class FollowerLine:
             G[:, :, 2, 0::2], G[:, :, 2, 1::2] = c[..., None] * D, s[..., None] * D
             G[:, :, 3, 0::2], G[:, :, 3, 1::2] = -s[..., None] * D, c[..., None] * D
             angle = np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
-        (ft, fn), c, s = self.value, np.cos(angle), np.sin(angle)
+        (ft, fn), c, s = per_length(self.value, mesh, elements, xi), np.cos(angle), np.sin(angle)
         kind = np.full((m, p), THETA if theta else DIRECTION)
         par = np.stack([w * (c * ft - s * fn), w * (s * ft + c * fn), kind], axis=-1)
         return np.repeat(dofs, p, axis=0), G.reshape(m * p, -1, n), p0.reshape(m * p, -1), par.reshape(m * p, 3)
 
 
-def covered(mesh: BodyMesh, s0: float, s1: float) -> list[tuple[Index, Array, Array]]:
-    """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arclength."""
-    x, w = gauss(mesh.plan.element.degree_x + 3)
+def covered(mesh: BodyMesh, s0: float, s1: float, more: int = 0) -> list[tuple[Index, Array, Array]]:
+    """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arclength.
+
+    ``more`` is the number of points beside those for a constant.
+    """
+    x, w = gauss(mesh.plan.element.degree_x + 3 + more)
     out = []
     for k, piece in enumerate(mesh.plan.pieces):
         a = (s0 * mesh.plan.length - piece.s0) / piece.l
@@ -147,9 +168,10 @@ class Distributed:
 
     tag = "distributed"
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="beam")
-    value: tuple[float, float] = key(
-        Vector(Number("N/m"), "fx, fy"),
-        "Force per length; [tangential, normal] with follower", example=[0, -500])
+    value: Density = key(
+        Vector(ProfileOf("N/m"), "fx, fy"),
+        "Force per length, each component a number, an expression in s or a table {s, value}; [tangential, normal] "
+        "with follower", example=[0, -500])
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     follower: bool = key(Flag(), "Turns with the axis", default=False)
@@ -170,10 +192,12 @@ class Distributed:
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the load by quadrature along the elements that it covers."""
         mesh = context.meshes[self.on]
-        cover = covered(mesh, self.from_, self.to)
+        more = 0 if all(isinstance(v, float) for v in self.value) else VARYING
+        cover = [part for a, b in pairwise(load_breaks(self.line)) for part in covered(mesh, a, b, more)]
         if self.follower:
-            out.patches.append(FollowerLine(mesh, cover, np.array(self.value, dtype=float), context.amplitude))
+            out.patches.append(FollowerLine(mesh, cover, self.value, context.amplitude))
             return
         for elements, xi, w in cover:
             S = mesh.classes[mesh.cls[elements[0]]].shape(xi, np.zeros_like(xi))
-            out.dead.append(context.dead(*_element_loads(mesh, elements, w @ S, self.value)))
+            forces = (w * per_length(self.value, mesh, elements, xi)) @ S
+            out.dead.append(context.dead(*_element_loads(mesh, elements, forces)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +30,8 @@ BETWEEN = ListOf(POINT, "points BODY@S", 2)
 GAP = 1e-6
 # of coordinates themselves
 ROUND_OFF = 1e-15
+# of section constants that are the same but for round-off
+ALIKE = 1e-9
 
 
 class JointError(ValueError):
@@ -88,12 +90,18 @@ def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> Non
         out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis))
 
 
-def same_kind(a: BodyMesh, b: BodyMesh) -> bool:
-    """Whether two bodies can share all coordinates of a node: same type, form, section and material."""
-    pa, pb = a.plan, b.plan
-    drop = {"rhoA": 0.0, "rhoI": 0.0}
+def same_kind(a: PointRef, b: PointRef) -> bool:
+    """Whether bodies can share all coordinates of a node: same type and form, section and material the same there."""
+    pa, pb = a.mesh.plan, b.mesh.plan
     return (not pa.rigid and pa.element == pb.element and pa.formulation is pb.formulation
-            and replace(pa.section, **drop) == replace(pb.section, **drop))
+            and all(math.isclose(va, vb, rel_tol=ALIKE) for va, vb in zip(_stiffness(a), _stiffness(b), strict=True)))
+
+
+def _stiffness(point: PointRef) -> list[float]:
+    """Return what makes the stiffness of the section at a point, seen from its own element."""
+    section = point.mesh.classes[point.mesh.cls[point.ie]].sampler.at(np.array([point.xi]))
+    found = (getattr(section, f.name) for f in fields(section) if f.name not in ("rhoA", "rhoI"))
+    return [float(np.atleast_1d(v)[0]) for v in found]
 
 
 @dataclass(frozen=True)
@@ -122,12 +130,17 @@ def _end(point: PointRef, into: bool) -> _End | None:
     return _End(point, 1 if into else -1) if point.ie == 0 and point.xi == 0.0 else None
 
 
+def _turns(a: PointRef | _End, b: PointRef | _End) -> bool:
+    """Whether there is a corner between two points that coincide."""
+    return abs(math.remainder(a.angle - b.angle, 2 * math.pi)) > GAP
+
+
 def _goes_on(a: _End, b: _End) -> bool:
     """Whether a way out of one body goes on in another as in one beam: alike, in the same direction and curvature."""
-    if not same_kind(a.point.mesh, b.point.mesh):
+    if not same_kind(a.point, b.point):
         return False
     length = max(a.point.mesh.plan.length, b.point.mesh.plan.length)
-    return (abs(math.remainder(a.angle - b.angle, 2 * math.pi)) <= GAP
+    return (not _turns(a, b)
             and abs(a.curvature - b.curvature) * length <= GAP)
 
 
@@ -177,9 +190,11 @@ def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
         b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
         if _goes_on(_End(a, 1), _End(b, 1)):
             _share_nodes(_End(a, 1), _End(b, 1), kink, f"the axis of {a.label}", out)
-        else:
+        elif _turns(a, b):
             corners += 1
             _weld_points(a, b, f"corner {corners} of {mesh.plan.name}", out)
+        else:
+            _weld_points(a, b, f"the step of the section at {a.label}", out)
 
 
 @joint

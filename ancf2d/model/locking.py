@@ -62,9 +62,9 @@ def arc_excess(mesh: BodyMesh) -> tuple[float, ElementClass | None]:
     """
     worst: tuple[float, ElementClass | None] = (0.0, None)
     if not mesh.plan.rigid and mesh.plan.element.section_kind == "interpolated":
-        for one in mesh.classes:
+        for one in {one.key[1:3]: one for one in mesh.classes}.values():
             if one.key[2] != 0.0:
-                excess = _bent(mesh, mesh.straight(one)) / _bent(mesh, one.sampler) - 1.0
+                excess = _bent(mesh, mesh.straight(one)) / _bent(mesh, mesh.uniform(one)) - 1.0
                 worst = max(worst, (excess, one), key=lambda pair: pair[0])
     return worst
 
@@ -130,7 +130,7 @@ def error_across(mesh: BodyMesh) -> float:
     if plan.rigid or plan.element.section_kind != "interpolated" or plan.element.degree_y < 2 \
             or plan.length > plan.section.height:
         return 0.0
-    sampler = mesh.classes[0].sampler
+    sampler = mesh.uniform(mesh.classes[0])
     along, across = _stretched(mesh, sampler, plan.section)
     _, right = _stretched(mesh, sampler, replace(plan.section, nu=0.0))
     h, volume = plan.section.height, sampler.shape.l * plan.section.height * plan.section.width
@@ -172,7 +172,7 @@ def locking_warning(mesh: BodyMesh) -> str | None:
     more, curved = arc_excess(mesh)
     who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
     if curved is not None and more >= max(TOLD, excess):
-        _, l, kappa = curved.key
+        l, kappa = curved.key[1:3]
         return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element is an arc of "
                 f"{abs(kappa) * l:.2g} rad, {l / plan.section.height:.3g} heights long. Use more elements, or "
                 "reissner3")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import pairwise
 from math import factorial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +24,22 @@ from .plan import BodyPlan
 Index = NDArray[np.int64]
 # where along an element its axis is looked at
 STATIONS = np.array([0.0, 0.5, 1.0])
+# places along an element at which its section is compared: one that is the same there does not vary
+PLACES = np.linspace(0.0, 1.0, 9)
+# points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
+MORE, RIGID_POINTS = 3, 20
 
 
 @dataclass(frozen=True)
 class ElementClass:
     """Elements that share their shape functions and reference up to a rotation: same length and curvature.
 
-    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature.
+    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature, and the
+    body's name and the place S of an element along which the section varies.
     """
 
     sampler: Sampler
-    key: tuple[Section, float, float]
+    key: tuple[Any, ...]
 
     @property
     def shape(self) -> ShapeFunctions:
@@ -68,7 +75,8 @@ class BodyMesh:
         self.node_sizes = [nc * sum(c != "theta" for c in n.coordinates) for n in element.nodes]
         self.stride = sum(self.node_sizes[:-1])
         self.classes: list[ElementClass] = []
-        keys: dict[tuple[float, float], int] = {}
+        self._samplers: dict[tuple[float, float], Sampler] = {}
+        keys: dict[tuple[Any, ...], int] = {}
         dofs, cls, turn, nodes, e0 = [], [], [], [], []
         dof, node = first_dof, first_node
         self.piece_first: list[int] = []
@@ -76,16 +84,12 @@ class BodyMesh:
         for piece in plan.pieces:
             if piece.shared:
                 dof, node = dof - self.node_sizes[-1], node - 1
-            key = (float(f"{piece.l:.13e}"), piece.kappa)
-            if key not in keys:
-                keys[key] = len(self.classes)
-                self.classes.append(self._class(piece, (plan.section, *key)))
             n = piece.count
+            cls.append(self._classes_of(piece, keys))
             self.piece_first.append(count)
             count += n
             dofs.append(dof + self.stride * np.arange(n)[:, None] + np.arange(element.n_dof))
             nodes.append(node + (len(element.nodes) - 1) * np.arange(n)[:, None] + np.arange(len(element.nodes)))
-            cls.append(np.full(n, keys[key]))
             angle = piece.angle + piece.kappa * piece.l * np.arange(n)
             turn.append(np.stack([np.cos(angle), np.sin(angle)], axis=1))
             values = self._reference_values(piece)
@@ -101,16 +105,54 @@ class BodyMesh:
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
 
-    def _class(self, piece: Piece, key: tuple[Section, float, float]) -> ElementClass:
-        plan = self.plan
-        shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
-        named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
-        return ElementClass(Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section), key)
+    def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int]) -> Index:
+        """Return the classes (n,) of the elements of a piece, those that are new added."""
+        found = []
+        length, kappa = float(f"{piece.l:.13e}"), piece.kappa
+        starts = [None] if self.plan.varying is None else list(range(piece.count))
+        for ie in starts:
+            section, profile, cuts, place = self._section(piece, ie)
+            key = (section, length, kappa, *place)
+            if key not in keys:
+                keys[key] = len(self.classes)
+                sampler = replace(self._sampler(piece), section=section, profile=profile, cuts=cuts)
+                self.classes.append(ElementClass(sampler, key))
+            found.append(keys[key])
+        return np.array(found * (piece.count // len(found)))
+
+    def _section(self, piece: Piece, ie: int | None,
+                 ) -> tuple[Section, Callable[[Array], Section] | None, tuple[float, ...], tuple[str | float, ...]]:
+        """Return section, profile and cuts of an element's sampler, and the place that tells it from others."""
+        varying, plan = self.plan.varying, self.plan
+        if varying is None or ie is None:
+            return plan.section, None, (), ()
+        a, l = (piece.s0 + piece.l * ie) / plan.length, piece.l / plan.length
+
+        def profile(xi: Array) -> Section:
+            return varying.at(a + l * np.asarray(xi, dtype=float), a, a + l)
+
+        cuts = tuple((s - a) / l for s in plan.cuts if 1e-9 < (s - a) / l < 1.0 - 1e-9)
+        some = {f.name: getattr(profile(PLACES), f.name) for f in fields(Section)}
+        if not cuts and all(np.all(v == v[0]) for v in some.values()):
+            return Section(**{name: float(v[0]) for name, v in some.items()}), None, (), ()
+        return plan.section, profile, cuts, (plan.name, a)
+
+    def _sampler(self, piece: Piece) -> Sampler:
+        """Return the sampler of a piece's elements, with the body's mean section."""
+        key, plan = (piece.l, piece.kappa), self.plan
+        if key not in self._samplers:
+            shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
+            named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
+            self._samplers[key] = Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section)
+        return self._samplers[key]
 
     def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
-        """Return the sampler of a straight element of a class's length, or of the given one."""
-        piece = Piece((0.0, 0.0), 0.0, length or one.shape.l, 0.0, 0.0, 1)
-        return self._class(piece, one.key).sampler
+        """Return the sampler of a straight element of a class's length, or of the given one, with the mean section."""
+        return self._sampler(Piece((0.0, 0.0), 0.0, length or one.shape.l, 0.0, 0.0, 1))
+
+    def uniform(self, one: ElementClass) -> Sampler:
+        """Return the sampler of a class with the body's mean section all along."""
+        return replace(one.sampler, section=self.plan.section, profile=None, cuts=())
 
     def _reference_values(self, piece: Piece) -> Array:
         """Return e0 of one piece, node by node."""
@@ -233,31 +275,49 @@ def shape_weights(mesh: BodyMesh) -> Array:
     return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])
 
 
-def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> tuple[Array, Array]:
-    """Return S (points, n_shape) and the weights dV/A (points,) that integrate S^T S over an element.
+class Volume(NamedTuple):
+    """What integrates over the mass of an element: S (points, n_shape), mass ``dm`` and rotary inertia ``dI``
+    (points,) that each point stands for."""
+
+    S: Array
+    dm: Array
+    dI: Array
+
+
+def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume:
+    """Return what integrates over an element.
 
     ``upto`` ends the volume at a fraction of the element's length. With ``ends`` points along are those of Gauss and
     Lobatto, as many as determine the polynomial: S^T S is of one degree too much for them.
     """
     element = sampler.shape.element
-    if ends:
-        along, across = lobatto(element.degree_x + 1), gauss(element.degree_y + 2)
-    else:
-        along, across = gauss(element.degree_x + 2), gauss(element.degree_y + 2)
-    xi, eta, w = product_points(along, across)
-    xi, w = upto * xi, upto * w
+    along = lobatto(element.degree_x + 1) if ends else _along(sampler, upto)
+    xi, eta, w = product_points(along, gauss(element.degree_y + 2))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
     if element.degree_y == 0:
         density = np.hypot(rx[:, 0], rx[:, 1])
     else:
         density = cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
-    return sampler.derivative(xi, eta, 0, 0), w * density * sampler.shape.l
+    dv, section = w * density * sampler.shape.l, sampler.at(xi)
+    return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
 
 
-def volume_weights(sampler: Sampler) -> Array:
-    """Return int s_k dV/A of one element (n_shape,) [m]."""
-    S, dv = over_body(sampler)
-    return dv @ S
+def _along(sampler: Sampler, upto: float) -> tuple[Array, Array]:
+    """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
+    element = sampler.shape.element
+    if sampler.profile is None:
+        x, w = gauss(element.degree_x + 2)
+        return upto * x, upto * w
+    x, w = gauss(RIGID_POINTS if element is RIGID_TYPE else element.degree_x + 2 + MORE)
+    ends = [0.0, *(c for c in sampler.cuts if c < upto), upto]
+    return (np.concatenate([a + (b - a) * x for a, b in pairwise(ends)]),
+            np.concatenate([(b - a) * w for a, b in pairwise(ends)]))
+
+
+def mass_weights(sampler: Sampler) -> Array:
+    """Return int rho s_k dV of one element (n_shape,) [kg]."""
+    S, dm, _ = over_body(sampler)
+    return dm @ S
 
 
 def mass_matrix(sampler: Sampler) -> Array:
@@ -268,15 +328,16 @@ def mass_matrix(sampler: Sampler) -> Array:
     Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length; the cable has
     no rotary inertia.
     """
-    element, section, nc = sampler.shape.element, sampler.section, sampler.e0.shape[1]
-    S, dv = over_body(sampler)
-    m = (S * dv[:, None]).T @ S
+    element, nc = sampler.shape.element, sampler.e0.shape[1]
+    S, dm, dI = over_body(sampler)
+    parts = [(S * d[:, None]).T @ S for d in (dm, dI)]
     if element.lobatto:
-        S, dv = over_body(sampler, ends=True)
-        m = (1.0 - element.lobatto) * m + element.lobatto * (S * dv[:, None]).T @ S
+        T, *ends = over_body(sampler, ends=True)
+        parts = [(1.0 - element.lobatto) * m + element.lobatto * (T * d[:, None]).T @ T
+                 for m, d in zip(parts, ends, strict=True)]
     M = np.zeros((element.n_dof, element.n_dof))
     for k in range(nc):
-        M[k::nc, k::nc] = m * (section.rhoI if k == 2 else section.rhoA)
+        M[k::nc, k::nc] = parts[1] if k == 2 else parts[0]
         if element is RIGID_TYPE:
-            M[k::nc, k::nc] += section.rhoI / sampler.shape.l * np.array([[1.0, -1.0], [-1.0, 1.0]])
+            M[k::nc, k::nc] += dI.sum() / sampler.shape.l**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     return M

@@ -30,6 +30,7 @@ from ..elements.section import Section
 from ..errors import CaseError, Problem
 from .curve import AT_NODE, TOGETHER, Array, Piece, pieces_of
 from .own_element import DefinitionError, own_element, undetermined
+from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
@@ -40,7 +41,9 @@ MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of mo
 class BodyPlan:
     """A body with everything chosen that a mesh needs.
 
-    ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it.
+    ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it or
+    varies with a kink or jump. ``section`` is that of the mean values where it varies along the body: then ``varying``
+    has it at each place, and ``cuts`` are the places S where it kinks or jumps.
     """
 
     name: str
@@ -52,6 +55,8 @@ class BodyPlan:
     asked: int = 0
     acting: tuple[float, ...] = ()
     preset: str | None = None
+    varying: VaryingSection | None = None
+    cuts: tuple[float, ...] = ()
 
     @property
     def length(self) -> float:
@@ -78,6 +83,10 @@ class BodyPlan:
     def split(self) -> list[float]:
         """Places S where something acts and elements meet that are unequal or each have strains of their own."""
         return [p.s0 / self.length for p in self.pieces if p.continues]
+
+    def section_at(self, s: Array) -> Section:
+        """Return the section constants at places S (n,): arrays (n,) where they vary, else numbers."""
+        return self.section if self.varying is None else self.varying.at(s)
 
     def locate(self, s: float) -> tuple[int, float]:
         """Return (piece, arclength within it) of the point at fraction s of the body's arclength.
@@ -178,15 +187,15 @@ def acting_at(case: Case) -> Counter[Point]:
 def acting_points(case: Case) -> dict[str, list[float]]:
     """Return the places S of each body where something acts, in order.
 
-    They are all points that supports, joints, springs, masses and loads name, and the ends of line loads. Those of
-    probes are none; nor is where a point slides along the body.
+    They are all points that supports, joints, springs, masses and loads name, the ends of line loads, and the kinks and
+    jumps of what varies along the body. Those of probes are none; nor is where a point slides along the body.
     """
-    found: dict[str, set[float]] = {name: set() for name in case.bodies}
+    found: dict[str, set[float]] = {name: {s for s, _ in profile_breaks(body)} for name, body in case.bodies.items()}
     for point in acting_at(case):
         found[point.body].add(point.s)
     for load in case.loads:
         if load.line is not None:
-            found[load.line.body] |= {load.line.start, load.line.end}
+            found[load.line.body].update(load_breaks(load.line))
     return {name: sorted(places) for name, places in found.items()}
 
 
@@ -222,19 +231,21 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     # a flexible body without one is refused
     assert spec.count is not None
     refine = spec.refine or 1
-    free = not has_regular_nodes(spec)
-    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine,
-                       points if free and _with_kinks(element, moving) else ())
+    free, breaks = not has_regular_nodes(spec), profile_breaks(body)
+    # where the section jumps, each side has strains of its own; those of theta have no coordinates at nodes
+    own = [] if element.has_theta else [s for s, jump in breaks if jump]
+    kinks = [*own, *(points if _with_kinks(element, moving) else ())]
+    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine, kinks if free else ())
     curved = any(p.kappa != 0.0 for p in pieces)
-    own = definition.quadrature if definition is not None and formulation.name == element.formulation else None
-    rule = _rule(spec.quadrature or preset.get("quadrature") or own, element, formulation, curved)
+    theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
+    rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation, curved)
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
-    section = resolve_section(body, element, formulation, k)
+    section, varying = resolve_section(body, element, formulation, k)
     return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count, tuple(acting),
-                    spec.preset)
+                    spec.preset, varying, tuple(s for s, _ in breaks))
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
@@ -248,7 +259,9 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
                                f"no {key}")
     count = len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
     pieces = pieces_of(body.geometry, count)
-    return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), rigid_section(body, pieces), pieces)
+    section, varying = rigid_section(body, pieces)
+    return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), section, pieces, varying=varying,
+                    cuts=tuple(s for s, _ in profile_breaks(body)))
 
 
 def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, BodyPlan], list[Problem]]:

@@ -14,7 +14,7 @@ from .mesh import BodyMesh, Index, shape_weights
 
 @dataclass(frozen=True)
 class PointRef:
-    """The point at fraction ``s`` of a body, on the axis unless ``eta`` = 2 y/h says otherwise.
+    """The point at fraction ``s`` of a body, on the axis unless ``eta`` = 2 y/h says otherwise, h of the mean section.
 
     ``node`` is the index of the element's node there, or None between nodes; ``angle`` the reference angle
     of the tangent.
@@ -35,14 +35,14 @@ class PointRef:
 
     def shape_row(self, i: int = 0, j: int = 0, spread: str | None = None) -> Array:
         """Return d^(i+j) s_k/dx^i dy^j (n_shape,) here, or its mean over the section with ``spread``."""
-        shape = self.mesh.classes[self.mesh.cls[self.ie]].shape
+        sampler = self.mesh.classes[self.mesh.cls[self.ie]].sampler
         if spread is None:
-            row = shape(np.array([self.xi]), np.array([self.eta]), i, j)[0]
+            row = sampler.shape(np.array([self.xi]), np.array([self.eta]), i, j)[0]
         else:
             y, w = gauss(6)
             eta = 2 * y - 1
             weight = w if spread == "uniform" else 1.5 * w * (1 - eta**2)
-            row = weight @ shape(np.full(6, self.xi), eta, i, j)
+            row = weight @ sampler.derivative(np.full(6, self.xi), eta, i, j)
         # coordinates of different kinds have different units: what counts is what they move
         moves = np.abs(row) / shape_weights(self.mesh)
         row[moves < 1e-14 * moves.max()] = 0.0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +13,16 @@ from ..case import Body, Rectangle, Stiffness
 from ..elements.definition import ElementType
 from ..elements.formulations import Formulation
 from ..elements.section import Section, timoshenko
+from ..elements.shape import Array, gauss
 from .curve import Piece
+from .profiles import VaryingSection, profile_breaks, profiles_of
 
 # height over length that a rigid body without a section is drawn with
 DRAWN = 0.05
 # of the constants of a section: products of several of them stay within what floating-point numbers hold
 LEAST, MOST = 1e-100, 1e100
+# places along a body at which a section that varies is checked, and points between two cuts of a rigid one
+CHECKED, POINTS = 101, 20
 
 
 class SectionError(ValueError):
@@ -39,95 +46,151 @@ def is_axis_type(element: ElementType) -> bool:
     return element.section_kind in ("tangent", "theta")
 
 
-def resolve_section(body: Body, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
-    """Return the section constants of a body. Raises SectionError for what the element or arithmetic cannot have."""
-    section = _resolved(body, element, formulation, k)
-    constants = {"A": section.height * section.width, "EA": section.EA, "kGA": section.kGA, "EI": section.EI,
-                 "rhoA": section.rhoA or 1.0}
-    for name, value in constants.items():
-        if not LEAST <= value <= MOST:
-            raise SectionError(("section",), f"the section has {name} = {value:g}, whose products leave the range of "
-                               "floating-point numbers", f"{LEAST:g} to {MOST:g}, in other units perhaps")
-    return section
+def resolve_section(body: Body, element: ElementType, formulation: Formulation, k: str | float | None,
+                    ) -> tuple[Section, VaryingSection | None]:
+    """Return the section constants of a body, and as functions of place where they vary: then those of the means.
+
+    Raises SectionError for what the element or arithmetic cannot have.
+    """
+    resolve = partial(_resolved, element=element, formulation=formulation, k=k)
+    varying = VaryingSection(body, resolve) if _varies(body) else None
+    section = resolve(body) if varying is None else varying.mean
+    for checked in [section] if varying is None else [section, varying.at(np.linspace(0.0, 1.0, CHECKED))]:
+        _check_range(checked)
+    return section, varying
 
 
-def _resolved(body: Body, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
+def _varies(body: Body) -> bool:
+    return bool(profiles_of(body.section) or profiles_of(body.material))
+
+
+def _check_range(section: Section) -> None:
+    """Raise SectionError where constants are beyond what arithmetic can hold."""
+    constants = {"A": section.height * section.width, "EA": section.EA, "kGA": section.kGA, "EI": section.EI}
+    if np.any(section.rhoA):
+        constants["rhoA"] = section.rhoA
+    for name, found in constants.items():
+        for value in np.atleast_1d(found).tolist():
+            if not LEAST <= value <= MOST:
+                raise SectionError(("section",), f"the section has {name} = {value:g}, whose products leave the range "
+                                   "of floating-point numbers", f"{LEAST:g} to {MOST:g}, in other units perhaps")
+
+
+def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
     if isinstance(body.section, Stiffness):
         return _from_stiffness(body.section, element, formulation)
     material = body.material
     # a case without them is refused
     assert material is not None
     assert material.E is not None
-    assert body.section is not None
     E, nu = material.E, material.nu or 0.0
     k_s = shear_factor(k, element, nu)
-    if isinstance(body.section, Rectangle):
-        h, b = body.section.height, body.section.width
+    given, kind = body.section, type(body.section)
+    if kind is Rectangle:
+        h, b = given.height, given.width
         A, I = h * b, b * h**3 / 12.0
     else:
-        A, I = body.section.A, body.section.I
-        h = math.sqrt(12.0 * I / A)
+        A, I = given.A, given.I
+        h = np.sqrt(12.0 * I / A)
         b = A / h
-        if is_axis_type(element) and body.section.height is not None:
-            h, b = body.section.height, A / body.section.height
-    rho = material.rho or 0.0
+        if is_axis_type(element) and given.height is not None:
+            h, b = given.height, A / given.height
+    rho = 0.0 if material.rho is None else material.rho
     G = E / (2.0 * (1.0 + nu))
     return Section(h, b, E, nu, k_s, EA=E * A, kGA=k_s * G * A, EI=E * I, rhoA=rho * A, rhoI=rho * I)
 
 
-def _from_stiffness(s: Stiffness, element: ElementType, formulation: Formulation) -> Section:
+def _from_stiffness(s: Any, element: ElementType, formulation: Formulation) -> Section:
     if element.section_kind != "tangent" and s.kGA is None:
         raise SectionError(("section",), f"{element.name} shears: section needs kGA")
-    h = math.sqrt(12.0 * s.EI / s.EA)
+    h = np.sqrt(12.0 * s.EI / s.EA)
     A = h * h
     E = s.EA / A
-    rhoA = s.rhoA or 0.0
-    rhoI = s.rhoI if s.rhoI is not None else rhoA * s.EI / s.EA
+    rhoA, rhoI = _inertias(s)
     kGA = s.kGA if s.kGA is not None else 0.5 * s.EA
     if not is_axis_type(element):
-        if rhoA and not math.isclose(rhoI * s.EA, rhoA * s.EI, rel_tol=1e-6):
+        theirs = rhoA * s.EI / s.EA
+        other = _first((rhoA != 0.0) & ~np.isclose(rhoI, theirs, rtol=1e-6, atol=0.0), rhoI, theirs)
+        if other is not None:
             raise SectionError(
-                ("section", "rhoI"), f"{element.name} has the inertia of a rectangle: section.rhoI is {rhoI:g}",
-                f"rhoA EI/EA = {rhoA * s.EI / s.EA:g}, or a type of cable, reissner2, reissner3")
-        if formulation.name != "structural" and not 0.0 < kGA <= 0.5 * s.EA * (1 + 1e-12):
+                ("section", "rhoI"), f"{element.name} has the inertia of a rectangle: section.rhoI is {other[0]:g}",
+                f"rhoA EI/EA = {other[1]:g}, or a type of cable, reissner2, reissner3")
+        beyond = _first((kGA <= 0.0) | (kGA > 0.5 * s.EA * (1 + 1e-12)), kGA, 0.5 * s.EA)
+        if formulation.name != "structural" and beyond is not None:
             raise SectionError(
                 ("section", "kGA"), f"{element.name} with formulation {formulation.name} integrates the shear of a "
-                f"rectangle with nu = 0: section.kGA is {kGA:g}",
-                f"0 < kGA <= GA = EA/2 = {0.5 * s.EA:g}, formulation structural, or reissner2, reissner3")
+                f"rectangle with nu = 0: section.kGA is {beyond[0]:g}",
+                f"0 < kGA <= GA = EA/2 = {beyond[1]:g}, formulation structural, or reissner2, reissner3")
     k_s = kGA / (0.5 * s.EA)
     return Section(h, h, E, 0.0, k_s, EA=s.EA, kGA=kGA, EI=s.EI, rhoA=rhoA, rhoI=rhoI)
 
 
-def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> Section:
-    """Return the section of a rigid body, its mass and inertia spread so that they are what the case says.
+def _inertias(s: Any) -> tuple[Any, Any]:
+    """Return rhoA and rhoI of a section given by stiffnesses, 0 where it has no mass."""
+    rhoA = 0.0 if s.rhoA is None else s.rhoA
+    return rhoA, s.rhoI if s.rhoI is not None else rhoA * s.EI / s.EA
 
-    An inertia below that of a mass that is spread along the body makes rhoI negative.
+
+def _first(wrong: Any, *values: Any) -> tuple[float, ...] | None:
+    """Return values where something is wrong first, of numbers or of arrays; None where nothing is."""
+    found = np.flatnonzero(np.atleast_1d(wrong))
+    return tuple(float(np.broadcast_to(v, np.shape(np.atleast_1d(wrong)))[found[0]]) for v in values) if len(
+        found) else None
+
+
+def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> tuple[Section, VaryingSection | None]:
+    """Return the section of a rigid body, and as functions of place where it varies: then that of the means.
+
+    Its mass and inertia are spread so that they are what the case says: a given mass as the section's own, or as its
+    area, a given inertia evenly. An inertia below that of a mass that is spread along the body makes rhoI negative.
     """
     length = pieces[-1].s0 + pieces[-1].length
-    h = b = DRAWN * length
-    rhoA = rhoI = 0.0
-    rho = (body.material.rho if body.material else None) or 0.0
-    if isinstance(body.section, Stiffness):
-        s = body.section
-        h = b = math.sqrt(12.0 * s.EI / s.EA)
-        rhoA = s.rhoA or 0.0
-        rhoI = s.rhoI if s.rhoI is not None else rhoA * s.EI / s.EA
-    elif isinstance(body.section, Rectangle):
-        h, b = body.section.height, body.section.width
+    own = VaryingSection(body, lambda b: _rigid(b, length))
+    s, w, r = _along(pieces, [at for at, _ in profile_breaks(body)])
+    at, wanted = own.at(s), body.element
+    heavy = wanted.mass is None or bool(np.any(at.rhoA))
+    density = at.rhoA if heavy else at.height * at.width
+    factor = 1.0 if wanted.mass is None else wanted.mass / float(w @ density)
+    m = factor * w * density
+    if wanted.inertia is not None:
+        off = r - m @ r / m.sum()
+        rhoI = (wanted.inertia - float(m @ (off**2).sum(axis=1))) / length
+
+    def resolve(b: Body) -> Section:
+        section = _rigid(b, length)
+        return replace(section, rhoA=factor * (section.rhoA if heavy else section.height * section.width),
+                       rhoI=section.rhoI if wanted.inertia is None else rhoI)
+
+    varying = VaryingSection(body, resolve)
+    return (varying.mean, varying) if _varies(body) else (resolve(body), None)
+
+
+def _rigid(body: Any, length: float) -> Section:
+    """Return the section of a rigid body as its section and density make it."""
+    given, kind = body.section, type(body.section)
+    h: Any = DRAWN * length
+    b, rhoA, rhoI = h, 0.0, 0.0
+    rho = 0.0 if body.material is None or body.material.rho is None else body.material.rho
+    if kind is Stiffness:
+        h = b = np.sqrt(12.0 * given.EI / given.EA)
+        rhoA, rhoI = _inertias(given)
+    elif kind is Rectangle:
+        h, b = given.height, given.width
         rhoA, rhoI = rho * h * b, rho * b * h**3 / 12.0
-    elif body.section is not None:
-        h, b = body.section.height, body.section.A / body.section.height
-        rhoA, rhoI = rho * body.section.A, rho * body.section.I
-    if body.element.mass is not None:
-        rhoA = body.element.mass / length
-    if body.element.inertia is not None:
-        rhoI = (body.element.inertia - rhoA * _spread(pieces)) / length
+    elif given is not None:
+        h, b = given.height, given.A / given.height
+        rhoA, rhoI = rho * given.A, rho * given.I
     return Section(h, b, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, rhoA, rhoI)
 
 
-def _spread(pieces: tuple[Piece, ...]) -> float:
-    """Return the moment of inertia of straight pieces about their common centre, per mass per length [m^3]."""
-    lengths = np.array([p.length for p in pieces])
-    centres = np.array([p.position(0.5 * p.length)[0] for p in pieces])
-    off = centres - lengths @ centres / lengths.sum()
-    return float((lengths**3 / 12.0 + lengths * (off**2).sum(axis=1)).sum())
+def _along(pieces: tuple[Piece, ...], cuts: list[float]) -> tuple[Array, Array, Array]:
+    """Return places S (n,), weights in m (n,) and positions (n, 2) that integrate along a body between its cuts."""
+    length, (x, w) = pieces[-1].s0 + pieces[-1].length, gauss(POINTS)
+    found: list[tuple[Array, Array, Array]] = []
+    for p in pieces:
+        ends = [0.0, *(c * length - p.s0 for c in cuts if 0.0 < c * length - p.s0 < p.length), p.length]
+        for a, b in pairwise(ends):
+            s = a + (b - a) * x
+            found.append(((p.s0 + s) / length, (b - a) * w, p.position(s)[0]))
+    s, weights, r = (np.concatenate(column) for column in zip(*found, strict=True))
+    return s, weights, r

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..elements.shape import Array, gauss
-from ..interactions.body_loads import Line
+from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import tangent_action, viscous_force
@@ -17,6 +18,7 @@ from ..model.body_groups import damping_time, place_of
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
+from ..model.profiles import load_breaks
 from .inside import Inside, acting_inside, is_inside
 from .mass import inertia_rates
 from .state import State
@@ -132,11 +134,11 @@ class _Part:
     def _factor(self, load: Any) -> float:
         return float(self.body.model.timing.follow(load.amplitude)(self.state.side))
 
-    def _line_loads(self) -> Iterator[tuple[Line, Array]]:
+    def _line_loads(self) -> Iterator[tuple[Line, float]]:
         for load in self.body.model.case.loads:
             line = load.line
             if line is not None and line.body == self.body.mesh.plan.name:
-                yield line, self._factor(load) * np.array(line.density, dtype=float)
+                yield line, self._factor(load)
 
     def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
         """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
@@ -155,18 +157,19 @@ class _Part:
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
         """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
-        body = self.body
-        start, l = body.mesh.starts[self.chosen], body.mesh.lengths[self.chosen]
-        whole = body.mesh.plan.length
-        x, w = body.along
-        for line, f in self.lines:
-            low = np.maximum(line.start * whole - start, 0.0)
-            span = np.maximum(np.minimum(line.end * whole - start, upto * l) - low, 0.0)
+        mesh = self.body.mesh
+        start, l = mesh.starts[self.chosen], mesh.lengths[self.chosen]
+        x, w = self.body.along
+        parts = [(line, factor, a, b) for line, factor in self.lines for a, b in pairwise(load_breaks(line))]
+        for line, factor, a, b in parts:
+            low = np.maximum(a * mesh.plan.length - start, 0.0)
+            span = np.maximum(np.minimum(b * mesh.plan.length - start, upto * l) - low, 0.0)
             xi = (low[:, None] + x * span[:, None]) / l[:, None]
-            force = np.broadcast_to(f, (*xi.shape, 2))
+            f = factor * per_length(line.density, mesh, self.chosen, xi)
             if line.follower:
                 c, s = self._axes(xi)
-                force = np.stack([c * f[0] - s * f[1], s * f[0] + c * f[1]], axis=-1)
+                f = np.array([c * f[0] - s * f[1], s * f[0] + c * f[1]])
+            force = np.moveaxis(np.broadcast_to(f, (2, *xi.shape)), 0, -1)
             yield xi, force * (w * span[:, None])[..., None]
 
     def _rows(self, xi: Array, i: int = 0, j: int = 0) -> Array:
@@ -234,13 +237,13 @@ class _Part:
                 total[m] += self._node_wrench(force[None], np.ones(len(force), bool), m)[0]
         if self.rates is None:
             return total
-        section, (S, dv) = self.body.mesh.plan.section, self.body.volumes[self.k][station]
+        S, dm, dI = self.body.volumes[self.k][station]
         b = S @ self.rates
-        f = section.rhoA * dv[:, None] * b[..., :2]
+        f = dm[:, None] * b[..., :2]
         total[:, :2] += f.sum(axis=1)
         total[:, 2] += _cross(S @ self.local, f).sum(axis=1)
         if self.body.nc == 3:
-            total[:, 2] += section.rhoI * (b[..., 2] @ dv)
+            total[:, 2] += b[..., 2] @ dI
         return total
 
     def forces(self) -> Array:

@@ -33,6 +33,7 @@ from .case import (
 )
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, Point, Probe
+from .profiles import Profile, ProfileExpression, ProfileTable
 from .solvers import (
     Buckling,
     Dynamic,
@@ -49,10 +50,10 @@ from .solvers import (
 )
 
 __all__ = [
-    "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant", "Damping",
-    "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse", "Geometry", "Goal",
-    "GroundPoint", "Initial", "LimitPoints", "Line", "LinearStatic", "LoadFactor", "Material",
-    "MaterialDamping", "Output", "Point", "Polyline", "Probe", "ProbeReaches", "Ramp", "Rayleigh", "Rectangle",
-    "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "StateSpace", "Static",
+    "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant", "Damping", "Dynamic",
+    "Eigen", "Element", "Expected", "Expression", "FrequencyResponse", "Geometry", "Goal", "GroundPoint", "Initial",
+    "LimitPoints", "Line", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "Output", "Point",
+    "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh",
+    "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "StateSpace", "Static",
     "SteadyRotation", "Stiffness", "Table", "Units", "kinds_of", "register",
 ]

@@ -144,15 +144,16 @@ class Sine:
 class ExpressionText(Text):
     """Text in the expression language; a number stands for itself."""
 
-    def __init__(self) -> None:
-        super().__init__("an expression in t", number=True)
+    def __init__(self, variable: str = "t") -> None:
+        super().__init__(f"an expression in {variable}", number=True)
+        self.variable = variable
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         text = super().bind(node, path, binder)
         if text is INVALID:
             return INVALID
         try:
-            syntax(text)
+            syntax(text, self.variable)
         except ExpressionError as error:
             return binder.fail(place_inside(node, error.column), path, f"{dotted(path)}: {error}")
         return text
@@ -173,6 +174,7 @@ class Expression:
     """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``."""
 
     tag = "expression"
+    variable = "t"
     value_: str = key(ExpressionText(), "The formula",
                       example="sin(2*pi*t) if t < 0.5 else 0")
     scale: float = key(Number(), SCALE_DOC, default=1.0)
@@ -180,11 +182,11 @@ class Expression:
     @cached_property
     def tree(self) -> Tree:
         """The formula as a tree, parsed once."""
-        return syntax(self.value_)
+        return syntax(self.value_, self.variable)
 
     @cached_property
     def function(self) -> Callable[[Any], Any]:
-        """The formula as a function of t; takes a float or a Dual."""
+        """The formula as a function of its variable; takes a float or a Dual."""
         return closure(self.tree)
 
     def value(self, t: float) -> float:
@@ -210,8 +212,8 @@ class Expression:
             if math.isfinite(value):
                 return value
             reason = f"it is {value}"
-        raise ComputationError(f"the expression '{self.value_}' has no {what} at t = {t:g}: "
-                               f"{reason}", at={"t": t},
+        raise ComputationError(f"the expression '{self.value_}' has no {what} at "
+                               f"{self.variable} = {t:g}: {reason}", at={self.variable: t},
                                advice="guard the expression with 'a if c else b'")
 
 

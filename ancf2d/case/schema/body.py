@@ -11,6 +11,7 @@ from ..binder import Issue
 from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
 from ..records import ByKeys, ByShape, OneOf, Record
+from .profiles import Profile, ProfileOf
 
 Vec2 = tuple[float, float]
 PLACE = Vector(Number("m"))
@@ -75,30 +76,30 @@ Geometry = Line | Arc | Polyline
 class Rectangle:
     """A rectangular section."""
 
-    height: float = key(Number("m", gt=0), "Height, in the plane", example=0.1)
-    width: float = key(Number("m", gt=0), "Width, out of the plane", example=0.1)
+    height: float | Profile = key(ProfileOf("m", gt=0), "Height, in the plane", example=0.1)
+    width: float | Profile = key(ProfileOf("m", gt=0), "Width, out of the plane", example=0.1)
 
 
 @record
 class AreaSection:
     """A section of any form, by its area and second moment of area."""
 
-    A: float = key(Number("m^2", gt=0), "Area", example=6)
-    I: float = key(Number("m^4", gt=0), "Second moment of area", example=2)
-    height: float = key(Number("m", gt=0), "Height in the plane of the actual section", example=2)
+    A: float | Profile = key(ProfileOf("m^2", gt=0), "Area", example=6)
+    I: float | Profile = key(ProfileOf("m^4", gt=0), "Second moment of area", example=2)
+    height: float | Profile = key(ProfileOf("m", gt=0), "Height in the plane of the actual section", example=2)
 
 
 @record(kw_only=True)
 class Stiffness:
     """A section by its stiffnesses, in place of section and material."""
 
-    EA: float = key(Number("N", gt=0), "Axial stiffness", example=2.8e7)
-    kGA: float | None = key(Number("N", gt=0), "Shear stiffness, shear factor included",
+    EA: float | Profile = key(ProfileOf("N", gt=0), "Axial stiffness", example=2.8e7)
+    kGA: float | Profile | None = key(ProfileOf("N", gt=0), "Shear stiffness, shear factor included",
                             default=None,
                             example=1e7)
-    EI: float = key(Number("N m^2", gt=0), "Bending stiffness", example=1.4e4)
-    rhoA: float | None = key(Number("kg/m", gt=0), "Mass per length", default=None)
-    rhoI: float | None = key(Number("kg m", ge=0), "Rotary inertia per length", default=None)
+    EI: float | Profile = key(ProfileOf("N m^2", gt=0), "Bending stiffness", example=1.4e4)
+    rhoA: float | Profile | None = key(ProfileOf("kg/m", gt=0), "Mass per length", default=None)
+    rhoI: float | Profile | None = key(ProfileOf("kg m", ge=0), "Rotary inertia per length", default=None)
 
 
 Section = Rectangle | AreaSection | Stiffness
@@ -116,10 +117,10 @@ class MaterialDamping:
 class Material:
     """An isotropic elastic material."""
 
-    E: float | None = key(Number("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
+    E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
     nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
-    rho: float | None = key(Number("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, gravity and "
-                            "steady_rotation",
+    rho: float | Profile | None = key(ProfileOf("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, "
+                                      "gravity and steady_rotation",
                             default=None,
                             example=7850)
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)

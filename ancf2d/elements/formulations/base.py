@@ -71,16 +71,24 @@ class Sampler:
     """What a formulation samples: shape functions, section and the element's reference in its own frame.
 
     ``e0`` is (n_shape, components): the reference nodal coordinates turned so that the element starts
-    along x.
+    along x. Where the section varies, ``profile`` gives its constants at stations xi (n,), ``section`` is that of the
+    body's mean values, and ``cuts`` are the places xi inside the element where it kinks or jumps.
     """
 
     shape: ShapeFunctions
     e0: Array
     section: Section
+    profile: Callable[[Array], Section] | None = None
+    cuts: tuple[float, ...] = ()
+
+    def at(self, xi: Array) -> Section:
+        """Return the section constants at stations xi (n,) along: arrays (n,) where they vary, else numbers."""
+        return self.section if self.profile is None else self.profile(xi)
 
     def derivative(self, xi: Array, eta: Array, i: int, j: int) -> Array:
-        """Return d^(i+j) S/dx^i dy^j at points (points, n_shape)."""
-        return self.shape(xi, eta, i, j)
+        """Return d^(i+j) S/dx^i dy^j at points (points, n_shape); eta from -1 to 1 from face to face."""
+        height = self.at(xi).height
+        return self.shape(xi, eta * (height / self.shape.h), i, j)
 
     def spread(self, S: Array, component: int) -> Array:
         """Return shape-function rows (points, n_shape) as rows on the element coordinates of a component."""
@@ -145,6 +153,14 @@ def product_points(along: tuple[Array, Array], across: tuple[Array, Array]) -> t
     """Return the points and weights of two rules on [0, 1] together, as ``rule_points`` does."""
     (x, wx), (y, wy) = along, across
     return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
+
+
+def diagonal(ds: Array, *stiffness: float) -> Array:
+    """Return D (stations, n, n) = ds diag(stiffness); each stiffness is a number or an array (stations,)."""
+    D = np.zeros((len(ds), len(stiffness), len(stiffness)))
+    for k, value in enumerate(stiffness):
+        D[:, k, k] = ds * value
+    return D
 
 
 def join(*parts: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, PointLaw, Rule, Sampler, join
+from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -119,8 +119,9 @@ def green_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-de
         J[1, 2, l], J[1, 3, l] = -fy / L3, fx / L3
 
 
-def _stations(sampler: Sampler, points: tuple[Array, Array], weights: tuple[float, float],
+def _stations(sampler: Sampler, points: tuple[Array, Array], parts: tuple[float, float],
               ) -> tuple[Array, Array, Array]:
+    """Sample at points the parts (of EA and EI) of the stiffness."""
     xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sxx = sampler.derivative(xi, zero, 1, 0), sampler.derivative(xi, zero, 2, 0)
@@ -132,7 +133,8 @@ def _stations(sampler: Sampler, points: tuple[Array, Array], weights: tuple[floa
     B = np.stack([sampler.spread(S, k) for S in fields for k in (0, 1)], axis=1)
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
-    return B, ref, ds[:, None, None] * np.diag(weights)
+    s = sampler.at(xi)
+    return B, ref, diagonal(ds, parts[0] * s.EA, parts[1] * s.EI)
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -142,10 +144,10 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     4 n + 4 coordinates can keep at zero while they bend, and no motion is without strain. At Gauss points three for
     each element lock, and two leave a stretch that they do not see.
     """
-    section, n = sampler.section, rule.normal[0]
+    n = rule.normal[0]
     if not rule.lobatto:
-        return _stations(sampler, gauss(n), (section.EA, section.EI))
-    return join(_stations(sampler, lobatto(n), (section.EA, 0.0)), _stations(sampler, gauss(n), (0.0, section.EI)))
+        return _stations(sampler, gauss(n), (1.0, 1.0))
+    return join(_stations(sampler, lobatto(n), (1.0, 0.0)), _stations(sampler, gauss(n), (0.0, 1.0)))
 
 
 def _refuse(element: ElementType) -> str | None:

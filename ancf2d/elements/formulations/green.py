@@ -5,6 +5,8 @@ One strain function serves them all; they differ by the constant matrix between 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..definition import ElementType
@@ -53,15 +55,18 @@ def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
 
 
 def elasticity(section: Section) -> tuple[Array, Array]:
-    """Return plane-stress D and D0 = diag(E, E, k_s mu) for (eps_tt, eps_nn, 2 eps_tn).
+    """Return plane-stress D and D0 = diag(E, E, k_s mu) (..., 3, 3) for (eps_tt, eps_nn, 2 eps_tn).
 
     physics: lambda = E nu/(1 - nu^2); the shear energy is 2 mu k_s eps_xy^2 = k_s mu gamma^2/2.
     """
-    E, nu = section.E, section.nu
+    E, nu, G = np.broadcast_arrays(section.E, section.nu, section.mu_k)
     c = E / (1.0 - nu * nu)
-    D = np.diag([c, c, section.mu_k])
-    D[0, 1] = D[1, 0] = nu * c
-    return D, np.diag([E, E, section.mu_k])
+    D, D0 = np.zeros((2, *E.shape, 3, 3))
+    D[..., 0, 0] = D[..., 1, 1] = c
+    D[..., 0, 1] = D[..., 1, 0] = nu * c
+    D0[..., 0, 0] = D0[..., 1, 1] = E
+    D[..., 2, 2] = D0[..., 2, 2] = G
+    return D, D0
 
 
 def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Array]:
@@ -78,30 +83,35 @@ def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Arra
     return np.stack(rows, axis=1), np.hstack([t, n]), det
 
 
-def _stations(sampler: Sampler, rule: tuple[int, int], D: Array) -> tuple[Array, Array, Array]:
+# of D, what is left without shear
+_NORMAL = np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+
+
+def _stations(sampler: Sampler, rule: tuple[int, int], choose: Callable[[Array, Array], Array],
+              ) -> tuple[Array, Array, Array]:
+    """Sample with the stiffness that is chosen of D and D0."""
     xi, eta, w = rule_points(rule)
     B, ref, det = _points(sampler, xi, eta)
-    volume = w * det * sampler.shape.l * sampler.section.height * sampler.section.width
-    return B, ref, volume[:, None, None] * D
+    section = sampler.at(xi)
+    volume = w * det * sampler.shape.l * section.height * section.width
+    return B, ref, volume[:, None, None] * choose(*elasticity(section))
 
 
 def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has points of its own."""
-    D, _ = elasticity(sampler.section)
     if rule.uniform:
-        return _stations(sampler, rule.normal, D)
-    shear = np.diag([0.0, 0.0, D[2, 2]])
-    return join(_stations(sampler, rule.normal, D - shear), _stations(sampler, rule.shear, shear))
+        return _stations(sampler, rule.normal, lambda D, D0: D)
+    return join(_stations(sampler, rule.normal, lambda D, D0: D * _NORMAL),
+                _stations(sampler, rule.shear, lambda D, D0: D - D * _NORMAL))
 
 
 def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample the enhanced form: D0 over the volume, D - D0 on the axis only."""
-    D, D0 = elasticity(sampler.section)
-    axis = _stations(sampler, (rule.normal[0], 1), D - D0)
+    axis = _stations(sampler, (rule.normal[0], 1), lambda D, D0: D - D0)
     if rule.uniform:
-        return join(_stations(sampler, rule.normal, D0), axis)
-    shear = np.diag([0.0, 0.0, D0[2, 2]])
-    return join(_stations(sampler, rule.normal, D0 - shear), _stations(sampler, rule.shear, shear), axis)
+        return join(_stations(sampler, rule.normal, lambda D, D0: D0), axis)
+    return join(_stations(sampler, rule.normal, lambda D, D0: D0 * _NORMAL),
+                _stations(sampler, rule.shear, lambda D, D0: D0 - D0 * _NORMAL), axis)
 
 
 def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -109,21 +119,21 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
 
     This is Patel & Shabana's energy with its symmetric part: points that share x form one station.
     """
-    D, D0 = elasticity(sampler.section)
     nx, ny = rule.normal
     (x, wx), (y, wy) = gauss(nx), gauss(ny)
     xi, eta = np.repeat(x, ny + 1), np.tile(np.concatenate([[0.0], 2 * y - 1]), nx)
     B, ref, det = _points(sampler, xi, eta)
-    section = sampler.section
-    volume = (np.outer(wx, np.concatenate([[0.0], wy])).ravel() * det).reshape(nx, ny + 1)
-    volume *= sampler.shape.l * section.height * section.width
+    section = sampler.at(xi)
+    D, D0 = (np.broadcast_to(m, (len(xi), 3, 3)).reshape(nx, ny + 1, 3, 3) for m in elasticity(section))
+    volume = np.outer(wx, np.concatenate([[0.0], wy])).ravel() * det
+    volume = (volume * sampler.shape.l * section.height * section.width).reshape(nx, ny + 1)
     n_dof = B.shape[-1]
     DD = np.zeros((nx, 3 * (ny + 1), 3 * (ny + 1)))
     for i in range(nx):
         for p in range(1, ny + 1):
             block = slice(3 * p, 3 * p + 3)
-            DD[i, block, block] = volume[i, p] * D0
-            DD[i, :3, block] = DD[i, block, :3] = 0.5 * volume[i, p] * (D - D0)
+            DD[i, block, block] = volume[i, p] * D0[i, p]
+            DD[i, :3, block] = DD[i, block, :3] = 0.5 * volume[i, p] * (D - D0)[i, p]
     return B.reshape(nx, 4 * (ny + 1), n_dof), ref.reshape(nx, 4 * (ny + 1)), DD
 
 

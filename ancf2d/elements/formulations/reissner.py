@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array
-from .base import Formulation, PointLaw, Rule, Sampler, join, rule_points
+from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join, rule_points
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -41,7 +41,8 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
         H[2, 2, l] += -hy * (ref[0, l] + u[0, l]) + hx * (ref[1, l] + u[1, l])
 
 
-def _stations(sampler: Sampler, n: int, weights: tuple[float, ...]) -> tuple[Array, Array, Array]:
+def _stations(sampler: Sampler, n: int, parts: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """Sample at n Gauss points the parts (of EA, kGA and EI) of the stiffness."""
     xi, _, w = rule_points((n, 1))
     zero = np.zeros_like(xi)
     S, Sx = sampler.derivative(xi, zero, 0, 0), sampler.derivative(xi, zero, 1, 0)
@@ -52,16 +53,16 @@ def _stations(sampler: Sampler, n: int, weights: tuple[float, ...]) -> tuple[Arr
     theta = S @ sampler.e0[:, 2:]
     ref = np.hstack([rx / j0, np.cos(theta), np.sin(theta)])
     ds = w * j0[:, 0] * sampler.shape.l
-    return B, ref, ds[:, None, None] * np.diag(weights)
+    s = sampler.at(xi)
+    return B, ref, diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI), strict=True)))
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample EA, kGA, EI at the reduced rule; a selective rule gives the shear strain points of its own."""
-    s = sampler.section
     if rule.uniform:
-        return _stations(sampler, rule.normal[0], (s.EA, s.kGA, s.EI))
-    return join(_stations(sampler, rule.normal[0], (s.EA, 0.0, s.EI)),
-                _stations(sampler, rule.shear[0], (0.0, s.kGA, 0.0)))
+        return _stations(sampler, rule.normal[0], (1.0, 1.0, 1.0))
+    return join(_stations(sampler, rule.normal[0], (1.0, 0.0, 1.0)),
+                _stations(sampler, rule.shear[0], (0.0, 1.0, 0.0)))
 
 
 def _refuse(element: ElementType) -> str | None:

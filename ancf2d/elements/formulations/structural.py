@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, PointLaw, Rule, Sampler, join
+from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -102,7 +102,8 @@ def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
 
 
 def _stations(sampler: Sampler, points: tuple[Array, Array],
-              weights: tuple[float, ...]) -> tuple[Array, Array, Array]:
+              parts: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """Sample at points the parts (of EA, kGA, EI and EA across) of the stiffness."""
     xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sy, Sxy = (sampler.derivative(xi, zero, i, j) for i, j in ((1, 0), (0, 1), (1, 1)))
@@ -112,7 +113,8 @@ def _stations(sampler: Sampler, points: tuple[Array, Array],
     B = np.stack([sampler.spread(S, k) for S in fields for k in (0, 1)], axis=1)
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
-    return B, ref, ds[:, None, None] * np.diag(weights)
+    s = sampler.at(xi)
+    return B, ref, diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI, s.EA), strict=True)))
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -122,12 +124,11 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     that alternates from node to node would have no stiffness; between the nodes the interpolated r_y is shorter
     than 1 wherever it turns, so that Gauss points of full order would lock.
     """
-    s = sampler.section
     terms = 1 + max(t.i for p in sampler.shape.element.polynomials for t in p.terms if t.j > 0)
-    parts = [_stations(sampler, gauss(rule.normal[0]), (s.EA, s.kGA if rule.uniform else 0.0, s.EI, 0.0)),
-             _stations(sampler, lobatto(max(terms, 2)), (0.0, 0.0, 0.0, s.EA))]
+    parts = [_stations(sampler, gauss(rule.normal[0]), (1.0, 1.0 if rule.uniform else 0.0, 1.0, 0.0)),
+             _stations(sampler, lobatto(max(terms, 2)), (0.0, 0.0, 0.0, 1.0))]
     if not rule.uniform:
-        parts.append(_stations(sampler, gauss(rule.shear[0]), (0.0, s.kGA, 0.0, 0.0)))
+        parts.append(_stations(sampler, gauss(rule.shear[0]), (0.0, 1.0, 0.0, 0.0)))
     return join(*parts)
 
 

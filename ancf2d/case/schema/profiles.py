@@ -1,0 +1,169 @@
+"""Profiles: numbers that vary along a body, as expressions in s or tables over s."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+from ...errors import ComputationError
+from ..binder import INVALID, Binder, Issue, Path, dotted
+from ..declare import key, record
+from ..kinds import Book, Flag, JsonSchema, ListOf, Number
+from ..nodes import Node, Scalar
+from ..records import ByShape, Record
+from ..syntax import Constant, ExpressionError, syntax
+from .amplitudes import Expression, ExpressionText
+
+# places between 0 and 1 at which the bounds of a profile are checked, beside those of a table
+SAMPLES = 1000
+
+
+@record
+class ProfileExpression(Expression):
+    """A formula in s, which runs from 0 to 1 along a body's arclength."""
+
+    variable = "s"
+
+    def written(self) -> str:
+        """Return the formula alone."""
+        return self.value_
+
+
+@record
+class ProfileTable:
+    """Values at places s along a body; before the first and after the last it stays constant."""
+
+    s: tuple[float, ...] = key(ListOf(Number(ge=0, le=1), "numbers", 1), "Places from 0 to 1 along the arclength, in "
+                               "order; a place given twice is a jump", example=[0, 0.4, 1])
+    value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each place", example=[0.1, 0.1, 0.05])
+    smooth: bool = key(Flag(), "Interpolate with monotone cubics of continuous slope instead of straight lines; "
+                       "between two places the curve stays between their values", default=False)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield lists of different lengths, and places that are not in order or given more than twice."""
+        if len(self.s) != len(self.value_):
+            yield Issue(("value",), f"{{}}: s has {len(self.s)} numbers and value has {len(self.value_)}",
+                        "as many values as places")
+        for i in range(1, len(self.s)):
+            if self.s[i - 1] > self.s[i]:
+                yield Issue(("s", i), f"{{}}.s must not decrease, got {self.s[i]:g} after {self.s[i - 1]:g}")
+                return
+            if i > 1 and self.s[i - 2] == self.s[i]:
+                yield Issue(("s", i), f"{{}}.s names {self.s[i]:g} more than twice", "twice for a jump")
+                return
+
+    def value(self, s: float) -> float:
+        """Return the value at s; at a jump the one behind it."""
+        i = bisect_right(self.s, s) - 1
+        if i < 0 or i == len(self.s) - 1:
+            return self.value_[max(i, 0)]
+        h, a, d = self.s[i + 1] - self.s[i], self.value_[i], self.value_[i + 1] - self.value_[i]
+        x = (s - self.s[i]) / h
+        if not self.smooth:
+            return a + d * x
+        m0, m1 = (h * m for m in self.slopes[i])
+        return a + x * (m0 + x * (3 * d - 2 * m0 - m1 + x * (m0 + m1 - 2 * d)))
+
+    @cached_property
+    def slopes(self) -> tuple[tuple[float, float], ...]:
+        """Slopes at the start and the end of each interval of the smooth table: Fritsch and Butland 1984.
+
+        Jumps part it into curves of their own; at the ends of a curve the slope is that of the parabola through three
+        points, as far as the curve stays monotone.
+        """
+        n = len(self.s)
+        cuts = [0, *(i for i in range(1, n) if self.s[i] == self.s[i - 1]), n]
+        out: list[tuple[float, float]] = []
+        for a, b in pairwise(cuts):
+            m = _slopes(self.s[a:b], self.value_[a:b])
+            out += [*pairwise(m), (0.0, 0.0)]
+        return tuple(out)
+
+
+def _slopes(t: tuple[float, ...], v: tuple[float, ...]) -> list[float]:
+    n = len(t)
+    if n < 3:
+        return [0.0 if n == 1 else (v[1] - v[0]) / (t[1] - t[0])] * n
+    h = [t[i + 1] - t[i] for i in range(n - 1)]
+    d = [(v[i + 1] - v[i]) / h[i] for i in range(n - 1)]
+    inner = [0.0 if d[i - 1] * d[i] <= 0 else
+             3 * (h[i - 1] + h[i]) / ((2 * h[i] + h[i - 1]) / d[i - 1] + (h[i] + 2 * h[i - 1]) / d[i])
+             for i in range(1, n - 1)]
+    return [_end_slope(h[0], h[1], d[0], d[1]), *inner, _end_slope(h[-1], h[-2], d[-1], d[-2])]
+
+
+def _end_slope(h0: float, h1: float, d0: float, d1: float) -> float:
+    m = ((2 * h0 + h1) * d0 - h0 * d1) / (h0 + h1)
+    if m * d0 <= 0:
+        return 0.0
+    return 3 * d0 if d0 * d1 <= 0 and abs(m) > 3 * abs(d0) else m
+
+
+Profile = ProfileExpression | ProfileTable
+
+
+class _Formula(ExpressionText):
+    """An expression in s that is more than a number in quotes."""
+
+    pattern = r"\b(s|pi)\b|[-+*/^(]"
+
+    def __init__(self) -> None:
+        super().__init__("s")
+
+    def schema(self, book: Book) -> JsonSchema:
+        return {"type": "string", "pattern": self.pattern}
+
+
+class ProfileOf(ByShape):
+    """A number in a unit, with bounds, that may vary along a body."""
+
+    def __init__(self, unit: str = "", *, gt: float | None = None, ge: float | None = None) -> None:
+        self.number = Number(unit, gt=gt, ge=ge)
+        self.unit, self.gt, self.ge = unit, gt, ge
+        super().__init__(number=self.number, text=_Formula(), map=Record(ProfileTable))
+
+    def words(self, binder: Binder) -> str:
+        return f"{self.number.words(binder)}, an expression in s or a table {{s, value}}"
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        before = binder.invalid
+        if isinstance(node, Scalar) and node.shape == "text" and not _is_formula(node.text):
+            return binder.wrong(node, path, self.words(binder))
+        found = super().bind(node, path, binder)
+        if found is INVALID or binder.invalid != before or isinstance(found, float):
+            return found
+        found = ProfileExpression(found) if isinstance(found, str) else found
+        try:
+            problem = self._outside(found, binder)
+        except ComputationError as error:
+            problem = error.failure.reason
+        if problem is None:
+            return found
+        return binder.fail(node.mark, path, f"{dotted(path)}: {problem}")
+
+    def _outside(self, profile: Any, binder: Binder) -> str | None:
+        """Return where a profile leaves its bounds, or None."""
+        values = [(profile.value(s), s) for s in (i / SAMPLES for i in range(SAMPLES + 1))]
+        if isinstance(profile, ProfileTable):
+            # both sides of each jump
+            values += zip(profile.value_, profile.s, strict=True)
+        beyond = sorted((v, s) for v, s in values if not self.number.inside(v))
+        if not beyond:
+            return None
+        v, s = beyond[0]
+        first = min(place for _, place in beyond)
+        wanted = self.number.bounds(binder.unit(self.unit))
+        return f"it must be {wanted} everywhere, and is {v:g} at s = {s:g}" + (
+            f" (not so from s = {first:g} on)" if first < s else "")
+
+
+def _is_formula(text: str) -> bool:
+    """Whether a text looks like an expression in s: more than a number or a name."""
+    try:
+        return not isinstance(syntax(text, "s"), Constant)
+    except ExpressionError:
+        return re.search(_Formula.pattern, text) is not None

@@ -1,0 +1,117 @@
+"""What varies along a body: where it kinks and jumps, and the section constants as functions of place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..case import Body, Profile, ProfileExpression, ProfileTable
+from ..elements.section import Section
+from ..elements.shape import Array, gauss
+from .breakpoints import breakpoints
+from .signals import Signal
+
+# of a body's length: what is told on one side of a jump lies this far from it
+SIDE = 1e-12
+# of the larger one: slopes of a table that differ by less are one straight line
+STRAIGHT = 1e-9
+# profiles whose jumps make the strains jump
+STIFF = ("height", "width", "A", "I", "EA", "kGA", "EI", "E")
+
+
+@lru_cache(maxsize=256)
+def breaks(profile: Profile) -> tuple[tuple[float, int], ...]:
+    """Return (s, order) of the jumps (order 0) and kinks (order 1) of a profile between 0 and 1, in order."""
+    if isinstance(profile, ProfileExpression):
+        return tuple((b.t, b.order) for b in breakpoints(Signal(profile), 0.0, 1.0) if b.order < 2 and b.t < 1.0)
+    return tuple(_corners(profile))
+
+
+def _corners(table: ProfileTable) -> Iterator[tuple[float, int]]:
+    s, v, last = table.s, table.value_, len(table.s) - 1
+    steps = zip(pairwise(s), pairwise(v), strict=True)
+    # of the stretch before each place, and behind the last
+    slopes = [0.0, *((d - c) / (b - a) if b > a else 0.0 for (a, b), (c, d) in steps), 0.0]
+    for i, place in enumerate(s):
+        if not 0.0 < place < 1.0:
+            continue
+        if i and s[i - 1] == place:
+            yield place, 0 if v[i - 1] != v[i] else 1
+            continue
+        jumps, inner = i < last and s[i + 1] == place, table.smooth and 0 < i < last
+        if not jumps and not inner and abs(slopes[i + 1] - slopes[i]) > STRAIGHT * max(map(abs, slopes[i:i + 2])):
+            yield place, 1
+
+
+def values(profile: float | Profile, s: Array) -> Array:
+    """Return the values (n,) of a profile, or of a number, at places s (n,)."""
+    if isinstance(profile, ProfileExpression | ProfileTable):
+        return np.array([profile.value(x) for x in s.tolist()])
+    return np.full(len(s), float(profile))
+
+
+def mean(profile: Profile) -> float:
+    """Return the mean of a profile over the body."""
+    ends, (x, w) = [0.0, *(s for s, _ in breaks(profile)), 1.0], gauss(8)
+    return sum((b - a) * float(w @ values(profile, a + (b - a) * x)) for a, b in pairwise(ends))
+
+
+def profiles_of(record: Any) -> dict[str, Profile]:
+    """Return the values of a section or a material that vary, by their keys."""
+    found = {} if record is None else {f.name: getattr(record, f.name) for f in fields(record)}
+    return {name: v for name, v in found.items() if isinstance(v, ProfileExpression | ProfileTable)}
+
+
+def with_numbers(body: Body, number: Callable[[Profile], Any]) -> Body:
+    """Return a body with a number, or an array, in the place of each profile of its section and material."""
+    parts: dict[str, Any] = {}
+    for name in ("section", "material"):
+        part = getattr(body, name)
+        found = profiles_of(part)
+        if found:
+            parts[name] = replace(part, **{key: number(p) for key, p in found.items()})
+    return replace(body, **parts) if parts else body
+
+
+def profile_breaks(body: Body) -> list[tuple[float, bool]]:
+    """Return the places S where a body's section or material kinks or jumps, and whether strains can jump there."""
+    every = profiles_of(body.section) | profiles_of(body.material)
+    found: dict[float, bool] = {}
+    for name, profile in every.items():
+        for s, order in breaks(profile):
+            found[s] = found.get(s, False) or (order == 0 and name in STIFF)
+    return sorted(found.items())
+
+
+def load_breaks(line: Any) -> list[float]:
+    """Return the places S where a load along a body (a ``Line``) begins, ends, kinks or jumps."""
+    inner = {s for v in line.density if not isinstance(v, float) for s, _ in breaks(v) if line.start < s < line.end}
+    return sorted({line.start, line.end} | inner)
+
+
+@dataclass(frozen=True)
+class VaryingSection:
+    """The section of a body of which something varies; ``resolve`` makes constants of a body without profiles."""
+
+    body: Body
+    resolve: Callable[[Body], Section]
+
+    def at(self, s: Array, first: float = 0.0, last: float = 1.0) -> Section:
+        """Return the constants, arrays (n,), at places s (n,) of the stretch from ``first`` to ``last``.
+
+        Where the section jumps at an end of the stretch, they are those within.
+        """
+        inside = np.clip(s, first + SIDE, max(last - SIDE, first + SIDE))
+        found = self.resolve(with_numbers(self.body, lambda p: values(p, inside)))
+        arrays: dict[str, Any] = {f.name: np.broadcast_to(getattr(found, f.name), np.shape(s)) for f in fields(found)}
+        return replace(found, **arrays)
+
+    @property
+    def mean(self) -> Section:
+        """The section of the mean values, by which sizes are judged."""
+        return self.resolve(with_numbers(self.body, mean))
