@@ -119,7 +119,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     loaded = load(case, overrides)
     check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
-        study = convergence(loaded, variants, meshes, reference, who, session.note_once, bar.update, steps)
+        study = convergence(loaded, variants, meshes, reference, who, session.note_once, bar.follow, steps)
     for text in study.warnings:
         session.warn(text)
     result = study.as_json()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import complete_kinds, debug_option, examples, force_option, quiet_option
+from .progress import Bar
 from .session import Session
 from .text import table
 
@@ -142,7 +143,8 @@ def _animate(session: Session, results: Sequence[Any], kind: str, path: str, tit
              force: bool, options: dict[str, Any]) -> None:
     from .. import plot
 
-    plot.animate(results, path, kind, title=title, look=look, force=force, **options)
+    with Bar("drawing", session.shows_progress) as bar:
+        plot.animate(results, path, kind, title=title, look=look, force=force, done=bar.update, **options)
     session.out(f"wrote {path} ({kind})")
 
 

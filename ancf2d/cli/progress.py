@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ..pace import Pace
 from .text import duration, printable
 
 PATIENCE = 0.7  # seconds before a bar is worth drawing
@@ -25,18 +26,23 @@ class Bar:
         self.started = self.drawn = time.monotonic()
         self.bar: Any = None
         self.done = 0
-        self.first: tuple[float, float] | None = None  # where the first step began: moment, share
+        self.pace: tuple[float, Pace] | None = None  # when the first step began, and how fast it goes on since
 
     def __enter__(self) -> Bar:
         return self
 
-    def update(self, share: float, text: str = "") -> None:
-        """Move to a share of the whole; ``text`` and an estimate of the time left stand beside the bar."""
+    def update(self, share: float, text: str = "", left: float | None = None) -> None:
+        """Move to a share of the whole; ``text`` and the time left stand beside the bar.
+
+        ``left`` [s] is that time where it is known better than from how fast the share grows.
+        """
         if not self.shown:
             return
         moment = time.monotonic()
-        if self.first is None:
-            self.first = (moment, share)
+        if self.pace is None:
+            self.pace = moment, Pace(share)
+        began, pace = self.pace
+        pace.mark(share, moment - began)
         if self.bar is None:
             if moment - self.started < PATIENCE:
                 return
@@ -45,17 +51,16 @@ class Bar:
             self.bar.__enter__()
         now = min(int(STEPS * share), STEPS)
         if now > self.done or moment - self.drawn > REDRAW:
-            self.bar.current_item = ", ".join(part for part in (printable(text), self._left(moment, share)) if part)
+            rest = pace.left(1.0) if left is None else left
+            parts = printable(text), f"{duration(rest)} left" if rest and share < 1.0 else ""
+            self.bar.current_item = ", ".join(part for part in parts if part)
             self.bar.update(max(now - self.done, 0))
             self.bar.render_progress()
             self.done, self.drawn = max(now, self.done), moment
 
-    def _left(self, moment: float, share: float) -> str:
-        """Return the time left as far as it can be told: what is left takes as long, share by share, as what was."""
-        began, first = self.first or (moment, share)
-        if not first < share < 1.0 or moment - began < PATIENCE:
-            return ""
-        return f"{duration((moment - began) * (1.0 - share) / (share - first))} left"
+    def follow(self, share: float, left: float | None) -> None:
+        """Show the progress of a study."""
+        self.update(share, left=left)
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
                  trace: TracebackType | None) -> None:

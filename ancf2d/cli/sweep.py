@@ -69,9 +69,8 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()
     with Bar("solving", session.shows_progress) as bar:
-        def done() -> None:
-            count = len(sweep.finished)
-            bar.update(count / len(sweep.rows), f"{count} of {len(sweep.rows)}")
+        def done(share: float, left: float | None) -> None:
+            bar.update(share, f"{len(sweep.finished)} of {len(sweep.rows)}", left)
         try:
             run_sweep(sweep, who, session.note_once, done)
         finally:

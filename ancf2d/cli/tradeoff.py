@@ -103,7 +103,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     loaded = load(case, overrides)
     check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
-        study = tradeoff(loaded, choice, who, session.note_once, bar.update)
+        study = tradeoff(loaded, choice, who, session.note_once, bar.follow)
     for text in study.warnings:
         session.warn(text)
     result = study.as_json()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from itertools import chain
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -102,22 +101,24 @@ def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
 
 def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
             fps: int = RATE, title: str | None = None, look: Look | None = None, force: bool = False,
-            **options: Any) -> Path:
+            done: Callable[[float], None] = lambda share: None, **options: Any) -> Path:
     """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
 
-    States are evenly spaced in time. Raises ResultsError where the kind stands still, where the file cannot be written,
-    and where it was not made by ancf2d, unless ``force``.
+    States are evenly spaced in time. ``done`` is told the share of the frames that are drawn. Raises ResultsError where
+    the kind stands still, where the file cannot be written, and where it was not made by ancf2d, unless ``force``.
     """
     path = Path(path)
-    writer, pictures = _writer(path, fps), frames(results, kind, length=length, title=title, **options)
-    first = next(pictures)
+    writer, pictures = _writer(path, fps), list(frames(results, kind, length=length, title=title, **options))
+    first = pictures[0]
     look = look or Look()
     with replacing(path, force) as private, style(look):
         figure = Figure(figsize=look.size or first.size)
         FigureCanvasAgg(figure)
         with writer.saving(figure, str(private), look.dpi or DPI):
             places = _lay_out(figure, first)
-            for picture in chain([first], pictures):
+            for k, picture in enumerate(pictures):
+                done(k / len(pictures))
                 _drawn(figure, picture, places)
                 writer.grab_frame()
+            done(1.0)
     return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from ..kernels.advance import CHECK, INSIDE
 from ..kernels.motion import COUNT, REJECTED
 from ..model.inversion import inverted
 from ..model.model import Model
+from ..pace import Pace
 from .energy import Energies, is_constant
 from .estimate import Estimate
 from .initial import initial_motion
@@ -108,6 +110,8 @@ class Run:
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
         beside = kind is Stepper and not every
         self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
+        self.stepping = Pace()
+        self.taking: Pace | None = None
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""
@@ -123,18 +127,51 @@ class Run:
             yield first
         else:
             self._resume(kept)
+        self._set_off()
         while not self.stepper.done:
-            found = self.stepper.run()
+            with self.stepping.running():
+                found = self.stepper.run()
+            self.stepping.mark(self.stepper.t)
             for row in found:
                 if row.kind == CHECK:
                     d, v, _ = self.stepper.full(row)
                     self.balance.take(row, d, v)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
             for k, row in enumerate(rows):
+                began, beside = time.monotonic(), self._beside()
                 last = k == len(rows) - 1 and not ends
                 if not ends or row.t < self.stepper.t:
                     yield self._state(row, keep=last)
+                self._took(row.t, time.monotonic() - began - self._beside() + beside)
         yield self._end()
+
+    def _set_off(self) -> None:
+        """Begin to count the time that steps, coarser motions and the states themselves take."""
+        t = self.stepper.t
+        self.stepping, self.taking = Pace(t), None
+        if self.estimate is not None:
+            self.estimate.paces = [Pace(t) for _ in self.estimate.coarse]
+
+    def _took(self, t: float, seconds: float) -> None:
+        """Count the time of a state; the first one takes longer than the others, which says nothing of them."""
+        if self.taking is None:
+            self.taking = Pace(t)
+        else:
+            self.taking.mark(t, self.taking.seconds + seconds)
+
+    def _beside(self) -> float:
+        """Return the seconds that coarser motions took."""
+        return 0.0 if self.estimate is None else sum(pace.seconds for pace in self.estimate.paces)
+
+    def _left(self) -> float | None:
+        """Return the seconds that the rest will take: each part goes on at its own pace."""
+        if self.taking is None:
+            return None
+        paces = [self.stepping, self.taking]
+        if self.estimate is not None and not self.estimate.failed:
+            paces += self.estimate.paces
+        times = [pace.left(self.spec.t_end) for pace in paces]
+        return None if None in times else float(sum(x for x in times if x is not None))
 
     def _tell_lost(self, v: Array, first: State) -> None:
         """Tell with the first state what supports and joints took of the kinetic energy of the rates v (n_full,)."""
@@ -177,6 +214,7 @@ class Run:
             self.estimate.take(row.t, d)
         if keep:
             state.checkpoint = self._checkpoint()
+        state.left = self._left()
         return state
 
     def _end(self) -> State:

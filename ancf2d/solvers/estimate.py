@@ -16,6 +16,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.signals import rates_of
+from ..pace import Pace
 from .energy import Kinds
 from .stepping import Stepper
 from .system import STILL
@@ -57,6 +58,7 @@ class Estimate:
         self.failed = ""
         self.queues: list[list[tuple[float, Array]]] = [[] for _ in range(LEVELS)]
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
+        self.paces = [Pace() for _ in self.coarse]
 
     def _level(self, factor: float) -> Stepper:
         """Return the motion with longer steps."""
@@ -93,7 +95,9 @@ class Estimate:
         near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
         try:
             while not queue or queue[-1][0] < t - near:
-                rows = [stepper.last()] if stepper.done else stepper.run()
+                with self.paces[level].running():
+                    rows = [stepper.last()] if stepper.done else stepper.run()
+                self.paces[level].mark(stepper.t)
                 queue += [(row.t, self._places(stepper.full(row)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"

@@ -23,7 +23,7 @@ class State:
 
     Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
     statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
-    solver needs to go on from here.
+    solver needs to go on from here; ``left`` [s] is how long the rest of the run will take, where that is known.
     """
 
     t: float
@@ -44,6 +44,7 @@ class State:
     blocks: dict[str, Array] = field(default_factory=dict)
     checkpoint: dict[str, Array] | None = None
     side: float = math.nan
+    left: float | None = None
 
     def __post_init__(self) -> None:
         if math.isnan(self.side):

@@ -16,9 +16,11 @@ from ..case.overrides import OPTION
 from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, verdict
 from ..results import Column, ResultWriter
+from .forecast import Done, Forecast, steps_of
 from .goal import Answer, error_scale, goal_kind, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
+from .record import Progress
 from .run import describe_goal, prepare, result_header, vocabulary
 from .variants import (
     Variant,
@@ -48,10 +50,6 @@ def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, solver=solver))
 
 
-# a level takes about as long as so many elements, whatever its mesh; adaptive steps grow with this power of a tolerance
-OVERHEAD, ORDER = 100, 0.2
-
-
 @dataclass(frozen=True)
 class Job:
     """One mesh, and time step, of one variant: everything that another process needs to solve it."""
@@ -71,9 +69,9 @@ class Job:
 
     @property
     def cost(self) -> float:
-        """About how much work this level is, compared with others of the study."""
-        steps = 1.0 if self.step is None else 1.0 / self.step if self.key == "dt" else self.step**-ORDER
-        return (self.elements + OVERHEAD) * steps
+        """How large this level is, compared with others of its variant: elements times steps."""
+        fixed = self.key == "dt"
+        return self.elements * steps_of(self.step if fixed else None, None if fixed else self.step)
 
     @property
     def row(self) -> Row:
@@ -173,7 +171,7 @@ class Convergence:
 def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), meshes: Sequence[int] | None = None,
                 reference: float | None = None, workers: Workers = ALONE,
                 compiling: Callable[[str], None] = lambda text: None,
-                done: Callable[[float], None] = lambda share: None, steps: Steps | None = None) -> Convergence:
+                done: Done = lambda share, left: None, steps: Steps | None = None) -> Convergence:
     """Solve a case on a sequence of meshes, or with a sequence of time steps, and judge the goal's convergence.
 
     ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``steps``
@@ -200,13 +198,8 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     jobs = [[_job(loaded, v, c, workers, steps, x) for c in counts for x in _values(steps)] for v in variants]
     _warm_up([group[0] for group in jobs], compiling)
     flat = [job for group in jobs for job in group]
-    total, behind = sum(job.cost for job in flat), [0.0]
-
-    def solved(i: int, row: Row) -> None:
-        behind[0] += flat[i].cost
-        done(min(behind[0] / total, 1.0))
-
-    rows = run_jobs(solve_job, flat, workers, _lost, solved)
+    ahead = Forecast([(job.variant, job.cost) for job in flat], workers, done)
+    rows = run_jobs(ahead.followed(solve_job), flat, workers, _lost, ahead.take, ahead.tick)
     if any(row.kinks for row in rows):
         warnings.append("something acts inside elements of some meshes because of nodes: regular or preset: paper, so "
                         "orders are rough")
@@ -265,11 +258,11 @@ def _about(variant: Variant, problem: Problem) -> Problem:
     return Problem(problem.message, file=f"--element {variant.label}", path=problem.path, expected=problem.expected)
 
 
-def solve_job(job: Job) -> Row:
+def solve_job(job: Job, progress: Progress | None = None) -> Row:
     """Return the row of one mesh; what fails is told in it."""
     row = job.row
     try:
-        _solve(job, row)
+        _solve(job, row, progress)
     except UNSOLVED as error:
         row.status, row.reason = "failed", verdict(error)[1]
     return row
@@ -281,8 +274,8 @@ def _lost(job: Job) -> Row:
     return row
 
 
-def _solve(job: Job, row: Row) -> None:
-    found = solve_for_goal(job.load())
+def _solve(job: Job, row: Row, progress: Progress | None) -> None:
+    found = solve_for_goal(job.load(), progress)
     plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
     row.element = "+".join(dict.fromkeys(p.element.name for p in plans))
     row.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))

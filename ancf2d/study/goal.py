@@ -192,7 +192,11 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
         watch.begin(model)
         given.built(model)
 
-    progress = replace(given, state=watch.take, built=built)
+    def taken(state: Any) -> None:
+        watch.take(state)
+        given.state(state)
+
+    progress = replace(given, state=taken, built=built)
     found: list[Answer] = []
 
     def conclude(summary: dict[str, Any], model: Model) -> None:

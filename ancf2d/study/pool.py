@@ -10,13 +10,14 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from ..interrupts import uninterrupted
 from .cluster import Task, cluster
@@ -25,6 +26,8 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 DIED = "the process that solved this died: it was killed or ran out of memory"
+# seconds between two looks at jobs that go on
+TICK = 1.0
 # libraries below numpy would each start a thread per core in every process
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
            "NUMBA_NUM_THREADS")
@@ -46,54 +49,70 @@ ALONE = Workers()  # this process
 
 
 def run_jobs(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, lost: Callable[[J], R],
-             done: Callable[[int, R], None] = lambda i, result: None) -> list[R]:
-    """Return function(job) of every job, in their order; ``done`` is told number and result of each as it comes.
+             done: Callable[[int, R, float], None] = lambda i, result, seconds: None,
+             tick: Callable[[], None] = lambda: None) -> list[R]:
+    """Return function(job) of every job, in their order.
+
+    ``done`` is told number, result and seconds of each as it comes; ``tick`` is called every second while other
+    processes work.
 
     ``function`` is a module-level function that tells failures in its result; ``lost`` gives the result of a job
     whose process has died. Raises ComputationError where there is no cluster to work on.
     """
     results: dict[int, R] = {}
 
-    def take(i: int, result: R) -> None:
+    def take(i: int, result: R, seconds: float = 0.0) -> None:
         results[i] = result
-        done(i, result)
+        done(i, result, seconds)
 
+    timed = _Timed(function)
     if workers.scheduler is not None:
         left: list[int] = []
         with cluster(workers.scheduler) as (executor, death):
-            left = gather(executor, Task(function), dict(enumerate(jobs)), take, death)
+            left = gather(executor, Task(timed), dict(enumerate(jobs)), take, death, tick)
         for i in left:
             take(i, lost(jobs[i]))
     elif workers.processes <= 1 or len(jobs) <= 1:
         for i, job in enumerate(jobs):
-            take(i, function(job))
+            take(i, *timed(job))
     else:
-        _run_in_processes(workers.processes, function, jobs, take, lost)
+        _run_in_processes(workers.processes, timed, jobs, take, lost, tick)
     return [results[i] for i in range(len(jobs))]
 
 
-def _run_in_processes(count: int, function: Callable[[J], R], jobs: Sequence[J], take: Callable[[int, R], None],
-                      lost: Callable[[J], R]) -> None:
+class _Timed(Generic[J, R]):
+    """A function of a job that also returns the seconds it took."""
+
+    def __init__(self, function: Callable[[J], R]) -> None:
+        self.function = function
+
+    def __call__(self, job: J) -> tuple[R, float]:
+        began = time.perf_counter()
+        return self.function(job), time.perf_counter() - began
+
+
+def _run_in_processes(count: int, function: _Timed[J, R], jobs: Sequence[J], take: Callable[..., None],
+                      lost: Callable[[J], R], tick: Callable[[], None]) -> None:
     waiting = dict(enumerate(jobs))
     while waiting:
-        left = _attempt(count, function, waiting, take)
+        left = _attempt(count, function, waiting, take, tick)
         # jobs are begun in their order: who died is one of the first, and is found by giving each a process of its own
         for i in left[:count]:
-            if _attempt(1, function, {i: jobs[i]}, take):
+            if _attempt(1, function, {i: jobs[i]}, take, tick):
                 take(i, lost(jobs[i]))
         waiting = {i: jobs[i] for i in left[count:]}
 
 
-def _attempt(count: int, function: Callable[[J], R], jobs: Mapping[int, J], take: Callable[[int, R], None],
-             ) -> list[int]:
+def _attempt(count: int, function: _Timed[J, R], jobs: Mapping[int, J], take: Callable[..., None],
+             tick: Callable[[], None]) -> list[int]:
     left: list[int] = []
     with _processes(min(count, len(jobs))) as pool:
-        left = gather(pool, function, jobs, take, BrokenProcessPool)
+        left = gather(pool, function, jobs, take, BrokenProcessPool, tick)
     return left
 
 
-def gather(executor: Executor, function: Callable[[J], R], jobs: Mapping[int, J], take: Callable[[int, R], None],
-           death: type[Exception]) -> list[int]:
+def gather(executor: Executor, function: Callable[[J], tuple[R, float]], jobs: Mapping[int, J],
+           take: Callable[..., None], death: type[Exception], tick: Callable[[], None]) -> list[int]:
     """Hand on the result of every job as it comes; return the numbers of those that ended in ``death``, in order."""
     left, futures = [], {}
     # a process that is left before it is told what to do says so with a traceback
@@ -103,13 +122,17 @@ def gather(executor: Executor, function: Callable[[J], R], jobs: Mapping[int, J]
                 futures[executor.submit(function, job)] = i
             except death:
                 left.append(i)
-    for future in as_completed(futures):
-        try:
-            result = future.result()
-        except death:
-            left.append(futures[future])
-        else:
-            take(futures[future], result)
+    waiting = set(futures)
+    while waiting:
+        ended, waiting = wait(waiting, timeout=TICK, return_when=FIRST_COMPLETED)
+        for future in sorted(ended, key=futures.__getitem__):
+            try:
+                result = future.result()
+            except death:
+                left.append(futures[future])
+            else:
+                take(futures[future], *result)
+        tick()
     return sorted(left)
 
 

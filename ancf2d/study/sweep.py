@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..case import Dynamic, Goal, LoadedCase, load_case_text
+from ..case import Case, Dynamic, Goal, LoadedCase, load_case_text
 from ..case.axes import OPTION as OVER
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
@@ -24,8 +24,11 @@ from ..results.replace import replacing
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
 from .digests import content_name, files_of
+from .forecast import Done, Forecast, steps_of
 from .pool import DIED, Workers, run_jobs
+from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
+from .variants import count_of, flexible
 from .warmup import kernels_of, warm_up
 
 # modes and buckling loads that a row tells where the case has no goal
@@ -69,7 +72,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Job:
-    """A run that another process can do; ``name`` is that of its result by content, ``kernels`` what it compiles."""
+    """A run that another process can do.
+
+    ``name`` is that of its result by content, ``kernels`` what it compiles, ``size`` elements times steps.
+    """
 
     text: str
     file: str
@@ -78,6 +84,7 @@ class Job:
     output: str
     name: str
     kernels: str
+    size: float
     command: str
     force: bool = False
 
@@ -135,10 +142,18 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         title, labels = loaded.case.title, loaded.case.units.labels
         name = content_name(loaded.completed, files_of(loaded))
         jobs.append(Job(text, file, options, loaded.case.goal, workers.file(str(folder / f"{name}.h5")), name,
-                        kernels_of(loaded.case), command, force))
+                        kernels_of(loaded.case), _size(loaded.case), command, force))
     if not any(jobs):
         raise CaseError(_distinct(problems, axes))
     return Sweep(case, title, axes, folder, rows, jobs, labels)
+
+
+def _size(case: Case) -> float:
+    elements = sum(count_of(body) for body in flexible(case).values())
+    solver = case.solver
+    if not isinstance(solver, Dynamic):
+        return float(max(elements, 1))
+    return max(elements, 1) * solver.t_end * steps_of(solver.dt, solver.local_error)
 
 
 def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
@@ -153,11 +168,11 @@ def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
 
 
 def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] = lambda text: None,
-              done: Callable[[], None] = lambda: None) -> None:
+              done: Done = lambda share, left: None) -> None:
     """Fill in the rows of a sweep: from results that are there, else by running the case.
 
     Equal cases are run once. Results of the same case by the same ancf2d are used again unless the sweep forces new
-    ones. ``done`` is called after every run. Raises ResultsError where there can be no folder, and what ``run_jobs``
+    ones. ``done`` is told the progress. Raises ResultsError where there can be no folder, and what ``run_jobs``
     raises.
     """
     try:
@@ -173,19 +188,20 @@ def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] =
         if summary is not None:
             _fill(rows, job.goal, summary, reused=True)
             del needed[name]
-            done()
     jobs = [job for job, _ in needed.values()]
     if workers.scheduler is None:
         _warm_up(jobs, compiling)
 
-    def take(i: int, summary: dict[str, Any]) -> None:
+    ahead = Forecast([(job.kernels, job.size) for job in jobs], workers, done)
+
+    def take(i: int, summary: dict[str, Any], seconds: float) -> None:
         if summary["status"] == "converged" and not os.path.exists(jobs[i].output):
             unseen = f"'{jobs[i].output}' was written by a worker on another machine and is not visible here"
             summary.setdefault("warnings", []).append(unseen)
         _fill(needed[jobs[i].name][1], jobs[i].goal, summary)
-        done()
+        ahead.take(i, summary, seconds)
 
-    run_jobs(solve_job, jobs, workers, _lost, take)
+    run_jobs(ahead.followed(solve_job), jobs, workers, _lost, take, ahead.tick)
 
 
 def _warm_up(jobs: Sequence[Job], compiling: Callable[[str], None]) -> None:
@@ -244,10 +260,10 @@ def stored_summary(job: Job) -> dict[str, Any] | None:
         return None
 
 
-def solve_job(job: Job) -> dict[str, Any]:
+def solve_job(job: Job, progress: Progress | None = None) -> dict[str, Any]:
     """Run one case and return its summary; what fails is told in it."""
     try:
-        return _solve_in_turn(job)
+        return _solve_in_turn(job, progress)
     except UNSOLVED as error:
         status, reason = verdict(error)
         return {"status": status, "reason": reason}
@@ -258,13 +274,13 @@ def solve_job(job: Job) -> dict[str, Any]:
         return {"status": "failed", "reason": f"internal error, please report: {type(error).__name__}: {error}"}
 
 
-def _solve_in_turn(job: Job) -> dict[str, Any]:
+def _solve_in_turn(job: Job, progress: Progress | None) -> dict[str, Any]:
     """Run one case, or wait for another process that runs it, and take its result."""
     from ..results.target import BusyError
 
     while True:
         try:
-            return _solve(job)
+            return _solve(job, progress)
         except BusyError:
             time.sleep(TURN_SECONDS)
         summary = None if job.force else stored_summary(job)
@@ -272,7 +288,7 @@ def _solve_in_turn(job: Job) -> dict[str, Any]:
             return summary
 
 
-def _solve(job: Job) -> dict[str, Any]:
+def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
     from ..results import part_path
 
     loaded = job.load()
@@ -287,11 +303,11 @@ def _solve(job: Job) -> dict[str, Any]:
         return {**summary, **(short if _fell_short(summary) else {})}
     if not job.force and isinstance(loaded.case.solver, Dynamic) and part_path(job.output).exists():
         try:
-            return run_case(loaded, job.output, resume=True, **options).summary
+            return run_case(loaded, job.output, resume=True, progress=progress, **options).summary
         except ResultsError:
             # left by other options or an unreadable file: it is replaced
             pass
-    return run_case(loaded, job.output, **options).summary
+    return run_case(loaded, job.output, progress=progress, **options).summary
 
 
 def _left_over(output: str) -> bool:

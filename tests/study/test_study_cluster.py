@@ -82,7 +82,9 @@ def minus(job: float) -> float:
 
 def test_results_keep_the_order_of_the_jobs(address: str) -> None:
     found: dict[int, float] = {}
-    assert run_jobs(square, [3.0, 1.0, 2.0], Workers(scheduler=address), minus, found.__setitem__) == [9.0, 1.0, 4.0]
+    workers = Workers(scheduler=address)
+    results = run_jobs(square, [3.0, 1.0, 2.0], workers, minus, lambda i, x, seconds: found.update({i: x}))
+    assert results == [9.0, 1.0, 4.0]
     assert found == {0: 9.0, 1: 1.0, 2: 4.0}
 
 

@@ -249,17 +249,6 @@ def test_kinks_inside_elements_are_told_where_the_case_wants_equal_elements() ->
     assert any("inside elements of some meshes" in text for text in regular.warnings)
 
 
-def test_the_share_that_is_done_counts_work_and_not_meshes() -> None:
-    """Of five meshes that double, the last one is half of the work."""
-    shares: list[float] = []
-    loaded = load_case_text(SHARES, vocabulary=vocabulary())
-    convergence(loaded, meshes=[200, 400, 800, 1600, 3200], done=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)
-    assert shares[0] < 0.06
-    assert shares[3] == pytest.approx(0.5, abs=0.05)
-
-
 SHARES = """
 bodies:
   b: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},

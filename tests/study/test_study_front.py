@@ -1,14 +1,12 @@
-"""The Pareto front and the cheapest setting, by what they are defined as; the budget, by its clock."""
+"""The Pareto front and the cheapest setting, by what they are defined as."""
 
 from __future__ import annotations
 
 import math
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ancf2d.study.tradeoff.plan import Budget, predicted_cost
 from ancf2d.study.tradeoff.result import cheapest, pareto
 
 # few values, so that ties are frequent; infinite where nothing is known
@@ -48,20 +46,3 @@ def test_cheapest_reaches_the_accuracy_and_nothing_that_does_costs_less(points: 
         assert error[found] <= wanted
         assert cost[found] == min(good)
         assert pareto(cost, error)[found]
-
-
-def test_cost_grows_as_the_last_two_did_within_reason() -> None:
-    assert predicted_cost([], [], 8) is None
-    assert predicted_cost([2, 4], [1.0, 4.0], 8) == pytest.approx(16.0)
-    assert predicted_cost([4], [1.0], 8) == pytest.approx(2**1.3)
-    # noise does not make a finer mesh cheaper, nor hopeless
-    assert predicted_cost([2, 4], [1.0, 0.1], 8) > 0.1
-    assert predicted_cost([2, 4], [1.0, 100.0], 8) == pytest.approx(800.0)
-
-
-def test_budget_counts_from_its_beginning() -> None:
-    moments = iter([100.0, 103.0, 103.0, 110.5])
-    budget = Budget(10.0, lambda: next(moments))
-    assert budget.affords(6.9)
-    assert not budget.affords(7.0)
-    assert not budget.affords(0.0)

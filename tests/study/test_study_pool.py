@@ -25,7 +25,8 @@ def minus(job: float) -> float:
 @pytest.mark.parametrize("processes", [1, 2])
 def test_results_keep_the_order_of_the_jobs(processes: int) -> None:
     found: dict[int, float] = {}
-    assert run_jobs(square, [3.0, 1.0, 2.0], Workers(processes), minus, found.__setitem__) == [9.0, 1.0, 4.0]
+    results = run_jobs(square, [3.0, 1.0, 2.0], Workers(processes), minus, lambda i, x, seconds: found.update({i: x}))
+    assert results == [9.0, 1.0, 4.0]
     assert found == {0: 9.0, 1: 1.0, 2: 4.0}
 
 

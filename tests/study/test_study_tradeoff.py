@@ -125,7 +125,8 @@ def test_errors_are_told_from_ten_times_that_of_the_reference(error: float, told
 def test_without_finer_meshes_the_finest_rows_are_not_told() -> None:
     """With a budget that ends after three meshes, the third is as fine as its own reference."""
     done: list[float] = []
-    study = tradeoff(load(), chosen(meshes=(2, 4, 8), budget=10.0), done=done.append, clock=lambda: 4.0 * len(done))
+    study = tradeoff(load(), chosen(meshes=(2, 4, 8), budget=10.0), done=lambda share, left: done.append(share),
+                     clock=lambda: 4.0 * len(done))
     assert [row.measured.elements for row in study.rows] == [2, 4, 8]
     assert study.rows[0].error is not None
     assert study.rows[2].error is None

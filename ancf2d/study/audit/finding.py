@@ -25,11 +25,15 @@ class Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """One question put to an element: its name, the question, and the computation that answers it."""
+    """One question put to an element: its name, the question, and the computation that answers it.
+
+    ``work`` is about how long that takes, compared with the other checks.
+    """
 
     name: str
     question: str
     examine: Callable[[Subject], Finding]
+    work: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,10 @@ class Task:
     patience: float = 0.0
     interval: float | None = None
 
+    def cost(self, once: float) -> float:
+        """Return what all runs of the task will take [s], of which one takes ``once``."""
+        return once * (1 + min(self.repeat, max(1, int(self.patience / max(once, 1e-9)))))
+
     def load(self) -> LoadedCase:
         """Return the case with this setting. Raises CaseError."""
         loaded = load_case_text(self.text, self.file, (*self.overrides, *self.chosen), vocabulary(),

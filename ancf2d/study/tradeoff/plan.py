@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +11,7 @@ from ...case import Dynamic, LoadedCase
 from ...errors import CaseError
 from ...solvers.schemes import DEFAULT
 from ..convergence import meshes_of
+from ..forecast import predicted_cost
 from ..order import ROUND_OFF
 from ..pool import Workers
 from ..variants import Variant, check_flexible, count_of, flexible, parse_variants, stretches_of
@@ -89,11 +89,7 @@ class Chain:
             return None
         single = [m.elapsed / (m.runs + 1) for m in runs]
         once = predicted_cost([float(m.elements) for m in runs], single, float(task.elements))
-        return None if once is None else once * (1 + _repeats(task, once))
-
-
-def _repeats(task: Task, once: float) -> int:
-    return min(task.repeat, max(1, int(task.patience / max(once, 1e-9))))
+        return None if once is None else task.cost(once)
 
 
 @dataclass
@@ -243,38 +239,3 @@ class Planner:
         """Return a setting of a type with the steps of a reference."""
         plain = Setting(variant)
         return plain if self.motion is None else self._precise(plain)
-
-
-# exponents of cost over size: what is assumed of one solution, and what two may tell
-USUAL_GROWTH, SLOWEST_GROWTH, FASTEST_GROWTH = 1.3, 0.5, 3.0
-
-
-class Budget:
-    """So many seconds from now on, by a clock that only goes forward."""
-
-    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self.seconds, self.clock = seconds, clock
-        self.began = clock()
-
-    @property
-    def spent(self) -> float:
-        """Seconds since the beginning."""
-        return self.clock() - self.began
-
-    def affords(self, predicted: float) -> bool:
-        """Whether something that takes ``predicted`` seconds ends in time."""
-        return self.spent + predicted < self.seconds
-
-
-def predicted_cost(sizes: Sequence[float], seconds: Sequence[float], size: float) -> float | None:
-    """Return what a solution of a size will take after the last two that were measured, growing by a power of size.
-
-    None where nothing was measured.
-    """
-    if not sizes:
-        return None
-    growth = USUAL_GROWTH
-    if len(sizes) > 1 and sizes[-1] != sizes[-2] and min(seconds[-2:]) > 0.0:
-        found = math.log(seconds[-1] / seconds[-2]) / math.log(sizes[-1] / sizes[-2])
-        growth = min(max(found, SLOWEST_GROWTH), FASTEST_GROWTH)
-    return seconds[-1] * float(size / sizes[-1]) ** growth

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 from ...case import LoadedCase
 from ...errors import CaseError, ComputationError, Problem
+from ..forecast import Budget, Done, Forecast
 from ..pool import ALONE, Workers, run_jobs
 from ..run import describe_goal
 from .limits import continuum, continuum_series, limit, suffices
 from .measure import Measured, Task, lost, make_ready, measure
-from .plan import Budget, Chain, Choice, Planner, Series
+from .plan import Chain, Choice, Planner, Series
 from .result import Study, rows_of
 
 
 def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
-             compiling: Callable[[str], None] = lambda text: None, done: Callable[[float], None] = lambda share: None,
+             compiling: Callable[[str], None] = lambda text: None, done: Done = lambda share, left: None,
              clock: Callable[[], float] = time.monotonic) -> Study:
     """Solve a case with every setting of ``choice``, cheapest first, and judge what each costs and how far off it is.
 
@@ -84,6 +85,18 @@ class _Todo:
             out += [(spent, s.cost(c), c) for s in group for c in s.chains if self._needed(s, c)]
         return [(cost, chain) for _, cost, chain in sorted(out, key=lambda head: head[:2])]
 
+    def left(self) -> float:
+        """Return what solving all rows, and references one level finer than those, will take one after another [s]."""
+        chains = [(c, max(t.elements for r in s.rows or s.chains for t in r.tasks[:r.judged or None]))
+                  for group in self.groups for s in group for c in s.chains]
+        ahead = Forecast()
+        for k, (chain, _) in enumerate(chains):
+            for m in chain.done:
+                if m.status == "converged":
+                    ahead.note(k, m.elements, m.elapsed / (m.runs + 1))
+        return sum(task.cost(ahead.predicted(k, task.elements) or 0.0) for k, (chain, finest) in enumerate(chains)
+                   if not chain.ended for task in chain.tasks[len(chain.done):] if task.elements <= 2 * finest)
+
     def _needed(self, series: Series, chain: Chain) -> bool:
         """Whether the next task of a chain tells anything: rows do, references as long as they are too coarse."""
         task = chain.next
@@ -94,7 +107,7 @@ class _Todo:
         return not suffices(series, limit(series, self.reference))
 
 
-def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Callable[[float], None]) -> list[Task]:
+def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Done) -> list[Task]:
     """Solve what there is room for; return what there was none for."""
     dropped: list[Task] = []
     while heads := todo.heads():
@@ -110,6 +123,8 @@ def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Callable[[float]
         found = run_jobs(measure, [t for t in tasks if t is not None], workers, lost)
         for chain, result in zip(batch, found, strict=True):
             chain.take(result)
-        done(min(budget.spent / budget.seconds, 1.0) if budget.seconds else 1.0)
+        spent = budget.spent
+        left = min(todo.left() / max(workers.processes, 1), max(budget.seconds - spent, 0.0))
+        done(spent / max(spent + left, 1e-9), left)
     return dropped
 

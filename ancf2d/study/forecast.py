@@ -1,0 +1,165 @@
+"""What solutions will cost, from those that were measured: budgets of studies, and the time that is left of one."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time
+from collections.abc import Callable, Hashable, Sequence
+from functools import partial
+from statistics import fmean, median
+from typing import TypeVar
+
+from .pool import ALONE, Workers
+from .record import Progress
+
+R = TypeVar("R")
+
+# exponents of cost over size: what is assumed of one solution, and what two may tell
+USUAL_GROWTH, SLOWEST_GROWTH, FASTEST_GROWTH = 1.3, 0.5, 3.0
+# elements of a small mesh that take as long as what does not depend on the mesh
+OVERHEAD = 100
+# seconds between two estimates
+EVERY = 0.1
+# a job that takes longer than predicted takes this share of its time so far still
+OVERDUE = 0.2
+
+
+class Budget:
+    """So many seconds from now on, by a clock that only goes forward."""
+
+    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self.seconds, self.clock = seconds, clock
+        self.began = clock()
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the beginning."""
+        return self.clock() - self.began
+
+    def affords(self, predicted: float) -> bool:
+        """Whether something that takes ``predicted`` seconds ends in time."""
+        return self.spent + predicted < self.seconds
+
+
+def predicted_cost(sizes: Sequence[float], seconds: Sequence[float], size: float) -> float | None:
+    """Return what a solution of a size will take [s] after the last two that were measured; None after none.
+
+    Cost grows by a power of size; where that is below 1, a constant part hides growth in proportion to size.
+    """
+    if not sizes:
+        return None
+    growth, n, t = USUAL_GROWTH, sizes[-1], seconds[-1]
+    if len(sizes) > 1 and sizes[-2] != n and min(seconds[-2:]) > 0.0:
+        growth = math.log(t / seconds[-2]) / math.log(n / sizes[-2])
+    if SLOWEST_GROWTH < growth < 1.0 and len(sizes) > 1:
+        return t + (t - seconds[-2]) / (n - sizes[-2]) * (size - n)
+    return t * float(size / n) ** min(max(growth, SLOWEST_GROWTH), FASTEST_GROWTH)
+
+
+# the number of adaptive steps grows with this power of the tolerance
+ORDER = 0.2
+
+
+def steps_of(dt: float | None, tolerance: float | None) -> float:
+    """Return a number that the steps of a motion grow with; 1 where neither is given."""
+    return 1.0 / dt if dt else tolerance**-ORDER if tolerance else 1.0
+
+
+# told of a study: the share of its time that is over, and the seconds that are left (None: nothing tells yet)
+Done = Callable[[float, "float | None"], None]
+
+
+class Forecast:
+    """The time that is left of some jobs, which workers begin in their order; ``done`` is told of it.
+
+    Each job has a kind and a size: jobs of one kind cost the more the larger they are (``predicted_cost``). The clock
+    starts with the forecast.
+    """
+
+    def __init__(self, jobs: Sequence[tuple[Hashable, float]] = (), workers: Workers = ALONE,
+                 done: Done = lambda share, left: None, clock: Callable[[], float] = lambda: time.monotonic()) -> None:
+        self.jobs, self.done, self.clock = list(jobs), done, clock
+        self.workers, self.processes = workers, max(workers.processes, 1)
+        self.origin, self.told = clock(), 0.0
+        self.began = dict.fromkeys(range(min(self.processes, len(self.jobs))), 0.0)
+        self.seconds: dict[int, float] = {}
+        self.known: dict[Hashable, dict[float, list[float]]] = {}
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the beginning."""
+        return self.clock() - self.origin
+
+    def take(self, i: int, result: object, seconds: float) -> None:
+        """Note that job ``i`` is done after so many seconds; the next one begins."""
+        now = self.spent
+        if not self.seconds:  # only then are processes ready
+            self.began = {k: max(began, now - seconds) for k, began in self.began.items()}
+        self.seconds[i] = seconds
+        self.note(*self.jobs[i], seconds)
+        if len(self.began) < len(self.jobs):
+            self.began[len(self.began)] = now
+        self.tick()
+
+    def tick(self, running: float | None = None) -> None:
+        """Tell how far the jobs are; ``running`` [s] is what the one that goes on will still take, if it tells."""
+        now, count = self.spent, len(self.seconds) / max(len(self.jobs), 1)
+        if 0.0 < count < 1.0 and now - self.told < EVERY:
+            return
+        self.told, left = now, self.left(running)
+        self.done(count if left is None else self.spent / max(self.spent + left, 1e-9), left)
+
+    def followed(self, solve: Callable[..., R]) -> Callable[..., R]:
+        """Return a function of a job and a ``Progress`` as one of the job; in this process its states are told of."""
+        if self.workers != ALONE:
+            return solve
+        return partial(solve, progress=Progress(state=lambda state: self.tick(state.left)))
+
+    def note(self, kind: Hashable, size: float, seconds: float) -> None:
+        """Note what a job took."""
+        self.known.setdefault(kind, {}).setdefault(size, []).append(seconds)
+
+    def predicted(self, kind: Hashable, size: float) -> float | None:
+        """Return what a job will take [s], None where nothing tells yet.
+
+        A kind of which one size is known grows as the others do.
+        """
+        own, others = self.known.get(kind, {}), [k for name, k in self.known.items() if name != kind and len(k) > 1]
+        if len(own) > 1 or (own and not others):
+            return _cost(own, size)
+        for first, seconds in own.items():
+            return median(seconds) * fmean(_cost(k, size) / max(_cost(k, first), 1e-9) for k in others)
+        return fmean(_cost(k, size) for k in self.known.values()) if self.known else None
+
+    def left(self, running: float | None = None) -> float | None:
+        """Return the seconds until all jobs are done, None where nothing tells yet; ``running`` as in ``tick``."""
+        if self.workers.scheduler is not None:
+            return None  # how many work there is not known
+        now, free, costs = self.spent, [0.0] * self.processes, {}
+        for i, job in enumerate(self.jobs):
+            if i in self.seconds:
+                continue
+            if running is not None and i in self.began:
+                heapq.heapreplace(free, running)
+                continue
+            if job not in costs:
+                costs[job] = self.predicted(*job)
+            cost = costs[job]
+            if cost is None:
+                return None
+            so_far = now - self.began.get(i, now)
+            heapq.heapreplace(free, free[0] + max(cost - so_far, OVERDUE * so_far))
+        return max(free)
+
+
+def _cost(known: dict[float, list[float]], size: float) -> float:
+    """Return what a job of a size will take, from the seconds of jobs of other sizes."""
+    if size in known:
+        return median(known[size])
+    if len(known) == 1:
+        return next(median(seconds) * (size + OVERHEAD) / (n + OVERHEAD) for n, seconds in known.items())
+    near = sorted(sorted(known, key=lambda n: abs(math.log(n / size)))[:2])
+    found = predicted_cost(near, [median(known[n]) for n in near], size)
+    assert found is not None
+    return found

@@ -1,0 +1,228 @@
+"""Predicted costs and the time that is left of a study, by a clock that only the work moves."""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from ancf2d.case import load_case_text
+from ancf2d.case.axes import read_axes
+from ancf2d.pace import Pace
+from ancf2d.solvers.stepping import Stepper
+from ancf2d.study import convergence as convergence_module
+from ancf2d.study import sweep as sweep_module
+from ancf2d.study.forecast import Budget, Forecast, predicted_cost
+from ancf2d.study.pool import ALONE, Workers
+from ancf2d.study.record import Progress
+from ancf2d.study.run import run_case, vocabulary
+from ancf2d.study.sweep import plan, run_sweep
+from ancf2d.study.variants import parse_variants
+
+CASE = """
+bodies:
+  b: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},
+      material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
+boundary_conditions: [{type: clamp, at: b@0}]
+loads: [{type: force, at: b@1, value: [0, -1]}]
+solver: {type: linear_static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: b@1}}
+"""
+# seconds of a solution over its elements: in proportion, with a constant part, of a sparse and a dense factorisation
+LAWS = {"linear": lambda n: 0.1 * n, "constant part": lambda n: 5.0 + 0.1 * n, "power": lambda n: 0.01 * n**1.5,
+        "cubic": lambda n: 1e-4 * n**3}
+MESHES = [4, 8, 16, 32, 64, 128]
+SLICES = 20
+
+
+def test_cost_grows_as_the_last_two_did_within_reason() -> None:
+    assert predicted_cost([], [], 8) is None
+    assert predicted_cost([2, 4], [1.0, 4.0], 8) == pytest.approx(16.0)
+    assert predicted_cost([4], [1.0], 8) == pytest.approx(2**1.3)
+    # noise does not make a finer mesh cheaper, nor hopeless
+    assert predicted_cost([2, 4], [1.0, 0.1], 8) > 0.1
+    assert predicted_cost([2, 4], [1.0, 100.0], 8) == pytest.approx(800.0)
+
+
+def test_budget_counts_from_its_beginning() -> None:
+    moments = iter([100.0, 103.0, 103.0, 110.5])
+    budget = Budget(10.0, lambda: next(moments))
+    assert budget.affords(6.9)
+    assert not budget.affords(7.0)
+    assert not budget.affords(0.0)
+
+
+class Clock:
+    """A clock that the work moves, and what was told of the time left: moments, seconds left."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        self.told: list[tuple[float, float | None]] = []
+        monkeypatch.setattr(time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(time, "perf_counter", lambda: self.now)
+
+    def done(self, share: float, left: float | None) -> None:
+        self.told.append((self.now, left))
+
+    def work(self, seconds: float, progress: Any = None) -> None:
+        """Let time pass in slices; a state that tells nothing of the time left follows each."""
+        for _ in range(SLICES):
+            self.now += seconds / SLICES
+            if progress is not None:
+                progress.state(SimpleNamespace(left=None))
+
+    def assert_right(self, first: float) -> None:
+        """Whatever is told after the first job and 5 % of the time is right within a factor of two.
+
+        The last twentieth is exempt: a second more or less is much of what is left there.
+        """
+        whole = self.now - 1000.0
+        told = [(t - 1000.0, left) for t, left in self.told
+                if max(first, 0.05 * whole) < t - 1000.0 < 0.95 * whole]
+        assert len(told) > SLICES
+        for t, left in told:
+            assert left is not None
+            assert 0.5 <= left / (whole - t) <= 2.0, (t / whole, left, whole - t)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    return Clock(monkeypatch)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_time_left_of_a_convergence_study_is_right_within_a_factor_of_two(
+        law: str, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two element types, of which the second one takes four times as long."""
+    cost = LAWS[law]
+
+    def solve(job: Any, progress: Any = None) -> Any:
+        clock.work(cost(job.elements) * (4.0 if job.variant.element == "vallejo" else 1.0), progress)
+        return job.row
+
+    monkeypatch.setattr(convergence_module, "solve_job", solve)
+    monkeypatch.setattr(convergence_module, "_warm_up", lambda first, compiling: None)
+    loaded = load_case_text(CASE, vocabulary=vocabulary())
+    convergence_module.convergence(loaded, parse_variants("reissner3"), MESHES, done=clock.done)
+    clock.assert_right(cost(MESHES[0]))
+    clock.told, began = [], clock.now
+    convergence_module.convergence(loaded, parse_variants("reissner3,vallejo"), MESHES, done=clock.done)
+    # of the second type nothing is known before its first mesh is solved
+    second = began + sum(map(cost, MESHES)) + 4.0 * cost(MESHES[0])
+    for t, left in clock.told:
+        if second < t < clock.now - 0.05 * (clock.now - began):
+            assert left is not None
+            assert 0.5 <= left / (clock.now - t) <= 2.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_time_left_of_a_sweep_is_right_within_a_factor_of_two(
+        law: str, clock: Clock, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def solve(job: Any, progress: Any = None) -> dict[str, Any]:
+        clock.work(LAWS[law](job.size), progress)
+        return {"status": "failed", "reason": ""}
+
+    monkeypatch.setattr(sweep_module, "solve_job", solve)
+    monkeypatch.setattr(sweep_module, "_warm_up", lambda jobs, compiling: None)
+    case = tmp_path / "case.yaml"
+    case.write_text(CASE)
+    axes = read_axes([f"bodies.b.element.count={','.join(map(str, MESHES))}", "loads.0.value=[0,-1],[0,-2]"])
+    run_sweep(plan(str(case), axes, (), tmp_path / "out", ALONE), ALONE, done=clock.done)
+    clock.assert_right(LAWS[law](MESHES[0]))
+
+
+def in_processes(costs: Sequence[float], count: int, startup: float, ahead: Forecast, clock: Clock) -> None:
+    """Let processes that take some time to start do jobs in their order, and the forecast look every second."""
+    free, ends = [startup] * count, []
+    for i, cost in enumerate(costs):
+        end = heapq.heappop(free) + cost
+        heapq.heappush(free, end)
+        ends.append((end, 1, i))
+    origin = clock.now
+    seconds = [(float(t), 0, 0) for t in range(int(max(ends)[0]))]
+    for moment, ended, i in sorted(ends + seconds):
+        clock.now = origin + moment
+        if ended:
+            ahead.take(i, None, costs[i])
+        else:
+            ahead.tick()
+
+
+@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("law", LAWS)
+def test_the_time_left_is_that_of_processes_that_work_at_the_same_time(law: str, count: int, clock: Clock) -> None:
+    sizes = [n for n in MESHES for _ in range(6)]
+    startup = 8.0
+    ahead = Forecast([("kind", float(n)) for n in sizes], Workers(count), clock.done)
+    in_processes([LAWS[law](n) for n in sizes], count, startup, ahead, clock)
+    # two sizes tell how the cost grows
+    clock.assert_right(startup + LAWS[law](MESHES[0]) * 6 / count + LAWS[law](MESHES[1]) + 1.0)
+
+
+def test_a_job_that_tells_what_it_still_takes_is_believed(clock: Clock) -> None:
+    """After one job of 10 s the second one, twice as large, says that it takes 500 s."""
+    ahead = Forecast([("kind", 1000.0), ("kind", 2000.0), ("kind", 2000.0)], clock=lambda: clock.now)
+    clock.now += 10.0
+    ahead.take(0, None, 10.0)
+    assert ahead.left() == pytest.approx(40.0, rel=0.1)
+    assert ahead.left(500.0) == pytest.approx(520.0, rel=0.1)
+
+
+SWING = """
+bodies:
+  b: {geometry: {type: line, start: [0, 0], end: [1, 0]}, section: {height: 0.1, width: 0.1},
+      material: {E: 2.07e11, nu: 0.3, rho: 7850}, element: {type: rigid}}
+boundary_conditions: [{type: pin, at: b@0}]
+loads: [{type: gravity, value: [0, -9.81]}]
+solver: {type: dynamic, t_end: 1, dt: 0.005}
+output: {probes: {tip: b@1}, interval: 0.005}
+"""
+
+
+def test_the_time_left_of_a_motion_counts_the_work_that_is_ahead_of_the_stored_states(
+        clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call of the kernels makes many steps, whose states are read afterwards.
+
+    Here a call takes 10 s, of the coarser motions 5 s, and each of 200 states 0.1 s. Half of the work is done at the
+    first state, at t = 0.005 of 1; a third state is needed to know how long one takes.
+    """
+    run = Stepper.run
+
+    def stepped(stepper: Stepper) -> Any:
+        clock.now += 10.0 if stepper.dt == 0.005 else 5.0
+        return run(stepper)
+
+    def taken(state: Any) -> None:
+        clock.now += 0.1
+        clock.done(state.t, state.left)
+
+    monkeypatch.setattr(Stepper, "run", stepped)
+    run_case(load_case_text(SWING, vocabulary=vocabulary()), progress=Progress(state=taken))
+    third = next(t for t, left in clock.told if left is not None) - 1000.0
+    assert clock.told[2][1] is None and clock.told[3][1] is not None
+    clock.assert_right(third - 0.05)
+
+
+def test_the_pace_of_the_latter_half_holds_for_the_rest() -> None:
+    """Of 100 s the first 10 pass without any work done: from 15 s on that no longer counts."""
+    found = Pace()
+    for t in range(1, 100):
+        found.mark(max(t - 10.0, 0.0) / 90.0, float(t))
+        left = found.left(1.0)
+        if t >= 15:
+            assert left is not None
+            assert 1.0 - 1e-9 <= left / (100.0 - t) <= (2.0 if t < 20 else 1.1)
+
+
+def test_a_pace_tells_nothing_before_any_work_is_done() -> None:
+    found = Pace(0.4)
+    found.mark(0.4, 10.0)
+    assert found.left(1.0) is None
+    found.mark(1.0, 20.0)
+    assert found.left(1.0) == 0.0
