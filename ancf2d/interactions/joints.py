@@ -19,6 +19,7 @@ from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from ..model.constraints import Equations, Row, align, along, combine, share_direction
 from ..model.mesh import BodyMesh
+from ..model.plan import knows_curvature
 from ..model.points import PointRef
 
 R = TypeVar("R", bound=type)
@@ -119,7 +120,8 @@ class _End:
     @property
     def curvature(self) -> float:
         """Curvature of the reference along the way [1/m]."""
-        return self.way * float(self.point.mesh.curvatures[self.point.ie])
+        piece, k = self.point.mesh.piece_of(self.point.ie)
+        return self.way * float(piece.curvature(piece.l * (k + self.point.xi)))
 
 
 def _end(point: PointRef, into: bool) -> _End | None:
@@ -136,20 +138,24 @@ def _turns(a: PointRef | _End, b: PointRef | _End) -> bool:
 
 
 def _goes_on(a: _End, b: _End) -> bool:
-    """Whether a way out of one body goes on in another as in one beam: alike, in the same direction and curvature."""
-    if not same_kind(a.point, b.point):
-        return False
+    """Whether a way out of one body goes on in another as in one beam: alike, in the same direction."""
+    return same_kind(a.point, b.point) and not _turns(a, b)
+
+
+def _bends(a: _End, b: _End) -> bool:
+    """Whether nodes of two ends have derivatives that jump where the curvature does, and it does."""
     length = max(a.point.mesh.plan.length, b.point.mesh.plan.length)
-    return (not _turns(a, b)
-            and abs(a.curvature - b.curvature) * length <= GAP)
+    return (knows_curvature(a.point.mesh.plan.element) and abs(a.curvature - b.curvature) * length > GAP)
 
 
 def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> None:
     """Share the coordinates of the nodes where one beam goes on; derivatives of odd order turn round with its axis.
 
     At a kink, where something acts, sections are shared but strains along the axis are not: derivatives along it are
-    each side's own. What is left to a curve then is the direction of its axis.
+    each side's own. What is left to a curve then is the direction of its axis. So it is where nodal coordinates have to
+    do with the curvature, and it jumps.
     """
+    kink = kink or _bends(a, b)
     element = a.point.mesh.plan.element
     nc, beta = element.components, math.remainder(a.angle - b.angle, 2 * math.pi)
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
@@ -182,11 +188,16 @@ def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
 
 
 def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
-    """Weld the pieces of a body at corners and kinks; where it goes on smoothly, they are one beam."""
+    """Weld the pieces of a body at corners and kinks, and the ends of a closed one.
+
+    Where it goes on smoothly, they are one beam.
+    """
     last, corners = len(mesh.plan.element.nodes) - 1, 0
     for after, kink in mesh.seams:
         s = float(mesh.starts[after]) / mesh.plan.length
-        a = PointRef(mesh, s, after - 1, 1.0, float(mesh.end_angles[after - 1]), last)
+        before, k = mesh.piece_of((after - 1) % mesh.plan.count)
+        end = float(before.position(before.l * (k + 1))[1])
+        a = PointRef(mesh, s or 1.0, (after - 1) % mesh.plan.count, 1.0, end, last)
         b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
         if _goes_on(_End(a, 1), _End(b, 1)):
             _share_nodes(_End(a, 1), _End(b, 1), kink, f"the axis of {a.label}", out)

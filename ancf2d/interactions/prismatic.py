@@ -16,7 +16,6 @@ from ..elements.shape import Array
 from ..elements.sliding import Index, Sliding
 from ..errors import ComputationError
 from ..model.constraints import Equations
-from ..model.curve import Piece
 from ..model.mesh import BodyMesh
 from ..model.plan import BodyPlan
 from ..model.points import PointRef
@@ -26,25 +25,10 @@ from .joints import NAME, JointContext, JointError, closable, joint
 BETWEEN = 1e-12
 
 
-def _nearest(piece: Piece, r: Array) -> float:
-    """Return the arclength within a piece of its point nearest to r."""
-    x, y = r - np.asarray(piece.start)
-    c, s = math.cos(piece.angle), math.sin(piece.angle)
-    along, across = c * x + s * y, c * y - s * x
-    if piece.kappa == 0.0:
-        return min(max(along, 0.0), piece.length)
-    turned = math.atan2(piece.kappa * along, 1.0 - piece.kappa * across)
-    sigma = math.copysign(turned % (2 * math.pi) if piece.kappa > 0 else -turned % (2 * math.pi), 1.0)
-    sigma /= abs(piece.kappa)
-    if sigma <= piece.length:
-        return sigma
-    return min((0.0, piece.length), key=lambda s: math.dist(piece.position(s)[0], r))
-
-
 def foot_point(plan: BodyPlan, r: Array) -> tuple[float, float]:
     """Return the fraction S of a body's arclength nearest to r in the reference, and the distance there [m]."""
     found = [(math.dist(p.position(sigma)[0], r), (p.s0 + sigma) / plan.length)
-             for p in plan.pieces for sigma in [_nearest(p, r)]]
+             for p in plan.pieces for sigma in [p.nearest(r)]]
     distance, s = min(found)
     return s, distance
 

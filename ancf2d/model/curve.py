@@ -1,16 +1,19 @@
-"""Reference curves of bodies: straight pieces and arcs, by arclength."""
+"""The axes of bodies in pieces, divided into elements that are equally long."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import Arc, Line, Polyline
+from ..case import Arc, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
+from .axis import Axis, AxisError, Bend, Smooth, check_closed, curve, spline
 
 Array = NDArray[np.float64]
 
@@ -24,18 +27,17 @@ ALIKE = 1e-6
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of constant curvature: ``start`` and ``angle`` of its first point, its length and count.
+    """A stretch of an axis: where it begins on it [m], its length and count of elements.
 
-    ``kappa`` is dtheta/ds [1/m], 0 for a straight piece; ``s0`` the arclength where it begins; ``continues``: whether
-    it follows the piece before smoothly; ``kink``: whether strains along the axis can jump where it begins.
+    ``s0`` is the arclength of the body where it begins; ``continues``: whether it follows the piece before smoothly;
+    ``kink``: whether derivatives along the axis can jump where it begins.
     """
 
-    start: tuple[float, float]
-    angle: float
+    axis: Axis
     length: float
-    kappa: float
     s0: float
     count: int
+    begin: float = 0.0
     continues: bool = False
     kink: bool = False
 
@@ -49,27 +51,48 @@ class Piece:
         """Reference length of one element."""
         return self.length / self.count
 
+    @property
+    def kappa(self) -> float | None:
+        """Curvature dtheta/ds [1/m] where it is the same all along, 0 for a straight piece; else None."""
+        return self.axis.kappa if isinstance(self.axis, Bend) else None
+
+    @property
+    def angle(self) -> float:
+        """Direction in which it begins."""
+        return float(self.axis.place(np.array(self.begin))[1])
+
+    @property
+    def start(self) -> Array:
+        """The point (2,) where it begins."""
+        return self.position(0.0)[0]
+
     def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
         """Return points (..., 2) and tangent angles (...) at arclength s from the piece's start."""
-        way: Array = np.asarray(s, dtype=float)
-        theta = self.angle + self.kappa * way
-        chord = way * np.sinc(0.5 * self.kappa * way / np.pi)
-        middle = self.angle + 0.5 * self.kappa * way
-        x = self.start[0] + chord * np.cos(middle)
-        y = self.start[1] + chord * np.sin(middle)
-        return np.stack([x, y], axis=-1), theta
+        z, theta = self.axis.place(self.begin + np.asarray(s, dtype=float))
+        return _pair(z), theta
 
-    def derivative(self, theta: Array, i: int, j: int) -> Array:
+    def derivative(self, s: float | NDArray[np.floating], i: int, j: int) -> Array:
         """Return d^(i+j) r/dx^i dy^j on the axis (..., 2) of r(x, y) = c(x) + y n(x), for (i, j) != (0, 0)."""
-        turn = 1j * self.kappa
-        tangent = np.exp(1j * np.asarray(theta, dtype=float))
-        if j == 0:
-            z = turn ** (i - 1) * tangent
-        elif j == 1:
-            z = 1j * turn**i * tangent
-        else:
-            z = np.zeros_like(tangent)
-        return np.stack([z.real, z.imag], axis=-1)
+        found = self.axis.derivatives(self.begin + np.asarray(s, dtype=float), i + min(j, 1))[-1]
+        return _pair(found if j == 0 else 1j * found if j == 1 else 0.0 * found)
+
+    def curvature(self, s: float | NDArray[np.floating]) -> Array:
+        """Return dtheta/ds (...) [1/m] at arclength s from the piece's start."""
+        t, bend = self.axis.derivatives(self.begin + np.asarray(s, dtype=float), 2)
+        curvature: Array = (t.conj() * bend).imag
+        return curvature
+
+    def turns(self) -> Array:
+        """Return the angles (count,) by which the elements turn [rad]."""
+        return np.diff(self.position(self.l * np.arange(self.count + 1))[1])
+
+    def nearest(self, r: Array) -> float:
+        """Return the arclength within the piece of its point nearest to r (2,)."""
+        return self.axis.nearest(complex(*r), self.begin, self.begin + self.length) - self.begin
+
+
+def _pair(z: Any) -> Array:
+    return np.stack([z.real, z.imag], axis=-1)
 
 
 def share_count(lengths: Sequence[float], count: int) -> list[int]:
@@ -112,39 +135,95 @@ def _straight_pieces(points: list[tuple[float, float]]) -> list[Piece]:
         if previous is not None:
             angle = previous + math.remainder(angle - previous, 2 * math.pi)
         length = math.dist(a, b)
-        pieces.append(Piece(a, angle, length, 0.0, s0, 1))
+        pieces.append(Piece(Bend(a, angle, 0.0), length, s0, 1))
         previous, s0 = angle, s0 + length
     return pieces
 
 
-def _undivided(geometry: Line | Arc | Polyline) -> list[Piece]:
-    """Return the pieces of a body's geometry, one element each."""
-    if isinstance(geometry, Line):
-        return _straight_pieces([geometry.start, geometry.end])
-    if isinstance(geometry, Polyline):
-        return _straight_pieces(list(geometry.points))
+def _arc(geometry: Arc) -> Piece:
     sweep = geometry.to - geometry.from_
     sign = math.copysign(1.0, sweep)
     start = (geometry.center[0] + geometry.radius * math.cos(geometry.from_),
              geometry.center[1] + geometry.radius * math.sin(geometry.from_))
-    return [Piece(start, geometry.from_ + sign * math.pi / 2, geometry.radius * abs(sweep),
-                  sign / geometry.radius, 0.0, 1)]
+    return Piece(Bend(start, geometry.from_ + sign * math.pi / 2, sign / geometry.radius),
+                 geometry.radius * abs(sweep), 0.0, 1)
+
+
+def _path(geometry: PathGeometry) -> list[Piece]:
+    pieces: list[Piece] = []
+    start, angle, s0 = geometry.start, geometry.heading, 0.0
+    for part in geometry.pieces:
+        if isinstance(part, LinePiece):
+            length, kappa = part.line, 0.0
+        else:
+            length, kappa = part.arc * abs(part.angle), math.copysign(1.0 / part.arc, part.angle)
+        pieces.append(Piece(Bend(start, angle, kappa), length, s0, 1, continues=bool(pieces)))
+        (x, y), theta = pieces[-1].position(length)
+        start, angle, s0 = (float(x), float(y)), float(theta), s0 + length
+    if geometry.closed:
+        check_closed(complex(*geometry.start), complex(*start), math.remainder(angle - geometry.heading, 2 * math.pi),
+                     s0)
+    return pieces
+
+
+@lru_cache(maxsize=256)
+def _undivided(geometry: Geometry) -> tuple[tuple[Piece, ...], tuple[float, ...]]:
+    """Return the pieces of a body's geometry, one element each, and arclengths where derivatives jump within them.
+
+    Raises AxisError where it is no curve.
+    """
+    if isinstance(geometry, Line):
+        return tuple(_straight_pieces([geometry.start, geometry.end])), ()
+    if isinstance(geometry, Polyline):
+        return tuple(_straight_pieces(list(geometry.points))), ()
+    if isinstance(geometry, Arc):
+        return (_arc(geometry),), ()
+    if isinstance(geometry, PathGeometry):
+        return tuple(_path(geometry)), ()
+    axis, knots = spline(geometry) if isinstance(geometry, Spline) else (curve(geometry), [])
+    return (Piece(axis, axis.length, 0.0, 1),), tuple(knots)
+
+
+def knots(geometry: Geometry) -> list[float]:
+    """Return the places S where elements of a smooth axis should end: the points of a spline.
+
+    Derivatives of the curvature jump there, and elements across them would lose their order.
+    """
+    try:
+        pieces, found = _undivided(geometry)
+    except (AxisError, ArithmeticError):
+        return []  # told where the body is resolved
+    return [s / (pieces[-1].s0 + pieces[-1].length) for s in found]
+
+
+def jumps(geometry: Geometry) -> list[float]:
+    """Return the places S where smooth pieces of different curvature meet."""
+    pieces = _undivided(geometry)[0]
+    length = pieces[-1].s0 + pieces[-1].length
+    return [b.s0 / length for a, b in pairwise(pieces) if b.continues and a.kappa != b.kappa]
+
+
+def is_closed(geometry: Geometry) -> bool:
+    """Whether the end of a geometry is its start."""
+    return isinstance(geometry, Spline | CurveGeometry | PathGeometry) and geometry.closed
+
+
+def turning(geometry: Geometry) -> float:
+    """Return the angle [rad] by which the smooth pieces of a geometry turn in all, either way."""
+    return sum(p.axis.turning if isinstance(p.axis, Smooth) else abs(p.kappa or 0.0) * p.length
+               for p in _undivided(geometry)[0])
 
 
 def _split(piece: Piece, places: list[float]) -> list[Piece]:
     """Return a piece as several that continue one another, from one of its places (arclengths) to the next."""
     if not places:
         return [piece]
-    out = []
-    for a, b in pairwise([0.0, *places, piece.length]):
-        r, angle = piece.position(a)
-        start = piece.start if a == 0.0 else (float(r[0]), float(r[1]))
-        out.append(replace(piece, start=start, angle=float(angle), length=b - a, s0=piece.s0 + a,
-                           continues=piece.continues if a == 0.0 else True))
-    return out
+    return [replace(piece, begin=piece.begin + a, length=b - a, s0=piece.s0 + a,
+                    continues=piece.continues if a == 0.0 else True)
+            for a, b in pairwise([0.0, *places, piece.length])]
 
 
-def _inside(pieces: list[Piece], nodes: Sequence[float]) -> list[list[float]]:
+def _inside(pieces: Sequence[Piece], nodes: Sequence[float]) -> list[list[float]]:
     """Return for each piece the arclengths within it of nodes, given as fractions S of the body's arclength.
 
     A node that is closer than ``TOGETHER`` to an end of a piece, or to the one before it, is that one.
@@ -161,16 +240,16 @@ def _inside(pieces: list[Piece], nodes: Sequence[float]) -> list[list[float]]:
     return out
 
 
-def _stretches(whole: list[Piece], nodes: Sequence[float]) -> list[Piece]:
+def _stretches(whole: Sequence[Piece], nodes: Sequence[float]) -> list[Piece]:
     return [part for p, found in zip(whole, _inside(whole, nodes), strict=True) for part in _split(p, found)]
 
 
-def stretches(geometry: Line | Arc | Polyline, nodes: Sequence[float]) -> list[float]:
+def stretches(geometry: Geometry, nodes: Sequence[float]) -> list[float]:
     """Return the lengths of what corners and ``nodes`` (fractions S of the body's arclength) cut a geometry into."""
-    return [p.length for p in _stretches(_undivided(geometry), nodes)]
+    return [p.length for p in _stretches(_undivided(geometry)[0], nodes)]
 
 
-def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float] = (),
+def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (),
               refine: int = 1, kinks: Sequence[float] = ()) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
 
@@ -178,7 +257,7 @@ def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float
     equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
     element is then divided into ``refine`` ones.
     """
-    whole = _undivided(geometry)
+    whole = _undivided(geometry)[0]
     regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
                                                         strict=True))
     if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE
@@ -188,10 +267,11 @@ def pieces_of(geometry: Line | Arc | Polyline, count: int, nodes: Sequence[float
         some = _stretches(whole, nodes)
         shares = share_count([p.length for p in some], max(count, len(some)))
         parts = [replace(p, count=n) for p, n in zip(some, shares, strict=True)]
-    near = TOGETHER * (whole[-1].s0 + whole[-1].length)
-    at = [s * near / TOGETHER for s in kinks]
-    return tuple(replace(p, count=refine * p.count, kink=k > 0 and any(abs(sigma - p.s0) <= near for sigma in at))
-                 for k, p in enumerate(parts))
+    length = whole[-1].s0 + whole[-1].length
+    # where a closed axis ends, it begins
+    at = [s * length for s in kinks] + ([0.0] if is_closed(geometry) and 1.0 in kinks else [])
+    return tuple(replace(p, count=refine * p.count, kink=(p.s0 > 0.0 or is_closed(geometry)) and any(
+        abs(sigma - p.s0) <= TOGETHER * length for sigma in at)) for p in parts)
 
 
 def _cut(piece: Piece, places: list[float]) -> list[Piece]:

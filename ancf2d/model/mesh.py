@@ -18,6 +18,7 @@ from ..elements.formulations.base import cross, product_points
 from ..elements.rigid import RIGID_TYPE
 from ..elements.section import Section
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
+from .axis import Bend
 from .curve import AT_NODE, Piece
 from .plan import BodyPlan
 
@@ -34,12 +35,14 @@ MORE, RIGID_POINTS = 3, 20
 class ElementClass:
     """Elements that share their shape functions and reference up to a rotation: same length and curvature.
 
-    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature, and the
-    body's name and the place S of an element along which the section varies.
+    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature (the axis and
+    the place on it where that changes along the element), and the body's name and the place S of an element along which
+    the section varies. ``turn`` is the angle by which its axis turns.
     """
 
     sampler: Sampler
     key: tuple[Any, ...]
+    turn: float
 
     @property
     def shape(self) -> ShapeFunctions:
@@ -48,15 +51,25 @@ class ElementClass:
 
 
 def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool) -> Array:
-    """Return the reference coordinates (n_shape, components) of an element that starts at 0 along x."""
-    local = Piece((0.0, 0.0), 0.0, piece.length, piece.kappa, 0.0, piece.count)
-    rows = []
-    for at, name in element_nodes:
-        r, angle = local.position(at * piece.l)
-        i, j = derivative_order(name)
-        value = r if (i, j) == (0, 0) else local.derivative(angle, i, j)
-        rows.append([*value, float(angle)] if theta else list(value))
-    return np.array(rows)
+    """Return the reference coordinates (n, n_shape, components) of the elements of a piece, each in its own frame.
+
+    There it starts at 0 along x. Where the curvature is the same all along, they are those of one element.
+    """
+    n = piece.count
+    if piece.kappa is not None:
+        piece, n = replace(piece, axis=Bend((0.0, 0.0), 0.0, piece.kappa), begin=0.0), 1
+    starts = piece.l * np.arange(n)
+    origin, first = piece.position(starts)
+    c, s = np.cos(first), np.sin(first)
+    out = np.zeros((n, len(element_nodes), 3 if theta else 2))
+    for k, (at, name) in enumerate(element_nodes):
+        r, angle = piece.position(starts + at * piece.l)
+        order = derivative_order(name)
+        x, y = (r - origin if order == (0, 0) else piece.derivative(starts + at * piece.l, *order)).T
+        out[:, k, 0], out[:, k, 1] = c * x + s * y, c * y - s * x
+        if theta:
+            out[:, k, 2] = angle - first
+    return out
 
 
 class BodyMesh:
@@ -75,7 +88,7 @@ class BodyMesh:
         self.node_sizes = [nc * sum(c != "theta" for c in n.coordinates) for n in element.nodes]
         self.stride = sum(self.node_sizes[:-1])
         self.classes: list[ElementClass] = []
-        self._samplers: dict[tuple[float, float], Sampler] = {}
+        self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
         keys: dict[tuple[Any, ...], int] = {}
         dofs, cls, turn, nodes, e0 = [], [], [], [], []
         dof, node = first_dof, first_node
@@ -90,7 +103,7 @@ class BodyMesh:
             count += n
             dofs.append(dof + self.stride * np.arange(n)[:, None] + np.arange(element.n_dof))
             nodes.append(node + (len(element.nodes) - 1) * np.arange(n)[:, None] + np.arange(len(element.nodes)))
-            angle = piece.angle + piece.kappa * piece.l * np.arange(n)
+            angle = piece.position(piece.l * np.arange(n))[1]
             turn.append(np.stack([np.cos(angle), np.sin(angle)], axis=1))
             values = self._reference_values(piece)
             e0.append(values[self.node_sizes[0]:] if piece.shared else values)
@@ -100,23 +113,25 @@ class BodyMesh:
         self.nodes: Index = np.concatenate(nodes)
         self.cls: Index = np.concatenate(cls)
         directions = np.concatenate(turn)
-        straight = all(p.kappa == 0.0 and p.angle == plan.pieces[0].angle for p in plan.pieces)
+        straight = bool(np.all(directions == directions[0]))
         self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int]) -> Index:
         """Return the classes (n,) of the elements of a piece, those that are new added."""
-        found = []
-        length, kappa = float(f"{piece.l:.13e}"), piece.kappa
-        starts = [None] if self.plan.varying is None else list(range(piece.count))
+        found, samplers, turns = [], self._samplers_of(piece), piece.turns()
+        length = float(f"{piece.l:.13e}")
+        starts = [None] if self.plan.varying is None and len(samplers) == 1 else list(range(piece.count))
         for ie in starts:
             section, profile, cuts, place = self._section(piece, ie)
-            key = (section, length, kappa, *place)
+            k = (ie or 0) % len(samplers)
+            bend = (piece.axis, piece.begin + piece.l * k) if piece.kappa is None else (piece.kappa,)
+            key = (section, length, *bend, *place)
             if key not in keys:
                 keys[key] = len(self.classes)
-                sampler = replace(self._sampler(piece), section=section, profile=profile, cuts=cuts)
-                self.classes.append(ElementClass(sampler, key))
+                sampler = replace(samplers[k], section=section, profile=profile, cuts=cuts)
+                self.classes.append(ElementClass(sampler, key, float(turns[ie or 0])))
             found.append(keys[key])
         return np.array(found * (piece.count // len(found)))
 
@@ -137,18 +152,20 @@ class BodyMesh:
             return Section(**{name: float(v[0]) for name, v in some.items()}), None, (), ()
         return plan.section, profile, cuts, (plan.name, a)
 
-    def _sampler(self, piece: Piece) -> Sampler:
-        """Return the sampler of a piece's elements, with the body's mean section."""
-        key, plan = (piece.l, piece.kappa), self.plan
+    def _samplers_of(self, piece: Piece) -> list[Sampler]:
+        """Return the samplers of a piece's elements, with the mean section; one where its curvature is constant."""
+        plan = self.plan
+        key = (piece.l, piece.axis, piece.begin) if piece.kappa is None else (piece.l, piece.kappa)
         if key not in self._samplers:
             shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
             named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
-            self._samplers[key] = Sampler(shape, _reference(named, piece, plan.element.has_theta), plan.section)
+            self._samplers[key] = [Sampler(shape, e0, plan.section)
+                                   for e0 in _reference(named, piece, plan.element.has_theta)]
         return self._samplers[key]
 
     def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
         """Return the sampler of a straight element of a class's length, or of the given one, with the mean section."""
-        return self._sampler(Piece((0.0, 0.0), 0.0, length or one.shape.l, 0.0, 0.0, 1))
+        return self._samplers_of(Piece(Bend((0.0, 0.0), 0.0, 0.0), length or one.shape.l, 0.0, 1))[0]
 
     def uniform(self, one: ElementClass) -> Sampler:
         """Return the sampler of a class with the body's mean section all along."""
@@ -168,7 +185,7 @@ class BodyMesh:
                 if c == "theta":
                     continue
                 i, j = derivative_order(c)
-                value = r if (i, j) == (0, 0) else piece.derivative(theta, i, j)
+                value = r if (i, j) == (0, 0) else piece.derivative(s, i, j)
                 for m in range(nc):
                     out[offset + m::self.stride][:len(s)] = theta if m == 2 else value[:, m]
                 offset += nc
@@ -219,17 +236,21 @@ class BodyMesh:
     @cached_property
     def angles(self) -> Array:
         """Angle of the reference tangent at which each element starts (ne,)."""
-        return np.concatenate([p.angle + p.kappa * p.l * np.arange(p.count) for p in self.plan.pieces])
+        return np.concatenate([p.position(p.l * np.arange(p.count))[1] for p in self.plan.pieces])
 
-    @cached_property
-    def curvatures(self) -> Array:
-        """Curvature of the reference of each element (ne,)."""
-        return np.repeat([p.kappa for p in self.plan.pieces], [p.count for p in self.plan.pieces])
+    def piece_of(self, ie: int) -> tuple[Piece, int]:
+        """Return the piece that has an element, and the element's number in it."""
+        k = int(np.searchsorted(self.piece_first, ie, side="right")) - 1
+        return self.plan.pieces[k], ie - self.piece_first[k]
 
-    @property
-    def end_angles(self) -> Array:
-        """Angle of the reference tangent at which each element ends (ne,)."""
-        return self.angles + self.curvatures * self.lengths
+    def angles_at(self, elements: Index, xi: Array) -> Array:
+        """Return the angles of the reference tangent (m, stations) at xi (m, stations) of elements (m,)."""
+        piece = np.searchsorted(self.piece_first, elements, side="right") - 1
+        out = np.empty(xi.shape)
+        for k in np.unique(piece):
+            here, p = piece == k, self.plan.pieces[k]
+            out[here] = p.position(p.l * ((elements[here] - self.piece_first[k])[:, None] + xi[here]))[1]
+        return out
 
     @cached_property
     def shares_start(self) -> NDArray[np.bool_]:
@@ -245,7 +266,7 @@ class BodyMesh:
         for spec in self.plan.element.nodes:
             if abs(xi - spec.at) < AT_NODE:
                 xi = spec.at
-        return self.piece_first[k] + ie, xi, float(piece.angle + piece.kappa * sigma)
+        return self.piece_first[k] + ie, xi, float(piece.position(sigma)[1])
 
     def node_dofs(self, ie: int, k: int) -> Index:
         """Return the coordinates of node k of element ie."""
@@ -260,9 +281,12 @@ class BodyMesh:
 
     @property
     def seams(self) -> list[tuple[int, bool]]:
-        """Where pieces have nodes of their own: the first element behind, and whether strains can jump there."""
+        """Where pieces have nodes of their own: the first element behind, and whether strains can jump there.
+
+        That is where a closed body ends, too.
+        """
         return [(first, p.kink) for first, p in zip(self.piece_first, self.plan.pieces, strict=True)
-                if first > 0 and not p.shared]
+                if (first > 0 or self.plan.closed) and not p.shared]
 
 
 def shape_weights(mesh: BodyMesh) -> Array:

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from ..case import (
-    Arc,
     Body,
     Case,
     Dynamic,
     Element,
     ElementDefinition,
+    Line,
     LoadedCase,
     Point,
     Polyline,
@@ -28,7 +28,8 @@ from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.rigid import RIGID, RIGID_TYPE
 from ..elements.section import Section
 from ..errors import CaseError, Problem
-from .curve import AT_NODE, TOGETHER, Array, Piece, pieces_of
+from .axis import AxisError
+from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
@@ -43,7 +44,8 @@ class BodyPlan:
 
     ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it or
     varies with a kink or jump. ``section`` is that of the mean values where it varies along the body: then ``varying``
-    has it at each place, and ``cuts`` are the places S where it kinks or jumps.
+    has it at each place, and ``cuts`` are the places S where it kinks or jumps. ``closed``: whether its end is
+    welded to its start.
     """
 
     name: str
@@ -57,6 +59,7 @@ class BodyPlan:
     preset: str | None = None
     varying: VaryingSection | None = None
     cuts: tuple[float, ...] = ()
+    closed: bool = False
 
     @property
     def length(self) -> float:
@@ -163,7 +166,7 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
     if chosen == "exact":
         rule = formulation.exact(element)
         if rule is None or curved:
-            why = "on an arc" if curved else f"for formulation {formulation.name}"
+            why = "on a curved axis" if curved else f"for formulation {formulation.name}"
             raise RefusedError(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
     return Rule(tuple(chosen), tuple(chosen)) if chosen else default_rule(element, formulation)
@@ -188,7 +191,8 @@ def acting_points(case: Case) -> dict[str, list[float]]:
     """Return the places S of each body where something acts, in order.
 
     They are all points that supports, joints, springs, masses and loads name, the ends of line loads, and the kinks and
-    jumps of what varies along the body. Those of probes are none; nor is where a point slides along the body.
+    jumps of what varies along the body. Those of probes are none; nor is where a point slides along the body. The
+    points of splines are among them.
     """
     found: dict[str, set[float]] = {name: {s for s, _ in profile_breaks(body)} for name, body in case.bodies.items()}
     for point in acting_at(case):
@@ -196,6 +200,8 @@ def acting_points(case: Case) -> dict[str, list[float]]:
     for load in case.loads:
         if load.line is not None:
             found[load.line.body].update(load_breaks(load.line))
+    for name, body in case.bodies.items():
+        found[name].update(knots(body.geometry))
     return {name: sorted(places) for name, places in found.items()}
 
 
@@ -211,6 +217,11 @@ def _with_kinks(element: ElementType, moving: bool) -> bool:
     """
     shared = any(derivative_order(name)[0] > 0 for _, name in element.functionals)
     return shared and not (moving and element.section_kind == "tangent")
+
+
+def knows_curvature(element: ElementType) -> bool:
+    """Whether nodal coordinates have to do with the curvature of the axis, so that they jump where it does."""
+    return any(i > 0 and i + j > 1 for i, j in (derivative_order(name) for _, name in element.functionals))
 
 
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None,
@@ -234,8 +245,9 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     free, breaks = not has_regular_nodes(spec), profile_breaks(body)
     # where the section jumps, each side has strains of its own; those of theta have no coordinates at nodes
     own = [] if element.has_theta else [s for s, jump in breaks if jump]
-    kinks = [*own, *(points if _with_kinks(element, moving) else ())]
-    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine, kinks if free else ())
+    kinks = [*own, *(points if _with_kinks(element, moving) else ())] if free else []
+    kinks += jumps(body.geometry) if knows_curvature(element) else []
+    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine, kinks)
     curved = any(p.kappa != 0.0 for p in pieces)
     theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation, curved)
@@ -244,21 +256,22 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
-    return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count, tuple(acting),
-                    spec.preset, varying, tuple(s for s, _ in breaks))
+    smooth = knots(body.geometry)
+    return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count,
+                    tuple(s for s in acting if s not in smooth), spec.preset, varying, tuple(s for s, _ in breaks),
+                    is_closed(body.geometry))
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
     """Resolve a rigid body: one element per straight piece, whatever its count."""
-    if isinstance(body.geometry, Arc):
+    if not isinstance(body.geometry, Line | Polyline):
         raise RefusedError(("geometry", "type"), f"bodies.{name}: a rigid body is straight, or of straight pieces",
                            "line or polyline")
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "refine"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain, so {key} has no effect",
                                f"no {key}")
-    count = len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
-    pieces = pieces_of(body.geometry, count)
+    pieces = pieces_of(body.geometry, body.geometry.least)
     section, varying = rigid_section(body, pieces)
     return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), section, pieces, varying=varying,
                     cuts=tuple(s for s, _ in profile_breaks(body)))
@@ -281,6 +294,9 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, Bod
                                                  [p.s for p in points if p.body == name], moving))
         except ArithmeticError:
             problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
+        except AxisError as error:
+            problems.append(loaded.source.problem(("bodies", name, "geometry", *error.key),
+                                                  f"bodies.{name}.geometry: {error}", expected=error.expected or None))
         except (RefusedError, SectionError) as error:
             path = ("bodies", name, *error.key)
             problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
@@ -300,7 +316,7 @@ def _computable(plan: BodyPlan) -> BodyPlan:
     section, power = plan.section, plan.length**4
     # the last is the square of the scale of its frequencies
     sizes = (power, 1.0 / power, section.EI / (section.rhoA * power) if section.rhoA else 0.0,
-             *(1.0 / p.l for p in plan.pieces), *(p.kappa for p in plan.pieces), section.height,
+             *(1.0 / p.l for p in plan.pieces), *(p.kappa or 0.0 for p in plan.pieces), section.height,
              section.width, section.EA, section.kGA, section.EI, section.rhoA, section.rhoI)
     if not all(map(math.isfinite, sizes)):
         raise RefusedError((), _incomputable(plan.name))
@@ -336,12 +352,12 @@ def warnings_of(plan: BodyPlan) -> list[str]:
                    "of their sections, so results are off by half and more under transverse load on a body this short. "
                    "Use "
                    "patel in formulation continuum")
-    turn = max(abs(p.kappa) * p.l for p in plan.pieces)
+    turn = max(float(np.abs(p.turns()).max()) for p in plan.pieces)
     if turn > WIDE:
-        out.append(f"bodies.{plan.name}: an element is an arc of {turn:.2g} rad, which can cost some per cent of "
+        out.append(f"bodies.{plan.name}: an element turns by {turn:.2g} rad, which can cost some per cent of "
                    f"accuracy. Use more elements, so that each turns by less than {WIDE:g} rad")
-    if plan.element.common_coefficients and any(p.kappa for p in plan.pieces):
-        out.append(f"bodies.{plan.name}: on an arc {plan.element.name} curves the reference sections")
+    if plan.element.common_coefficients and any(p.kappa != 0.0 for p in plan.pieces):
+        out.append(f"bodies.{plan.name}: on a curved axis {plan.element.name} curves the reference sections")
     return out
 
 

@@ -95,7 +95,7 @@ class PointRef:
         if self.node != 0 or (self.ie, True) not in self.mesh.seams:
             return None
         last = len(self.mesh.plan.element.nodes) - 1
-        return PointRef(self.mesh, self.s, self.ie - 1, 1.0, self.angle, last, self.eta)
+        return PointRef(self.mesh, self.s, (self.ie - 1) % self.mesh.plan.count, 1.0, self.angle, last, self.eta)
 
     def dofs(self) -> Index:
         """Return all coordinates of the node here, or of the element where it is no node."""

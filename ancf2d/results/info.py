@@ -34,7 +34,8 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             },
             "units": {"length": r.units.length, "force": r.units.force, "time": r.units.time},
             "bodies": {name: {"element": b.element_type, "formulation": b.formulation,
-                              "elements": len(b.dofs), "nodes": len(np.unique(b.nodes))}
+                              "elements": len(b.dofs), "nodes": len(np.unique(b.nodes)),
+                              "length": float(b.lengths[b.classes].sum())}
                        for name, b in r.bodies.items()},
             "checkpoint": None if r.checkpoint is None else r.checkpoint.t,
             "dofs": r.nq, "states": r.nt, "steps": r.history.rows,

@@ -181,7 +181,7 @@ class _Part:
         """Return cosine and sine (m, g) of the sections' angles at xi (m, g)."""
         body = self.body
         mesh = body.mesh
-        angle = mesh.angles[self.chosen, None] + (mesh.curvatures * mesh.lengths)[self.chosen, None] * xi
+        angle = mesh.angles_at(self.chosen, xi)
         kind = body.mesh.plan.element.section_kind
         if kind == "theta":
             angle = angle + np.einsum("mgk,mk->mg", self._rows(xi), self.d[..., 2])

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from ..case import Body, Case, LoadedCase, Polyline, Selective, Source, read_definition
+from ..case import Body, Case, LoadedCase, Selective, Source, read_definition
 from ..case.binder import listed, nearest
 from ..elements import registry
 from ..elements.definition import ElementType
@@ -111,7 +111,7 @@ def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
 
 def pieces(body: Body) -> int:
     """Return how many elements a body needs at least."""
-    return len(body.geometry.points) - 1 if isinstance(body.geometry, Polyline) else 1
+    return body.geometry.least
 
 
 def flexible(case: Case) -> dict[str, Body]:

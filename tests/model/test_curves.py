@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ellipe
 
-from ancf2d.case import Arc, Line, Polyline
+from ancf2d.case import Arc, ArcPiece, CurveGeometry, Line, LinePiece, PathGeometry, Polyline, Spline
 from ancf2d.elements.definition import derivative_order
-from ancf2d.model.curve import pieces_of, share_count
+from ancf2d.model.curve import knots, pieces_of, share_count
 
 
 @given(
@@ -40,7 +41,6 @@ def test_derivatives_of_the_reference_are_those_of_the_curve(kappa_sign):
         p, theta = piece.position(x)
         return p + y * np.array([-np.sin(theta), np.cos(theta)])
 
-    theta = piece.position(s)[1]
     difference = {
         (1, 0): (r(s + h, 0) - r(s - h, 0)) / (2 * h),
         (0, 1): r(s, 1) - r(s, 0),
@@ -49,7 +49,7 @@ def test_derivatives_of_the_reference_are_those_of_the_curve(kappa_sign):
         (0, 2): np.zeros(2),
     }
     for order, value in difference.items():
-        np.testing.assert_allclose(piece.derivative(theta, *order), value, atol=2e-6)
+        np.testing.assert_allclose(piece.derivative(s, *order), value, atol=2e-6)
 
 
 @given(st.lists(st.floats(0.01, 100), min_size=1, max_size=8), st.integers(0, 60))
@@ -131,7 +131,7 @@ def test_reference_coordinates_are_derivatives_of_the_curve_at_the_nodes(name, g
         for k, (node, coordinate) in enumerate(element.functionals):
             r, theta = piece.position(piece.l * (ie + element.nodes[node].at))
             order = derivative_order(coordinate)
-            expected = r if order == (0, 0) else piece.derivative(theta, *order)
+            expected = r if order == (0, 0) else piece.derivative(piece.l * (ie + element.nodes[node].at), *order)
             np.testing.assert_allclose(model.e0[dofs[nc * k : nc * k + 2]], expected, atol=1e-13)
             if nc == 3:
                 assert model.e0[dofs[nc * k + 2]] == pytest.approx(theta, abs=1e-13)
@@ -152,3 +152,84 @@ def test_points_lie_on_the_reference_at_nodes_and_between(name):
             point = point_ref(model.meshes["b"], s)
             r = [dot(c, model.e0) for c in point.position()]
             np.testing.assert_allclose(r, model.meshes["b"].plan.position(s)[0], atol=2e-4)
+
+
+TURN = 2 * np.pi
+SMOOTH = {
+    # length, area within (or under, to the origin), curvature by x and y
+    "ellipse": (CurveGeometry(x="2*cos(2*pi*s)", y="sin(2*pi*s)", closed=True), 8 * ellipe(0.75), TURN,
+                lambda x, y: 2 / (4 * y**2 + x**2 / 4) ** 1.5),
+    "spiral": (CurveGeometry(x="exp(0.8*pi*s)*cos(4*pi*s)", y="exp(0.8*pi*s)*sin(4*pi*s)"),
+               np.sqrt(1.04) / 0.2 * (np.exp(0.8 * np.pi) - 1), (np.exp(1.6 * np.pi) - 1) / 0.8,
+               lambda x, y: 1 / np.sqrt(1.04 * (x**2 + y**2))),
+    "circle by thirds of s": (CurveGeometry(x="cos(2*pi*s^3 + s)", y="sin(2*pi*s^3 + s)"), TURN + 1, (TURN + 1) / 2,
+                              lambda x, y: np.ones_like(x)),
+    "racetrack": (PathGeometry(start=(3.0, 1.0), heading=0.0, pieces=(
+        LinePiece(line=1.0), ArcPiece(arc=0.5, angle=np.pi), LinePiece(line=1.0), ArcPiece(arc=0.5, angle=np.pi)),
+        closed=True), 2 + np.pi, 1 + np.pi / 4, None),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("count", [1, 7])
+def test_length_curvature_and_area_of_smooth_axes_are_exact(name, count):
+    geometry, length, area, bent = SMOOTH[name]
+    pieces = pieces_of(geometry, max(count, geometry.least))
+    assert pieces[-1].s0 + pieces[-1].length == pytest.approx(length, rel=1e-13)
+    x, w = np.polynomial.legendre.leggauss(300)
+    found = 0.0
+    for piece in pieces:
+        s = piece.length * (1 + x) / 2
+        r, theta = piece.position(s)
+        t = piece.derivative(s, 1, 0)
+        np.testing.assert_allclose(t, np.stack([np.cos(theta), np.sin(theta)], axis=-1), atol=1e-13)
+        found += piece.length / 4 * float(w @ (r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0]))
+        if bent is not None:
+            np.testing.assert_allclose(piece.curvature(s), bent(*r.T), rtol=1e-11)
+    assert found == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e6])
+def test_smooth_axes_do_not_mind_where_they_are(shift):
+    near = pieces_of(CurveGeometry(x="s", y="s^2"), 4)[0]
+    far = pieces_of(CurveGeometry(x=f"{shift} + s", y="s^2"), 4)[0]
+    assert far.length == pytest.approx(near.length, rel=1e-13)
+
+
+def test_derivatives_of_smooth_axes_by_arclength():
+    (piece,) = pieces_of(SMOOTH["ellipse"][0], 3)
+    s, h = np.array([0.4, 2.0, 5.1]), 1e-4
+    for i, j in ((2, 0), (3, 0), (4, 0), (1, 1), (2, 1)):
+        lower = [piece.derivative(s + k * h, i - 1, j) for k in (-1, 1)]
+        np.testing.assert_allclose(piece.derivative(s, i, j), (lower[1] - lower[0]) / (2 * h), atol=2e-6)
+
+
+def test_a_spline_passes_its_points_with_continuous_curvature_and_ends_elements_there():
+    points = ((0.0, 0.0), (0.5, 0.2), (0.9, 0.1), (1.5, 0.6), (2.0, 0.3))
+    spline = Spline(points=points)
+    at = [0.0, *knots(spline), 1.0]
+    (whole,) = pieces_of(spline, 9)
+    np.testing.assert_allclose(whole.position(np.array(at) * whole.length)[0], points, atol=1e-14)
+    for s in at[1:-1]:
+        before, behind = (float(whole.curvature(s * whole.length + h)) for h in (-1e-9, 1e-9))
+        assert before == pytest.approx(behind, abs=1e-6)
+    pieces = pieces_of(spline, 9, at)
+    np.testing.assert_allclose([p.s0 / whole.length for p in pieces], at[:-1], atol=1e-14)
+    assert all(p.shared for p in pieces[1:])
+
+
+def test_a_closed_spline_is_a_circle_where_its_points_are():
+    n = 64
+    a = TURN * np.arange(n) / n
+    (ring,) = pieces_of(Spline(points=tuple(zip(np.cos(a).tolist(), np.sin(a).tolist(), strict=True)), closed=True), 8)
+    assert ring.length == pytest.approx(TURN, rel=1e-6)
+    np.testing.assert_allclose(ring.curvature(np.linspace(0, ring.length, 50)), 1.0, rtol=1e-3)
+    assert ring.position(ring.length)[1] - ring.angle == pytest.approx(TURN)
+
+
+def test_the_nearest_point_of_a_smooth_axis():
+    (piece,) = pieces_of(SMOOTH["spiral"][0], 3)
+    for s in (0.0, 1.3, 30.0, piece.length):
+        r, theta = piece.position(s)
+        off = r + 0.05 * np.array([-np.sin(theta), np.cos(theta)])
+        assert piece.nearest(off) == pytest.approx(s, abs=1e-10)

@@ -96,8 +96,8 @@ def test_the_advice_is_not_what_is_in_use_and_does_not_depend_on_the_arc() -> No
 
 
 def test_an_arc_too_wide_for_an_element_is_told() -> None:
-    assert any("an arc of 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
-    assert not any("an arc of" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
+    assert any("turns by 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
+    assert not any("an element turns by" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
 
 
 @pytest.mark.parametrize(("nu", "rule", "soft"), [(1e-3, None, False), (0.0, None, False), (1e-3, [2, 2], True),

@@ -6,15 +6,11 @@ module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions
 
 from .amplitudes import Amplitude, Constant, Expression, Ramp, Sine, Table
 from .body import (
-    Arc,
     AreaSection,
     Body,
     Element,
-    Geometry,
-    Line,
     Material,
     MaterialDamping,
-    Polyline,
     Rectangle,
     Section,
     Selective,
@@ -31,6 +27,7 @@ from .case import (
     kinds_of,
     register,
 )
+from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, Point, Probe
 from .profiles import Profile, ProfileExpression, ProfileTable
@@ -50,10 +47,11 @@ from .solvers import (
 )
 
 __all__ = [
-    "Amplitude", "Arc", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant", "Damping", "Dynamic",
-    "Eigen", "Element", "Expected", "Expression", "FrequencyResponse", "Geometry", "Goal", "GroundPoint", "Initial",
-    "LimitPoints", "Line", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "Output", "Point",
-    "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh",
-    "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "StateSpace", "Static",
+    "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
+    "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse",
+    "Geometry", "Goal", "GroundPoint", "Initial", "LimitPoints", "Line", "LinePiece", "LinearStatic", "LoadFactor",
+    "Material", "MaterialDamping", "Output", "PathGeometry", "Point", "Polyline", "Probe", "ProbeReaches",
+    "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
+    "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
     "SteadyRotation", "Stiffness", "Table", "Units", "kinds_of", "register",
 ]

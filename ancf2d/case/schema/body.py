@@ -2,74 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
+from ..kinds import Choice, Integer, Known, Number, Text, Vector
 from ..records import ByKeys, ByShape, OneOf, Record
+from .geometry import Geometry
 from .profiles import Profile, ProfileOf
 
-Vec2 = tuple[float, float]
-PLACE = Vector(Number("m"))
 SECTION_KEYS = ("EA", "kGA", "EI", "rhoA", "rhoI")
-
-
-@record
-class Line:
-    """A straight reference axis."""
-
-    tag = "line"
-    start: Vec2 = key(PLACE, "Point at S = 0", example=[0, 0])
-    end: Vec2 = key(PLACE, "Point at S = 1", example=[2, 0])
-
-    def check(self) -> Iterator[Issue]:
-        """Yield what is wrong: a line without length."""
-        if self.start == self.end:
-            yield Issue(("end",), "{}: the line has no length: start and end are the same point")
-
-
-@record
-class Arc:
-    """A circular reference axis, stress-free; the section's y axis points to the left of travel."""
-
-    tag = "arc"
-    center: Vec2 = key(PLACE, "Centre of the circle", example=[0, 0])
-    radius: float = key(Number("m", gt=0), "Radius", example=1)
-    from_: float = key(Number("rad"), "Angle from the x axis to the point S = 0", example=0)
-    to: float = key(Number("rad"), "Angle from the x axis to the point S = 1; larger than 'from' for a "
-                    "counter-clockwise arc", example=1.5708)
-
-    def check(self) -> Iterator[Issue]:
-        """Yield what is wrong with the sweep: zero, or more than a full turn."""
-        sweep = self.to - self.from_
-        if sweep == 0:
-            yield Issue(("to",), "{}: the arc has no length: from and to are the same angle")
-        elif abs(sweep) > 2 * math.pi * (1 + 1e-9):
-            yield Issue(("to",), f"{{}}: the arc turns by {sweep:.6g} rad, more than a full turn",
-                        "angles in rad, at most 2 pi = 6.2831853 apart")
-
-
-@record
-class Polyline:
-    """A reference axis of straight pieces; its corners are welds, with a node of each piece."""
-
-    tag = "polyline"
-    points: tuple[Vec2, ...] = key(ListOf(PLACE, "points [x, y]", 2), "Corners in order",
-                                   example=[[0, 0], [0, 120], [120, 120]])
-
-    def check(self) -> Iterator[Issue]:
-        """Yield the pieces that have no length."""
-        for i, (a, b) in enumerate(pairwise(self.points)):
-            if a == b:
-                yield Issue(("points", i + 1), f"{{}}: points {i} and {i + 1} are the same; "
-                            "the piece between them has no length")
-
-
-Geometry = Line | Arc | Polyline
 
 
 @record
@@ -150,8 +93,8 @@ class Element:
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
-    count: int | None = key(Integer(), "Number of elements; a polyline needs at least one per piece", default=None,
-                            example=8)
+    count: int | None = key(Integer(), "Number of elements; a polyline or path needs at least one per piece",
+                            default=None, example=8)
     order: tuple[int, int] | None = key(
         ORDER, "Polynomial degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
         example=[2, 1])
@@ -221,11 +164,10 @@ class Body:
 
     def check(self) -> Iterator[Issue]:
         """Yield what the parts of a body need of each other."""
-        pieces = len(self.geometry.points) - 1 if isinstance(self.geometry, Polyline) else 1
-        count = self.element.count
-        if count is not None and count < pieces:
-            yield Issue(("element", "count"), f"{{}}.element.count must be >= {pieces}, one "
-                        f"element for each piece of the polyline, got {count}")
+        least, count = self.geometry.least, self.element.count
+        if count is not None and count < least:
+            yield Issue(("element", "count"), f"{{}}.element.count must be >= {least}, one "
+                        f"element for each piece of the {self.geometry.tag}, got {count}")
         rigid = self.element.type == "rigid"
         if isinstance(self.section, Stiffness):
             for k in ("E", "nu", "rho"):

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from ...case import Arc, Body, Case, Dynamic, LoadedCase, load_case_text
+from ...case import Body, Case, Dynamic, LoadedCase, load_case_text
 from ...case.emit import written
-from ...model.curve import share_count, stretches
+from ...model.curve import share_count, stretches, turning
 from ...model.plan import acting_points
 from ..goal import Answer
 from ..run import vocabulary
@@ -97,15 +97,14 @@ class Level:
 
 
 def least(body: Body, acting: Sequence[float] = ()) -> int:
-    """Return the elements that a body is begun with: one per stretch at least, and one per 45 degrees of an arc.
+    """Return the elements that a body is begun with: one per stretch at least, and one per 45 degrees that it turns.
 
     ``acting`` are the places S where something acts. More where that makes elements of stretches equally long, or
     nearly so.
     """
     lengths = stretches(body.geometry, acting)
     fewest = len(lengths)
-    if isinstance(body.geometry, Arc):
-        fewest = max(fewest, math.ceil(abs(body.geometry.to - body.geometry.from_) / ARC - 1e-9))
+    fewest = max(fewest, math.ceil(turning(body.geometry) / ARC - 1e-9))
 
     def longest(n: int) -> float:
         """Return the longest of n elements beside the mean."""

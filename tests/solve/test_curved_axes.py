@@ -1,0 +1,219 @@
+"""Splines, curves, paths and closed axes, beside integrals along the axis that know nothing of elements."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import helpers
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from ancf2d.errors import CaseError
+
+E, NU, H, B = 1e7, 0.3, 0.1, 0.1
+A, I = H * B, B * H**3 / 12
+POINTS = [[0, 0], [0.5, 0.2], [0.9, 0.1], [1.5, 0.6], [2, 0.3]]
+RACETRACK = {"type": "path", "start": [0, 0], "closed": True,
+             "pieces": [{"line": 1}, {"arc": 0.5, "angle": np.pi}, {"line": 1}, {"arc": 0.5, "angle": np.pi}]}
+ELLIPSE = {"type": "curve", "x": "2*cos(2*pi*s)", "y": "sin(2*pi*s)", "closed": True}
+RING = {"type": "path", "start": [1, 0], "heading": np.pi / 2, "pieces": [{"arc": 1, "angle": 2 * np.pi}],
+        "closed": True}
+
+
+def body(geometry: dict[str, Any], kind: str, count: int, **more: Any) -> dict[str, Any]:
+    return {"geometry": geometry, "section": {"height": H, "width": B}, "material": {"E": E, "nu": NU, "rho": 1000.0},
+            "element": {"type": kind, "count": count, **more}}
+
+
+class Axis:
+    """A curve z(u) by Gauss points between edges, with the compliance of a linear beam along it."""
+
+    def __init__(self, z: Any, rate: Any, edges: Any, kGA: float | None) -> None:
+        x, w = np.polynomial.legendre.leggauss(40)
+        self.u = np.concatenate([(a + b + (b - a) * x) / 2 for a, b in itertools.pairwise(edges)])
+        v = rate(self.u)
+        self.ds = np.concatenate([(b - a) / 2 * w for a, b in itertools.pairwise(edges)]) * abs(v)
+        self.z, self.t, self.r, self.kGA = z, v / abs(v), z(self.u), kGA
+
+    def energy(self, one: Any, other: Any) -> float:
+        """Twice the complementary energy that forces (complex) and moments along the axis have together."""
+        (f, m), (g, n) = one, other
+        p, q = f * self.t.conj(), g * self.t.conj()
+        shear = 0.0 if self.kGA is None else p.imag * q.imag / self.kGA
+        return float(self.ds @ (p.real * q.real / (E * A) + shear + m * n / (E * I)))
+
+    def hanging(self, force: complex, end: float) -> list[float]:
+        """Displacement of the end of a cantilever under a force there."""
+        def of(f: complex) -> Any:
+            return np.full(len(self.r), f), ((self.z(end) - self.r).conj() * f).imag
+        return [self.energy(of(force), of(unit)) for unit in (1.0, 1j)]
+
+    def closed(self, loads: list[tuple[float, complex]]) -> float:
+        """Work of loads (u, force) in equilibrium on a closed axis: twice the least complementary energy."""
+        z0 = self.z(0.0)
+        parts = [(np.full(len(self.r), f), ((z0 - self.r).conj() * f).imag) for f in (1.0, 1j)]
+        parts.append((np.zeros(len(self.r)), np.ones(len(self.r))))
+        force, moment = np.zeros(len(self.r), dtype=complex), np.zeros(len(self.r))
+        for u, f in loads:
+            behind = self.u > u
+            force, moment = force - behind * f, moment - behind * ((self.z(u) - self.r).conj() * f).imag
+        K = np.array([[self.energy(a, b) for b in parts] for a in parts])
+        k = np.array([self.energy(a, (force, moment)) for a in parts])
+        return self.energy((force, moment), (force, moment)) - float(k @ np.linalg.solve(K, k))
+
+
+def shear_stiffness(kind: str) -> float | None:
+    return None if kind == "cable" else 10 * (1 + NU) / (12 + 11 * NU) * E / (2 * (1 + NU)) * A
+
+
+def quarter(kGA: float | None) -> Axis:
+    return Axis(lambda u: 2 * np.sin(np.pi * u / 2) + 1j * np.cos(np.pi * u / 2),
+                lambda u: np.pi * np.cos(np.pi * u / 2) - 0.5j * np.pi * np.sin(np.pi * u / 2),
+                np.linspace(0, 1, 5), kGA)
+
+
+def through_points(kGA: float | None) -> Axis:
+    chords = np.hypot(*np.diff(POINTS, axis=0).T)
+    curve = CubicSpline(np.concatenate([[0], np.cumsum(chords)]) / chords.sum(), np.array(POINTS) @ [1, 1j])
+    return Axis(curve, curve.derivative(), curve.x, kGA)
+
+
+CANTILEVERS = {"curve": ({"type": "curve", "x": "2*sin(pi*s/2)", "y": "cos(pi*s/2)"}, quarter),
+               "spline": ({"type": "spline", "points": POINTS}, through_points)}
+
+
+@pytest.mark.parametrize(("kind", "order"), [("reissner2", 2), ("reissner3", 4), ("cable", 4)])
+@pytest.mark.parametrize("geometry", CANTILEVERS)
+def test_elements_keep_their_order_on_curved_axes(geometry: str, kind: str, order: int) -> None:
+    """Their curvature changes along the axis; that of a spline has kinks at its points, where elements end."""
+    data, axis = CANTILEVERS[geometry]
+    exact = np.array(axis(shear_stiffness(kind)).hanging(1 + 2j, 1.0))
+    errors = []
+    for count in (32, 64):
+        found = helpers.solved({"a": body(data, kind, count)}, "linear_static",
+                               bc=[{"type": "clamp", "at": "a@0"}],
+                               loads=[{"type": "force", "at": "a@1", "value": [1, 2]}]).u("a@1")
+        errors.append(float(np.linalg.norm(found - exact) / np.linalg.norm(exact)))
+    assert np.log2(errors[0] / errors[1]) > order - 0.1
+    assert errors[1] < (6e-4 if order == 2 else 3e-6)
+
+
+def closed_axis(name: str, kGA: float | None) -> tuple[dict[str, Any], Axis, float, list[float]]:
+    """Return geometry, axis, and u of a point and S of two that face each other, at 0 and there."""
+    if name == "ring":
+        return RING, Axis(lambda u: np.exp(2j * np.pi * u), lambda u: 2j * np.pi * np.exp(2j * np.pi * u),
+                          np.linspace(0, 1, 9), kGA), 0.5, [0.0, 0.5]
+    if name == "ellipse":
+        return ELLIPSE, Axis(lambda u: 2 * np.cos(2 * np.pi * u) + 1j * np.sin(2 * np.pi * u),
+                             lambda u: 2 * np.pi * (-2 * np.sin(2 * np.pi * u) + 1j * np.cos(2 * np.pi * u)),
+                             np.linspace(0, 1, 17), kGA), 0.5, [0.0, 0.5]
+    a = np.pi / 2
+
+    def z(s: Any) -> Any:
+        s = np.asarray(s, dtype=float)
+        return np.select([s <= 1, s <= 1 + a, s <= 2 + a],
+                         [s + 0j, 1 + 0.5j - 0.5j * np.exp(2j * (s - 1)), 1 - (s - 1 - a) + 1j],
+                         0.5j + 0.5j * np.exp(2j * (s - 2 - a)))
+
+    def rate(s: Any) -> Any:
+        return np.select([s <= 1, s <= 1 + a, s <= 2 + a], [1 + 0j * s, np.exp(2j * (s - 1)), -1 + 0j * s],
+                         -np.exp(2j * (s - 2 - a)))
+
+    return RACETRACK, Axis(z, rate, [0, 1, 1 + a, 2 + a, 2 + 2 * a], kGA), 1 + a, [0.0, 0.5]
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable"])
+@pytest.mark.parametrize("name", ["ring", "ellipse", "racetrack"])
+def test_closed_axes_under_two_opposite_forces(name: str, kind: str) -> None:
+    geometry, axis, u, (s0, s1) = closed_axis(name, shear_stiffness(kind))
+    pull = axis.z(0.0) - axis.z(u)
+    pull /= abs(pull)
+    exact = axis.closed([(0.0, pull), (u, -pull)])
+    errors = []
+    for count in (32, 64):
+        found = helpers.solved(
+            {"a": body(geometry, kind, count)}, "linear_static",
+            bc=[{"type": "clamp", "at": "a@0.25", "hold": "section"}],
+            loads=[{"type": "force", "at": f"a@{s}", "value": [f * pull.real, f * pull.imag]}
+                   for s, f in ((s0, 1), (s1, -1))])
+        apart = found.u(f"a@{s0}") - found.u(f"a@{s1}")
+        np.testing.assert_allclose(found.u("a@0"), found.u("a@1"), atol=1e-18)
+        errors.append(abs(float(apart @ [pull.real, pull.imag]) / exact - 1))
+    assert errors[1] < 2e-4
+    assert np.log2(errors[0] / errors[1]) > 3.2
+
+
+def test_the_ring_of_timoshenko() -> None:
+    """Inextensible: the diameter grows by (pi/4 - 2/pi) P R^3/EI along the forces (Timoshenko)."""
+    slender = body(RING, "cable", 64) | {"section": {"height": 1e-3, "width": B}}
+    found = helpers.solved({"a": slender}, "linear_static", bc=[{"type": "clamp", "at": "a@0.25", "hold": "section"}],
+                           loads=[{"type": "force", "at": "a@0", "value": [1e-6, 0]},
+                                  {"type": "force", "at": "a@0.5", "value": [-1e-6, 0]}])
+    EI = E * B * 1e-9 / 12
+    opened = (found.u("a@0") - found.u("a@0.5"))[0]
+    assert opened == pytest.approx((np.pi / 4 - 2 / np.pi) * 1e-6 / EI, rel=1e-5)
+    closed = (found.u("a@0.25") - found.u("a@0.75"))[1]
+    assert closed == pytest.approx(-(2 / np.pi - 0.5) * 1e-6 / EI, rel=1e-5)
+
+
+def test_modes_of_a_ring_come_in_pairs() -> None:
+    """Love 1927, inextensible: omega^2 = EI/(rho A R^4) n^2 (n^2 - 1)^2/(n^2 + 1), n = 2, 3, after three rigid ones."""
+    slender = body(RING, "cable", 48) | {"section": {"height": 1e-3, "width": B}}
+    found = helpers.solved({"a": slender}, {"type": "eigen", "modes": 7}).state.report["frequencies"]
+    unit = np.sqrt(E * 1e-6 / 12 / 1000.0)
+    exact = [0.0] * 3 + [unit * n * (n * n - 1) / np.sqrt(n * n + 1) for n in (2, 2, 3, 3)]
+    assert [f["omega"] for f in found] == pytest.approx(exact, rel=1e-5)
+
+
+PATH = {"type": "path", "start": [0, 0], "heading": 0.3, "pieces": [{"line": 1}, {"arc": 0.5, "angle": -1.2}]}
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "li"])
+def test_a_path_is_its_pieces_welded(name: str) -> None:
+    c, s = np.cos(0.3), np.sin(0.3)
+    line = {"type": "line", "start": [0, 0], "end": [c, s]}
+    arc = {"type": "arc", "center": [c + 0.5 * s, s - 0.5 * c], "radius": 0.5, "from": 0.3 + np.pi / 2,
+           "to": 0.3 + np.pi / 2 - 1.2}
+    scene = {"bc": [{"type": "clamp", "at": "a@0"}]}
+    whole = helpers.solved({"a": body(PATH, name, 8)}, "static", **scene,
+                           loads=[{"type": "force", "at": "a@1", "value": [3, 5]}])
+    counts = [p.count for p in whole.model.meshes["a"].plan.pieces]
+    halves = helpers.solved({"a": body(line, name, counts[0]), "b": body(arc, name, counts[1])}, "static", **scene,
+                            joints=[{"type": "weld", "between": ["a@1", "b@0"]}],
+                            loads=[{"type": "force", "at": "b@1", "value": [3, 5]}])
+    np.testing.assert_allclose(whole.u("a@1"), halves.u("b@1"), rtol=1e-10)
+    assert whole.theta("a@1") == pytest.approx(halves.theta("b@1"), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "ancf[3,3]"])
+def test_what_a_curved_body_weighs(name: str) -> None:
+    """Reactions under gravity: the weight of the arclength, and its moment about the support."""
+    ell = CANTILEVERS["curve"][0]
+    axis = quarter(None)
+    spec = helpers.element(name, 16)
+    found = helpers.solved({"a": body(ell, name, 16) | {"element": spec}}, "linear_static",
+                           bc=[{"name": "wall", "type": "clamp", "at": "a@0"}],
+                           loads=[{"type": "gravity", "value": [0, -10]}]).reactions()["wall"]
+    weight = 1000.0 * A * 10
+    # off the axis by the curvature: |r_x x r_y| = 1 - kappa y
+    assert found["fy"] == pytest.approx(weight * axis.ds.sum(), rel=1e-5)
+    assert found["m"] == pytest.approx(weight * float(axis.ds @ axis.r.real), rel=2e-3)
+
+
+@pytest.mark.parametrize(("geometry", "said"), [
+    ({"type": "curve", "x": "abs(s - 0.5)", "y": "s"}, "jumps, has a corner or stands still near s = 0.5"),
+    ({"type": "curve", "x": "(s - 0.25)^2", "y": "(s - 0.25)^3"}, "stands still near s = 0.25"),
+    ({"type": "curve", "x": "0 if s < 0.4 else 1", "y": "s"}, "jumps, has a corner or stands still near s = 0.4"),
+    ({"type": "curve", "x": "1", "y": "2"}, "the curve has no length"),
+    ({"type": "curve", "x": "sqrt(s - 0.1)", "y": "s"}, "no place or no direction at s = 0"),
+    ({"type": "curve", "x": "s", "y": "s", "closed": True}, "ends at (1, 1), 1.41 away from its start (0, 0)"),
+    ({"type": "curve", "x": "s*(1-s)", "y": "s^2*(1-s)", "closed": True}, "points -2.36 rad away from the direction"),
+    ({**RACETRACK, "pieces": RACETRACK["pieces"][:3]}, "1 away from its start"),
+    ({"type": "path", "start": [0, 0], "pieces": [{"arc": 1, "angle": 1}], "closed": True}, "closed, but")])
+def test_what_is_no_smooth_axis_is_refused_in_words(geometry: dict[str, Any], said: str) -> None:
+    with pytest.raises(CaseError) as caught:
+        helpers.build({"a": body(geometry, "cable", 8)}, bc=[{"type": "clamp", "at": "a@0"}])
+    assert said in str(caught.value)
+    assert "bodies.a.geometry" in str(caught.value)
