@@ -102,7 +102,8 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     rows = []
     for name, body in found["bodies"].items():
         rows.append(("body", f"{name}: {_many(body['elements'], 'element')} {body['element']}, "
-                             f"{body['formulation']}, {_many(body['nodes'], 'node')}"))
+                             f"{body['formulation']}, {_many(body['nodes'], 'node')}, "
+                             f"length {body['length']:.12g} {found['units']['length']}"))
     for name, columns in found["probes"].items():
         values = ", ".join(f"{q} = {v['value']:.9g}{_unit(v['units'])}" for q, v in columns.items())
         rows.append(("probe", f"{name}: {values}"))
