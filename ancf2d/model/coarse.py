@@ -28,11 +28,12 @@ def _warning(mesh: BodyMesh, e0: Array, e: Array) -> str | None:
     length = mesh.lengths
     turn = np.abs(np.angle(np.exp(1j * (_bend(mesh, e) - _bend(mesh, e0)))))
     k = int(np.argmax(turn * length))
-    slender = float(turn[k] * length[k] / plan.section.height)
+    height = float(np.broadcast_to(mesh.sections(np.array([0.5])).height, (len(length), 1))[k, 0])
+    slender = float(turn[k] * length[k] / height)
     if not slender > SAFE * plan.element.slender:
         return None
     return (f"bodies.{plan.name}: {plan.element.name} is too stiff for elements bent this far: one turns by "
-            f"{turn[k]:.2g} rad over a length of {length[k] / plan.section.height:.3g} heights (product {slender:.2g}; "
+            f"{turn[k]:.2g} rad over a length of {length[k] / height:.3g} heights (product {slender:.2g}; "
             f"up to {SAFE * plan.element.slender:g} is safe). Use more elements, or vallejo or reissner3")
 
 

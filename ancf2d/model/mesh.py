@@ -252,6 +252,16 @@ class BodyMesh:
             out[here] = p.position(p.l * ((elements[here] - self.piece_first[k])[:, None] + xi[here]))[1]
         return out
 
+    def sections(self, xi: Array) -> Section:
+        """Return the section constants at stations xi (n,) of all elements: arrays (ne, n) where they vary."""
+        if self.plan.varying is None:
+            return self.plan.section
+        found = [one.sampler.at(xi) for one in self.classes]
+        arrays: dict[str, Any] = {}
+        for f in fields(Section):
+            arrays[f.name] = np.array([np.broadcast_to(getattr(s, f.name), len(xi)) for s in found])[self.cls]
+        return Section(**arrays)
+
     @cached_property
     def shares_start(self) -> NDArray[np.bool_]:
         """Whether each element shares its first node with the last one of the element before (ne,)."""
@@ -276,8 +286,8 @@ class BodyMesh:
     @property
     def can_part(self) -> bool:
         """Whether neighbours share less than their sections, and are short enough to part where they are compressed."""
-        plan = self.plan
-        return plan.element.common_coefficients and min(p.l for p in plan.pieces) < plan.section.height
+        return self.plan.element.common_coefficients and bool(
+            np.any(self.lengths < np.transpose(self.sections(np.array([0.5])).height)))
 
     @property
     def seams(self) -> list[tuple[int, bool]]:

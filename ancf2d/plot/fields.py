@@ -43,7 +43,7 @@ ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
 class Surface:
     """One body with values: points (ne, nx, ny, 2) and values (ne, nx, ny); reference outline; arclength (ne, nx).
 
-    ``height`` is that of the section.
+    ``heights`` (ne, nx) are those of the sections.
     """
 
     name: str
@@ -51,13 +51,18 @@ class Surface:
     values: np.ndarray
     reference: Outline
     s: np.ndarray
-    height: float
+    heights: np.ndarray
+
+    @property
+    def height(self) -> float:
+        """Height of the highest section."""
+        return float(self.heights.max())
 
     def along(self, unrolled: bool) -> np.ndarray:
         """Return the points that are drawn: in the plane, or over arclength and distance from the axis."""
         if not unrolled:
             return self.points
-        y = self.height * np.linspace(-0.5, 0.5, self.points.shape[2])
+        y = self.heights[..., None] * np.linspace(-0.5, 0.5, self.points.shape[2])
         return np.stack(np.broadcast_arrays(self.s[..., None], y), axis=-1)
 
 
@@ -185,7 +190,7 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     values = np.clip(values, stored.min(), stored.max())
     lengths = body.lengths[body.classes]
     s = (np.cumsum(lengths) - lengths)[some, None] + lengths[some, None] * body.sample_xi
-    return Surface(name, points, values, outline(results, body, None, 1.0), s, body.height)
+    return Surface(name, points, values, outline(results, body, None, 1.0), s, body.heights_of(some))
 
 
 def _wanted(results: Results, wanted: str | None) -> str:

@@ -16,17 +16,18 @@ BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape func
 _beyond_numbers = np.errstate(over="ignore", invalid="ignore")
 
 
-def _interpolated(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    points = np.einsum("mask,mkc->amsc", body.sample_S[cls], x)
+def _interpolated(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    points = np.einsum("mask,mkc->amsc", body.sample_S[body.classes[part]], x)
     return points[0], points[1], points[2]
 
 
-def _offset(axis: np.ndarray, normal: np.ndarray, height: float) -> tuple[np.ndarray, ...]:
-    half = 0.5 * height if np.isfinite(height) else 0.0
+def _offset(axis: np.ndarray, normal: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, ...]:
+    half = 0.5 * heights[..., None]
     return axis - half * normal, axis, axis + half * normal
 
 
-def _tangent(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+def _tangent(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    cls = body.classes[part]
     axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
     r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
     # by its larger component first, so that no square is too large; a plain root, for ``body_rates``
@@ -35,13 +36,13 @@ def _tangent(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarr
     length = np.sqrt(r_x[..., 0]**2 + r_x[..., 1]**2)
     length[length == 0] = 1.0
     normal = np.stack([-r_x[..., 1], r_x[..., 0]], -1) / length[..., None]
-    return _offset(axis, normal, body.height)
+    return _offset(axis, normal, body.heights_of(part))
 
 
-def _theta(body: BodyRecord, cls: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    values = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
+def _theta(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    values = np.einsum("msk,mkc->msc", body.sample_S[body.classes[part], 1], x)
     axis, angle = values[..., :2], values[..., 2]
-    return _offset(axis, np.stack([-np.sin(angle), np.cos(angle)], -1), body.height)
+    return _offset(axis, np.stack([-np.sin(angle), np.cos(angle)], -1), body.heights_of(part))
 
 
 # the one place where a kind of section is added (with its name in records.SECTION_KINDS)
@@ -63,7 +64,7 @@ def body_faces(body: BodyRecord, e: np.ndarray,
     for start in range(0, len(chosen), BLOCK):
         part = chosen[start:start + BLOCK]
         x = e[body.dofs[part]].reshape(len(part), -1, body.components)
-        points = SECTIONS[body.section_kind](body, body.classes[part], x)
+        points = SECTIONS[body.section_kind](body, part, x)
         for name, values in zip(faces, points, strict=True):
             faces[name][start:start + len(part)] = values
     return faces

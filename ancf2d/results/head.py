@@ -112,8 +112,12 @@ def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequenc
         ("sample_S", "1", "shape functions at y/(h/2) = -1, 0, 1", float),
         ("sample_S_x", f"1/{length}", "dS/dx on the axis", float),
         ("arclength", "1", "S-coordinate of the element ends, 0 to 1", float),
+        ("heights", length, "height of the sections at the sample points of each element, where it varies", float),
     ):
-        data = np.asarray(getattr(body, name), kind)
+        value = getattr(body, name)
+        if value is None:
+            continue
+        data = np.asarray(value, kind)
         if kind is int and (not data.size or data.max() < 2**31):
             data = data.astype(np.int32)
         write_fixed(group, name, data, units, text, compress=True)

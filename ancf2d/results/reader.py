@@ -228,6 +228,7 @@ class Results:
                           ("lengths", 1), ("sample_xi", 1), ("sample_S", 4), ("sample_S_x", 3),
                           ("arclength", 1)):
             fields[key] = safe.numbers(group, key, ndim)
+        fields["heights"] = safe.numbers(group, "heights", 2) if "heights" in group else None
         fields["coordinate_names"] = tuple(safe.strings(group, "coordinate_names"))
         record = BodyRecord(**fields)
         record.check(self.nq)

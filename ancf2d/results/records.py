@@ -40,7 +40,8 @@ class BodyRecord:
     sample_xi (ns,) in [0, 1]; sample_S (nclass, 3, ns, nshape) at y/(h/2) = -1, 0, 1;
     sample_S_x (nclass, ns, nshape) = dS/dx on the axis [1/length]; arclength (ne + 1,) in [0, 1].
     ``section_kind`` says where the faces are: ``interpolated`` (by r at eta = -1, 1), ``tangent``
-    (h/2 along the normal of r_x) or ``theta`` (h/2 along the section's angle).
+    (h/2 along the normal of r_x) or ``theta`` (h/2 along the section's angle). ``heights`` (ne, ns) [length] are those
+    of the sections at the samples of a body whose height varies; ``height`` and ``width`` are means then.
     """
 
     name: str
@@ -59,6 +60,13 @@ class BodyRecord:
     sample_S_x: np.ndarray
     arclength: np.ndarray
     coordinate_names: tuple[str, ...] = field(default=())
+    heights: np.ndarray | None = None
+
+    def heights_of(self, elements: np.ndarray) -> np.ndarray:
+        """Return the heights (n, ns) [length] of the sections of elements (n,), 0 where they are not known."""
+        if self.heights is not None:
+            return self.heights[elements]
+        return np.full((len(elements), len(self.sample_xi)), self.height if np.isfinite(self.height) else 0.0)
 
     @property
     def components(self) -> int:
@@ -74,12 +82,14 @@ class BodyRecord:
         if self.dofs.ndim != 2 or self.nodes.ndim != 2 or self.sample_S.ndim != 4:
             raise ResultsError(f"body '{self.name}': wrong dimension of dofs, nodes or sample_S")
         (ne, nd), (nclass, _, ns, nshape) = self.dofs.shape, self.sample_S.shape
-        wanted = {
+        wanted: dict[str, tuple[int, ...]] = {
             "nodes": (ne, len(self.node_shape)), "classes": (ne,), "lengths": (nclass,),
             "sample_xi": (ns,), "sample_S": (nclass, 3, ns, nshape),
             "sample_S_x": (nclass, ns, nshape), "arclength": (ne + 1,),
             "dofs": (ne, self.components * nshape),
         }
+        if self.heights is not None:
+            wanted["heights"] = (ne, ns)
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise ResultsError(f"body '{self.name}': {name} has shape "

@@ -78,7 +78,7 @@ def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
 
     Stretch, bending and shear of a beam with this axis and these sections, sampled at two stations of each element.
     """
-    element, section = mesh.plan.element, mesh.plan.section
+    element, section = mesh.plan.element, mesh.sections(STATIONS)
     nc, zero = element.components, np.zeros(len(STATIONS))
 
     def along(q: Array, i: int, j: int, c: int) -> Array:
@@ -98,8 +98,8 @@ def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
         theta = turn
     bent = (theta[:, 1] - theta[:, 0]) / ((STATIONS[1] - STATIONS[0]) * mesh.lengths)
     weights = 0.5 * mesh.lengths[:, None]
-    terms = weights * stretch**2, mesh.lengths * bent**2, weights * (turn - theta) ** 2
-    return np.array([section.EA, section.EI, section.kGA]) * [float(term.sum()) for term in terms]
+    terms = (section.EA, stretch), (section.EI, bent[:, None]), (section.kGA, turn - theta)
+    return np.array([float((weights * k * strain**2).sum()) for k, strain in terms])
 
 
 class Classifier:

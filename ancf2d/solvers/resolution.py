@@ -55,12 +55,12 @@ class _Body:
 
     def __post_init__(self) -> None:
         x, w = gauss(STATIONS)
-        section, length = self.mesh.plan.section, self.mesh.plan.length
+        section, length, at = self.mesh.plan.section, self.mesh.plan.length, self.mesh.sections(x)
         self.forces = SectionForces(self.model, self.mesh, x)
         self.ds = self.mesh.lengths[:, None] * w
-        slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else 1.0 / section.kGA
-        bends = 1.0 / (section.EI * (1.0 + thickness_excess(self.mesh)))
-        self.compliance = np.array([1.0 / section.EA, slides, bends])
+        slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else 1.0 / at.kGA
+        bends = 1.0 / (at.EI * (1.0 + thickness_excess(self.mesh)))
+        self.compliance = np.stack(np.broadcast_arrays(1.0 / at.EA, slides, bends), axis=-1)
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
@@ -74,7 +74,7 @@ class _Body:
         if max(asked, stored) <= floor:
             return 0.0, 0.0
         # the strain that makes this energy, in the mean over the body
-        strain = math.sqrt(2.0 * stored * self.compliance[0] / self.mesh.plan.length)
+        strain = math.sqrt(2.0 * stored / (self.mesh.plan.section.EA * self.mesh.plan.length))
         linear = state.linear or self.mesh.plan.formulation.stress is None
         allowed = 0.0 if linear else LARGE_STRAIN * strain * stored
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces)
@@ -85,7 +85,7 @@ class _Body:
         A beam on the length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).
         """
         N, M = forces[..., 0], forces[..., 2]
-        pulled = np.maximum(N, 0.0) * (self.mesh.lengths[:, None] / math.pi) ** 2 * self.compliance[2]
+        pulled = np.maximum(N, 0.0) * (self.mesh.lengths[:, None] / math.pi) ** 2 * self.compliance[..., 2]
         weight = self.ds * M**2
         total = float(weight.sum())
         return float((weight / (1.0 + pulled)).sum()) / total if total > 0.0 else 1.0

@@ -9,6 +9,7 @@ import numpy as np
 from ..elements.definition import ElementType
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross
+from ..elements.section import Section
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, mass_matrix
 
@@ -26,7 +27,7 @@ class ClassMotions:
     quadrature weight included, so that the kinetic energy of the section motions is sum inertia (rows v)^2/2;
     ``field`` (nx, ny, n_shape): shape functions over the sections, ``dm`` (nx, ny): the mass that goes with them.
     ``mass`` (n_dof, n_dof) of everything. ``ends`` (2, ny, n_shape): shape functions over the first and the last
-    section, ``end_weight`` (ny,): their mass per length; ``conforming``: neighbours share these sections.
+    section, ``end_weight`` (ny,): mass per length of the last; ``conforming``: neighbours share these sections.
     """
 
     xi: Array
@@ -48,9 +49,10 @@ def class_motions(sampler: Sampler) -> ClassMotions:
     """
     if not sampler.section.rhoA:
         # shapes of buckling are told apart by volume where bodies have no density
-        uniform = replace(sampler.section, rhoA=1.0, rhoI=sampler.section.EI / sampler.section.EA)
-        sampler = replace(sampler, section=uniform)
-    element, section = sampler.shape.element, sampler.section
+        light = sampler
+        sampler = replace(light, section=_of_unit_density(light.section),
+                          profile=light.profile and (lambda xi: _of_unit_density(light.at(xi))))
+    element = sampler.shape.element
     x, wx = gauss(element.degree_x + 2)
     ny = element.degree_y + 2
     y, wy = gauss(ny) if element.degree_y else (np.array([0.5]), np.ones(1))
@@ -65,11 +67,12 @@ def class_motions(sampler: Sampler) -> ClassMotions:
         density = cross(rx, ry)
     else:
         density = j0
-    dm = section.rhoA * sampler.shape.l * (np.outer(wx, wy) * density.reshape(len(x), -1))
-    height = 0.5 * section.height * (2 * y - 1)
+    section = sampler.at(x)
+    dm = sampler.shape.l * (np.outer(wx * section.rhoA, wy) * density.reshape(len(x), -1))
+    height = 0.5 * np.multiply.outer(np.broadcast_to(section.height, len(x)), 2 * y - 1)
     S = S.reshape(len(x), len(y), -1)
     m = dm.sum(axis=1)
-    arm = height - (dm @ height / m)[:, None]
+    arm = height - ((dm * height).sum(axis=1) / m)[:, None]
     rows = np.zeros((4, len(x), element.n_dof))
     inertia = np.array([m, m, np.zeros_like(m), np.zeros_like(m)])
     mean = np.einsum("ij,ijk->ik", dm / m[:, None], S)
@@ -85,9 +88,14 @@ def class_motions(sampler: Sampler) -> ClassMotions:
     elif element.has_theta:
         inertia[2] = section.rhoI / section.rhoA * m
         rows[2, :, 2::nc] = mean
-    ends = np.array([sampler.shape(np.full(len(y), s), 2 * y - 1) for s in (0.0, 1.0)])
-    return ClassMotions(x, rows, inertia, S, dm, mass_matrix(sampler), ends, section.rhoA * wy,
+    ends = np.array([sampler.derivative(np.full(len(y), s), 2 * y - 1, 0, 0) for s in (0.0, 1.0)])
+    return ClassMotions(x, rows, inertia, S, dm, mass_matrix(sampler), ends, sampler.at(np.ones(1)).rhoA * wy,
                         _conforms(ends, element))
+
+
+def _of_unit_density(section: Section) -> Section:
+    area = section.height * section.width
+    return replace(section, rhoA=area, rhoI=area * section.EI / section.EA)
 
 
 def _conforms(ends: Array, element: ElementType) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -78,25 +79,25 @@ class StressByLaw:
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
         self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
+        # D and D0 at the stations along: (nx, 3, 3), or (3, 3) where the section does not vary
+        self.laws = [elasticity(c.sampler.at(xi)) for c in mesh.classes]
         self.tau = damping_time(model.case, mesh.plan.name)
 
     def __call__(self, state: State) -> OverBody:
         """Return the fields of a state."""
         mesh, n_q = self.mesh, self.model.n_q
         strain = np.empty((len(mesh.dofs), *self.size, 3))
-        rate = np.zeros_like(strain)
         u = element_velocities(mesh, state.d[:n_q]).reshape(len(mesh.dofs), -1, 2)
         viscous = state.v is not None and self.tau > 0.0
         v = element_velocities(mesh, state.v[:n_q]).reshape(u.shape) if viscous and state.v is not None else u
-        for k, gradient in enumerate(self.gradients):
+        stress, energy = np.empty_like(strain), np.empty(strain.shape[:-1])
+        for k, (gradient, (D, D0)) in enumerate(zip(self.gradients, self.laws, strict=True)):
             some = mesh.cls == k
             strain[some] = self._along(gradient.strain(u[some], state.linear))
+            stress[some], energy[some] = self._law(strain[some], D, D0)
             if viscous:
-                rate[some] = self._along(gradient.rate(u[some], v[some]))
-        D, D0 = elasticity(mesh.plan.section)
-        stress, energy = self._law(strain, D, D0)
-        if viscous:
-            stress = stress + self.tau * self._law(rate, D, D0)[0]
+                rate = self._along(gradient.rate(u[some], v[some]))
+                stress[some] += self.tau * self._law(rate, D, D0)[0]
         return OverBody(stress, strain, energy[..., None])
 
     def _along(self, sampled: Array) -> Array:
@@ -117,26 +118,30 @@ class StressByEquilibrium:
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
         self.forces, self.eta, self.mesh = SectionForces(model, mesh, xi), eta, mesh
+        sections = mesh.sections(xi)
+        # over elements, along and across
+        arrays: dict[str, Any] = {f.name: np.asarray(getattr(sections, f.name))[..., None] for f in fields(Section)}
+        self.section = Section(**arrays)
 
     def __call__(self, state: State) -> OverBody:
         """Return the fields of a state."""
-        section, eta = self.mesh.plan.section, self.eta
+        section, eta = self.section, self.eta
         N, Q, M = np.moveaxis(self.forces(state), -1, 0)[..., None]
         A, I, nu = section.EA / section.E, section.EI / section.E, section.nu
         parabola = is_rectangle(section)
         axial = N / A - M / I * (0.5 * section.height * eta)
-        shear = Q / A * (1.5 * (1.0 - eta**2) if parabola else np.ones_like(eta))
-        slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else (1.0 if parabola else 1.2)
+        shear = Q / A * np.where(parabola, 1.5 * (1.0 - eta**2), 1.0)
+        slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else np.where(parabola, 1.0, 1.2)
         gamma = shear * slides * A / (1.2 * section.kGA)
         stress = np.stack([axial, np.zeros_like(axial), shear], axis=-1)
         strain = np.stack([axial / section.E, -nu * axial / section.E, gamma], axis=-1)
         return OverBody(stress, strain, 0.5 * (axial**2 / section.E + shear * gamma)[..., None])
 
 
-def is_rectangle(section: Section) -> bool:
-    """Whether height and width are those of a rectangle with the section's area and second moment."""
+def is_rectangle(section: Section) -> Any:
+    """Whether height and width are those of a rectangle with the section's area and second moment, at each station."""
     area = section.height * section.width
-    return bool(np.isclose(section.EI / section.E, area * section.height**2 / 12.0, rtol=RECTANGLE))
+    return np.isclose(section.EI / section.E, area * section.height**2 / 12.0, rtol=RECTANGLE)
 
 
 def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[State], OverBody]:

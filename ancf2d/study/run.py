@@ -302,11 +302,18 @@ def body_record(mesh: Any) -> BodyRecord:
     from ..results import BodyRecord
 
     element, plan = mesh.plan.element, mesh.plan
-    S = np.array([[c.shape(SAMPLES, np.full(len(SAMPLES), eta)) for eta in (-1.0, 0.0, 1.0)] for c in mesh.classes])
-    S_x = np.array([c.shape(SAMPLES, np.zeros(len(SAMPLES)), 1, 0) for c in mesh.classes])
+    # faces that offsets from the axis make do not need shape functions of their own where the height varies
+    keys = [k if element.section_kind == "interpolated" else id(c.shape) for k, c in enumerate(mesh.classes)]
+    alike = dict(zip(keys, mesh.classes, strict=True))
+    rows = np.array([list(alike).index(key) for key in keys])
+    samplers, zero = [c.sampler for c in alike.values()], np.zeros(len(SAMPLES))
+    S = np.array([[one.derivative(SAMPLES, zero + eta, 0, 0) for eta in (-1.0, 0.0, 1.0)] for one in samplers])
+    S_x = np.array([one.derivative(SAMPLES, zero, 1, 0) for one in samplers])
+    heights = np.array([np.broadcast_to(c.sampler.at(SAMPLES).height, len(SAMPLES)) for c in mesh.classes])
     node_shape = [next(k for k, (i, name) in enumerate(element.functionals) if i == node and name == "r")
                   for node in range(len(element.nodes))]
     ends = np.append(mesh.starts, plan.length)
     return BodyRecord(plan.name, element.name, plan.formulation.name, plan.section.height, plan.section.width,
-                      element.section_kind, mesh.dofs, mesh.nodes, np.array(node_shape), mesh.cls,
-                      np.array([c.shape.l for c in mesh.classes]), SAMPLES, S, S_x, ends / plan.length)
+                      element.section_kind, mesh.dofs, mesh.nodes, np.array(node_shape), rows[mesh.cls],
+                      np.array([one.shape.l for one in samplers]), SAMPLES, S, S_x, ends / plan.length,
+                      heights=heights[mesh.cls] if np.any(heights != plan.section.height) else None)
