@@ -13,7 +13,7 @@ _EXPONENTS = {
     "Pa": (1, -2, 0), "N s/m": (1, -1, 1), "N m s/rad": (1, 1, 1),
     "kg": (1, -1, 2), "kg/m^3": (1, -4, 2), "kg m^2": (1, 1, 2), "kg/m": (1, -2, 2),
     "kg m": (1, 0, 2), "s": (0, 0, 1), "1/s": (0, 0, -1), "m/s": (0, 1, -1),
-    "m/s^2": (0, 1, -2), "Hz": (0, 0, -1), "rad/s": (0, 0, -1),
+    "K/m": (0, -1, 0), "m/s^2": (0, 1, -2), "Hz": (0, 0, -1), "rad/s": (0, 0, -1),
 }
 SI = ("m", "N", "s")
 # of what probes, reactions and goals are
@@ -39,7 +39,8 @@ def unit_label(unit: str, labels: tuple[str, str, str] = SI) -> str:
     if labels == SI or unit not in _EXPONENTS:
         return unit
     length, force, time = labels
-    above, below = "", []
+    # temperatures have one label
+    above, below = "K" if unit.startswith("K") else "", []
     for name, power in zip((force, length, time), _EXPONENTS[unit], strict=True):
         text = name if abs(power) == 1 else f"{name}^{abs(power)}"
         if power > 0:

@@ -14,9 +14,9 @@ def timoshenko(nu: float) -> float:
 class Section:
     """Section constants: height and width [m], E, k_s mu [Pa], and the stiffnesses and inertias.
 
-    EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m]; the rectangle height x width stands for the
-    section where a formulation integrates over the body. Each is a number, or, of a section that varies, an array
-    (stations,) at the stations that were asked for.
+    EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m], thermal expansion alpha [1/K]; the rectangle height x
+    width stands for the section where a formulation integrates over the body. Each is a number, or, of a section
+    that varies, an array (stations,) at the stations that were asked for.
     """
 
     height: float
@@ -29,6 +29,7 @@ class Section:
     EI: float
     rhoA: float = 0.0
     rhoI: float = 0.0
+    alpha: float = 0.0
 
     @property
     def mu_k(self) -> float:

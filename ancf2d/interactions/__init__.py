@@ -8,11 +8,13 @@ from .body_loads import Distributed, Gravity
 from .forces import FollowerForce, Force, Moment
 from .inertia import Mass
 from .joints import PinJoint, SliderJoint, WeldJoint
+from .natural import Eigenstrain, Temperature
 from .prismatic import PrismaticJoint
 from .springs import RotationalSpring, TranslationalSpring
 from .supports import Clamp, Fix, Pin, Prescribed, Roller
 
 __all__ = [
-    "Clamp", "Distributed", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin", "PinJoint",
-    "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "TranslationalSpring", "WeldJoint",
+    "Clamp", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin",
+    "PinJoint", "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "Temperature",
+    "TranslationalSpring", "WeldJoint",
 ]

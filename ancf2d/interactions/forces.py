@@ -18,6 +18,7 @@ from ..case.schema.points import POINT, Point
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
+from ..model.natural import NaturalStrain
 from ..model.point_patch import PointPatch, constants_of, position_fields, turn_fields
 from ..model.points import PointRef
 
@@ -39,6 +40,14 @@ class DeadLoad:
     gravity: bool = False
 
 
+class LoadError(ValueError):
+    """A load that a body cannot bear; ``key`` names what is wrong below the load."""
+
+    def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
+        super().__init__(message)
+        self.key, self.expected = key, expected
+
+
 class Patch(Protocol):
     """Forces that depend on the configuration, along coordinates ``dofs`` (m, n): point laws, centrifugal forces.
 
@@ -55,6 +64,7 @@ class LoadSet:
 
     dead: list[DeadLoad] = field(default_factory=list)
     patches: list[Patch] = field(default_factory=list)
+    natural: list[NaturalStrain] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

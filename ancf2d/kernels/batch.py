@@ -10,6 +10,7 @@ from .blas import multiply, multiply_transposed
 from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 from .jit import inlined, inner
 from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
+from .natural import Natural, natural_strain, no_natural
 
 
 class Law(NamedTuple):
@@ -32,11 +33,12 @@ class Law(NamedTuple):
 class Group(NamedTuple):
     """Elements of one type and formulation, as the kernels see them.
 
-    law : sampled law; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2) cosine and sine of the
-    element frame; dofs : (ne, n_dof) coordinates; plan : how they are worked on in batches.
+    law : sampled law; natural : their natural strains; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2)
+    cosine and sine of the element frame; dofs : (ne, n_dof) coordinates; plan : how they are worked on in batches.
     """
 
     law: Law
+    natural: Natural
     cls: Any
     turn: Any
     dofs: Any
@@ -50,7 +52,7 @@ def no_group() -> Group:
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
     law = Law(0, 1, 1, 1, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
     plan = Plan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
-    return Group(law, n, table, index, 2, plan)
+    return Group(law, no_natural(), n, table, index, 2, plan)
 
 
 @inner
@@ -293,6 +295,20 @@ def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
                 load_stiffness(group, p, q, lanes)
                 operate(law.address, (STRESS, work, q * at.rows, lanes))
                 combine_rows(work, factor, q * at.rows + slot.t, 1.0, sigma, sigma, law.strains, lanes)
+
+
+@inner
+def take_natural(group, part, first, count, what, slot):  # type: ignore[no-untyped-def]
+    """Take natural strains off the strains in a slot."""
+    law, natural, plan = group.law, group.natural, group.plan
+    if len(natural.amount) > 0:
+        at, _ = layout(law)
+        for i in range(law.D.shape[1]):
+            target, quadratic = row(plan.work, place_of(i, law.strains, at, slot)), natural.quadratic[i % law.strains]
+            for m in range(count):
+                q = natural.pattern[first + m] * plan.parts + part
+                for s in range(law.B.shape[2]):
+                    target[s * count + m] -= natural_strain(natural, what, q, i, s, quadratic)
 
 
 @inner

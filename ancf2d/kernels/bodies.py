@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .elements import force, force_noise, force_tangent, viscous_force
+from .elements import force, force_noise, force_tangent, natural_power, viscous_force
 from .forces import GROUP
 from .jit import addressed, inner, named
-from .mean_stress import mean_force, mean_force_tangent
+from .mean_stress import mean_force, mean_force_tangent, natural_work
 from .records import Record, at
 from .symmetric import in_band, in_fronts
 
@@ -40,18 +40,66 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def element_functions(fronts: bool, viscous: bool, mean: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, problem: Any
+                      ) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of elements that the table of a model of this type has (``kernels.calls.table``).
 
-    ``viscous``, ``mean`` : whether viscous forces, and forces of a step that keeps energy, are wanted.
+    ``viscous``, ``mean``, ``natural`` : whether viscous forces, forces of a step that keeps energy, and the power of
+    natural strains are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {calls.force: (force,), calls.noise: (force_noise,),
                                        calls.tangent: (_TANGENTS[fronts][0], problem)}
     if viscous:
         out[calls.viscous] = (viscous_force,)
+    if natural:
+        out[calls.natural_power] = (natural_power,)
+    if natural and mean:
+        out[calls.natural_work] = (natural_work,)
     if mean:
         out |= {calls.mean: (mean_force,), calls.mean_tangent: (_TANGENTS[fronts][1], problem)}
     return out
+
+
+@inner
+def set_natural(p, amps, before):  # type: ignore[no-untyped-def]
+    """Let natural strains be those of the signals ``amps``, and those of ``before`` at the start of a step."""
+    for g in range(len(p.groups)):
+        natural = group_at(p.groups[g]).natural
+        for k in range(len(natural.signal)):
+            natural.amount[k, 0] = amps[natural.signal[k], 0]
+            natural.amount[k, 1] = amps[natural.signal[k], 1]
+            natural.amount[k, 2] = before[natural.signal[k], 0]
+
+
+@inner
+def power_of_natural(p, d, v):  # type: ignore[no-untyped-def]
+    """Return the power that natural strains bring in at d with rates v."""
+    power = 0.0
+    for g in range(len(p.groups)):
+        changes = False
+        amount = group_at(p.groups[g]).natural.amount
+        for k in range(len(amount)):
+            changes |= amount[k, 1] != 0.0
+        if changes:
+            power += calls.natural_power(p.calls, (group_at(p.groups[g]), p.tau[g], d, v))
+    return power
+
+
+@inner
+def work_of_natural(p, h, d0, d1):  # type: ignore[no-untyped-def]
+    """Return the work of natural strains in a step h, and what of it their viscous stresses take."""
+    work, viscous = 0.0, 0.0
+    for g in range(len(p.groups)):
+        changes = False
+        amount = group_at(p.groups[g]).natural.amount
+        for k in range(len(amount)):
+            changes |= amount[k, 0] != amount[k, 2]
+        if changes:
+            W = calls.natural_work(p.calls, (group_at(p.groups[g]), p.tau[g] / h, d0, d1))
+            work += W
+            if p.tau[g] > 0.0:
+                viscous += W - calls.natural_work(p.calls, (group_at(p.groups[g]), 0.0, d0, d1))
+    return work, viscous
 
 
 @inner

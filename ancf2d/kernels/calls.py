@@ -77,6 +77,8 @@ force = _call(_f, GROUP, _x, _x)
 noise = _call(_nothing, GROUP, _x, _x)
 viscous = _call(_f, GROUP, _f, _x, _x, _x)
 mean = _call(_pair, GROUP, _f, _x, _x, _x)
+natural_power = _call(_f, GROUP, _f, _x, _x)
+natural_work = _call(_f, GROUP, _f, _x, _x)
 tangent = _call(_f, None, _i, _f, _x, _x, _x)
 mean_tangent = _call(_f, None, _i, _f, _x, _x, _x, _x)
 # point laws, and prismatic joints

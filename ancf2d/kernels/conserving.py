@@ -8,7 +8,7 @@ import numpy as np
 
 from . import calls
 from .amplitudes import evaluate
-from .bodies import mean_elastic, mean_elastic_tangent
+from .bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
 from .dynamics import (
     FORCES,
     TANGENTS,
@@ -88,6 +88,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0
     w.counts[TANGENTS if tangent else FORCES] += 1
+    set_natural(p, m.amps[1], m.amps[0])
     if tangent:
         mean_elastic_tangent(p, h, m.d0, w.d, w.Q, w.A)
         add_mass(p, (2.0 / h + p.alpha) / h, w.A)
@@ -191,20 +192,22 @@ def _dot(x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-def]
-    """Add the elements' forces to w.Q; return what their damping loses over the change of d (n_full,).
+    """Add the elements' forces to w.Q; return what their damping loses over the change of d (n_full,), and their work.
 
-    ``before`` is the work of w.Q over it without them.
+    ``before`` is the work of w.Q over it without them; they work where natural strains change.
     """
+    set_natural(p, m.amps[1], m.amps[0])
+    work, viscous = work_of_natural(p, h, m.d0, w.d)
     mean_elastic(p, h, m.d0, w.d, w.Q)
     damped = False
     for tau in p.tau:
         damped |= tau > 0.0
     if not damped:
-        return 0.0
+        return 0.0, work
     w.other[:] = 0.0
     # of an endless step: rates of nothing
     mean_elastic(p, np.inf, m.d0, w.d, w.other)
-    return _dot(w.Q, change) - before - _dot(w.other, change)
+    return _dot(w.Q, change) - before - _dot(w.other, change) + viscous, work
 
 
 @inner
@@ -247,7 +250,8 @@ def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     to_full(p, m.dz, m.amps[2], 0, change)
     of_patches = _dot(w.Q, change)
     work = lost - of_patches
-    lost += _lost_in_elements(m, p, w, h, change, of_patches)
+    damped, of_natural = _lost_in_elements(m, p, w, h, change, of_patches)
+    lost, work = lost + damped, work + of_natural
     for k in range(len(p.load_coord)):
         if p.load_varies[k]:
             work += p.load_value[k] * w.amps[p.load_signal[k], 0] * change[p.load_coord[k]]

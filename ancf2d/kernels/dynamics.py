@@ -8,7 +8,7 @@ import numpy as np
 
 from . import calls
 from .arrays import rank, ranked
-from .bodies import elastic, elastic_noise, elastic_tangent, viscous
+from .bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
 from .jit import addressed, inner, kernel
 from .lanes import array_at
 from .patches import add_patch_tangent, patch_forces, patch_noise, violation
@@ -180,6 +180,7 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.counts[FORCES] += 1
+    set_natural(p, w.amps, w.amps)
     energy = elastic(p, w.d, w.Q)
     power = viscous(p, w.d, w.v, w.Q)
     more, lost = patch_forces(p, w.d, w.v, w.amps, w.Q)
@@ -198,6 +199,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     w.Q[:] = 0.0
     w.A[:] = 0.0
     w.counts[TANGENTS] += 1
+    set_natural(p, w.amps, w.amps)
     energy = elastic_tangent(p, c, w.d, w.Q, w.A)
     viscous(p, w.d, w.v, w.Q)
     add_patch_tangent(p, w.d, w.v, w.amps, c, w.Q, w.A)
@@ -259,6 +261,7 @@ def norm(p, x):  # type: ignore[no-untyped-def]
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0
+    set_natural(p, w.amps, w.amps)
     elastic_noise(p, w.d, w.other)
     patch_noise(p, w.d, w.other)
     for m in range(len(p.load_coord)):
@@ -301,11 +304,11 @@ def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
 
 @inner
 def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Return the power of loads that vary or turn and of prescribed motion, less what springs take up.
+    """Return the power of loads that vary or turn, of natural strains and of prescribed motion, less what springs take.
 
     After ``forces`` at the same state. What dampers take is not taken off.
     """
-    total = 0.0
+    total = power_of_natural(p, w.d, w.v)
     for m in range(len(p.load_coord)):
         if p.load_varies[m]:
             c = p.load_coord[m]

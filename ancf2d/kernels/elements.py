@@ -1,6 +1,6 @@
 """Element kernels, generic in the element type and the formulation.
 
-With u = B d (fields in the element's own frame), eps = eps(u), sigma = D eps:
+With u = B d (fields in the element's own frame), eps = eps(u) - eps*, sigma = D eps (eps* are the natural strains):
 U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J = d eps/du.
 """
 
@@ -17,12 +17,14 @@ from .batch import (
     points_of,
     sizes,
     spread,
+    take_natural,
     turned,
 )
-from .forces import ACTION, FORCE, RATE, STRAINS, TANGENT, call_batch, results
+from .forces import ACTION, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
 from .jit import inner, kernel, shared
 from .lanes import array_at, row, vectors_of
 from .matrix import scatter_packed
+from .natural import NOW
 from .records import whole
 from .stack_arrays import vector
 
@@ -55,15 +57,41 @@ def force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # t
 
 @kernel
 def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
-    """Add the Kelvin-Voigt forces B^T J^T D tau J B v of all elements to Q, which rigid motion has none of.
+    """Add the Kelvin-Voigt forces B^T J^T D tau (J B v - eps*') of all elements to Q, which rigid motion has none of.
 
-    Returns the power that they take out, eps'^T D tau eps'.
+    Returns the power that they take out, of strain rates beyond those of natural strains.
     """
     power, first, last = 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
         power += call_batch(group.plan.forces, (RATE, group, d, v, first, count, 0, tau))[0]
         add_forces(group, results(group, count)[0], first, count, Q)
+        first += count
+    return power
+
+
+@shared
+def natural_slope(group, d, Q):  # type: ignore[no-untyped-def]
+    """Add -B^T J^T D eps*' of all elements to Q: how their forces follow the rates of natural strains.
+
+    Returns eps*'^T D eps*'/2, what they would store if nothing moved.
+    """
+    energy, first, last = 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        energy += call_batch(group.plan.forces, (SLOPE, group, d, d, first, count, 0, 0.0))[0]
+        add_forces(group, results(group, count)[0], first, count, Q)
+        first += count
+    return energy
+
+
+@kernel
+def natural_power(group, tau, d, v):  # type: ignore[no-untyped-def]
+    """Return the power -sigma . eps*' that natural strains bring in at rates v, Kelvin-Voigt stress included."""
+    power, first, last = 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        power += call_batch(group.plan.forces, (POWER, group, d, v, first, count, 0, tau))[0]
         first += count
     return power
 
@@ -132,7 +160,7 @@ def force_noise(record, d, out):  # type: ignore[no-untyped-def]
                     de[a, m] = abs(d[group.dofs[first + m, a]])
             spread(group, B, count, slot.u0)
             _turn_sizes(group, slot.u0, lanes)
-            _pull_sizes(group, lanes)
+            _pull_sizes(group, part, first, count, lanes)
             _turn_sizes(group, slot.g, lanes)
             gather(group, B, part, count)
         add_forces(record, results(record, count)[0], first, count, out)
@@ -154,14 +182,20 @@ def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _pull_sizes(group, lanes):  # type: ignore[no-untyped-def]
-    """Set g to |J|^T |D| |J| u0."""
+def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-def]
+    """Set g to |J|^T |D| (|J| u0 + |eps*|)."""
     work, NU, NS, points = group.plan.work, group.law.fields, group.law.strains, points_of(group.law)
     at, slot = layout(group.law)
     for p in range(points):
         clear_rows(work, p * at.rows + slot.eps0, NS, lanes)
         clear_rows(work, p * at.rows + slot.t, NS, lanes)
         clear_rows(work, p * at.rows + slot.g, NU, lanes)
+    take_natural(group, part, first, count, NOW, slot.eps0)
+    for p in range(points):
+        for k in range(NS):
+            size = row(work, p * at.rows + slot.eps0 + k)
+            for l in range(lanes):
+                size[l] = abs(size[l])
         for k in range(NS * NU):
             _add_size(work, p * at.rows + slot.J + k, p * at.rows + slot.u0 + k % NU,
                       p * at.rows + slot.eps0 + k // NU, lanes)

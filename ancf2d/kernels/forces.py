@@ -24,48 +24,63 @@ from .batch import (
     matrices,
     no_group,
     product,
+    take_natural,
     to_lanes,
 )
 from .compiled_laws import MEAN, PULL, PUSH, STRAIN
 from .jit import addressed, inner
 from .lanes import Slots, array_at, vectors_of
+from .natural import BEFORE, CHANGE, NOW, RATES
 from .pointers import address_of, caller
 from .records import type_of, whole
 from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
-# way of strains; forces (and tangents) of a step from d to e
-STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT = range(7)
+# way of strains; forces (and tangents) of a step from d to e; forces by the rates of natural strains; power of these at
+# rates e, and their work in a step from d to e
+STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK = range(10)
 # steps, and what they are given
-LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS = range(10)
+LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND = range(11)
 # numbers that steps multiply by: the last two are the program's own factor, and that and a half
 ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
 _D, _E = range(2)
 _U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
 
-_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (STRESS, ZERO, ONE)]
+_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS), (STRESS, ZERO, ONE)]
+_NONE = (COMBINE, ZERO, _EPS, ZERO, _EPS, _EPS)
 _ELASTIC = [*_STRESSES, (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
-# Q = B^T J^T D tau J B v
+# Q = B^T J^T D tau (J B v - eps*')
 _VISCOUS = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
-            (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
+            (BEYOND, RATES, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 _ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
            (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
 # Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment by J keeps digits that
 # the difference of the strains has lost. The strain in the middle waits where forces come later.
-_STEP = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
-         (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (STRESS, ZERO, ONE), (PRODUCT, HALF, _EPS, _SIGMA, 0),
-         (COMBINE, HALF, _EPS, HALF, _EPS0, _G), (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH),
-         (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 1),
+_MIDDLE = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
+           (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (BEYOND, NOW, _EPS), (BEYOND, BEFORE, _EPS0),
+           (STRESS, ZERO, ONE), (PRODUCT, HALF, _EPS, _SIGMA, 0), (COMBINE, HALF, _EPS, HALF, _EPS0, _G),
+           (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH), (BEYOND, CHANGE, _EPS0)]
+_STEP = [*_MIDDLE, (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 1),
          (COMBINE, ONE, _G, ZERO, _G, _EPS), (STRESS, ONE, ONE), (LAW, PULL), (FORCES,)]
+# Q = -B^T J^T D eps*', and eps*'^T D eps*'/2
+_SLOPE = [(LANES, _D, _U), (LAW, STRAIN), _NONE, (BEYOND, RATES, _EPS), (STRESS, ZERO, ONE),
+          (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
+# -sigma . eps*', and the same of a step, second of two
+_POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (BEYOND, NOW, _EPS), (BEYOND, RATES, _EPS0),
+          (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, RATES, _EPS),
+          (PRODUCT, ONE, _EPS, _SIGMA, 0)]
+_WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, CHANGE, _EPS),
+         (PRODUCT, ONE, _EPS, _SIGMA, 1)]
 # K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the
 # strain of the mid-configuration itself is no guide, as a turn by w shortens what lies between two states by w^2/8.
 # The derivative itself has the derivative of the strain at d1 for the second J.
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: _ELASTIC, TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
-             RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT}
-_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(7) for step in _PROGRAMS[k]])
-_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(7)])
+             RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
+             WORK: _WORK}
+_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(10) for step in _PROGRAMS[k]])
+_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(10)])
 
 
 @addressed
@@ -73,7 +88,8 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
     """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
 
     STRAINS leaves strains and stresses of one part of the stations in the work buffer; all else goes through all parts.
-    Returns (strain energy at d, of a step at e, or power lost for RATE; energy dissipated by a step).
+    Returns (strain energy at d, of a step at e, of natural strains alone for SLOPE, power lost for RATE, or power of
+    natural strains; energy dissipated by a step, or work of natural strains).
     """
     group = whole(record)
     law = group.law
@@ -90,6 +106,8 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
                 to_lanes(group, q, first, count, e if a == _E else d, slot[b])
             elif step == LAW:
                 each_point(group, a, full)
+            elif step == BEYOND:
+                take_natural(group, k, first, count, a, slot[b])
             elif step == STRESS:
                 add_stresses(group, factors[a], factors[b], full)
             elif step == COMBINE:

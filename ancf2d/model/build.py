@@ -22,7 +22,7 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
-from ..interactions.forces import LoadContext, LoadSet
+from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.springs import Spring
@@ -157,12 +157,15 @@ class _Builder:
             self.springs.append(spring.place(ends))
 
     def add_loads(self) -> None:
-        for load in self.case.loads:
+        for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), self.case.masses)
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
-            load.add(context, out)
+            try:
+                load.add(context, out)
+            except LoadError as error:
+                self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.masses]
             self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
@@ -256,6 +259,8 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     if b.problems:
         raise CaseError(b.problems)
     b.add_loads()
+    if b.problems:
+        raise CaseError(b.problems)
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
     moving = isinstance(b.case.solver, Dynamic)

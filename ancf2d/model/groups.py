@@ -10,10 +10,12 @@ from ..kernels.blas import dgemm_address
 from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
+from ..kernels.natural import Natural, no_natural
 from ..kernels.records import Record
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .mesh import Index
+from .natural import NaturalStrain
 from .translations import first_and_others, following, made
 
 # products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond
@@ -24,8 +26,11 @@ WHOLE = 2000
 ALONE = 200_000
 
 
-def make_group(pool: Pool) -> Record:
-    """Return the kernel group (``Group``) of bodies alike, their elements one body after another."""
+def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
+    """Return the kernel group (``Group``) of bodies alike, their elements one body after another.
+
+    ``natural`` are the loads that strain bodies which are free; those of other bodies count nowhere.
+    """
     plan = pool.plan
     samples = [plan.formulation.sample(c.sampler, plan.rule) for c in pool.classes]
     B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
@@ -38,7 +43,8 @@ def make_group(pool: Pool) -> Record:
     law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    return Record(Group(law, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
+    strains = _natural(pool, natural, parts)
+    return Record(Group(law, strains, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
                         np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
 
 
@@ -116,3 +122,38 @@ def _vectors(law: Law, nc: int) -> Index:
             found.append((i, same[0]))
             left -= {i, same[0]}
     return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _natural(pool: Pool, loads: list[NaturalStrain], parts: int) -> Natural:
+    """Return the natural strains of the elements of a pool, whose stations come in parts."""
+    own = [load for load in loads if any(load.mesh is mesh for mesh in pool.meshes)]
+    if not own:
+        return no_natural()
+    first = {id(mesh): at for mesh, at in zip(pool.meshes, pool.first.tolist(), strict=True)}
+    codes = np.zeros((len(pool.cls), 1 + len(own)), dtype=np.int64)
+    codes[:, 0] = pool.cls
+    for k, load in enumerate(own):
+        at = first[id(load.mesh)]
+        codes[at:at + len(load.mesh.dofs), 1 + k] = load.places()
+    found, example, pattern = np.unique(codes, axis=0, return_index=True, return_inverse=True)
+    amount, signal = np.zeros((len(own), 3)), np.zeros(len(own), dtype=np.int64)
+    stretch = []
+    for k, load in enumerate(own):
+        load.amount, load.signal = amount[k], signal[k:k + 1]
+        rows = [_sampled(pool, load, int(c[0]), int(e) - first[id(load.mesh)], bool(c[1 + k]))
+                for c, e in zip(found, example, strict=True)]
+        stretch.append(_in_parts(np.stack(rows), parts, 2))
+    law = pool.plan.formulation.law
+    quadratic = np.zeros(law.strains)
+    quadratic[list(law.quadratic)] = 1.0
+    return Natural(np.ascontiguousarray(np.stack(stretch)), quadratic,
+                   np.ascontiguousarray(pattern.ravel(), dtype=np.int64), amount, signal)
+
+
+def _sampled(pool: Pool, load: NaturalStrain, cls: int, element: int, strained: bool) -> Array:
+    """Return the natural strains (stations, strains of all points) of an element of a class."""
+    natural, rule = pool.plan.formulation.natural, pool.plan.rule
+    # a formulation without one has been refused
+    assert natural is not None
+    return natural(pool.classes[cls].sampler, rule,
+                   lambda xi: load.along(element, xi) if strained else np.zeros((4, len(xi))))

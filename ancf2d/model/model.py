@@ -143,7 +143,8 @@ class Model:
         """The element groups as the kernels take them (imports numba)."""
         from .groups import make_group
 
-        return [make_group(pool) for pool in self.pools]
+        natural = [*self.loads.natural, *(load for one in self.inputs.values() for load in one.natural)]
+        return [make_group(pool, natural) for pool in self.pools]
 
     @cached_property
     def pools(self) -> list[Pool]:
@@ -214,6 +215,15 @@ class Model:
         for load in self.loads.dead:
             _add_load(out, load, load.amplitude(t))
         return out
+
+    def set_natural(self, t: float | None, rates: dict[int, float] | None = None) -> None:
+        """Let the natural strains of the elements be those at load factor or time t; None lets there be none.
+
+        ``rates`` are those of the loads by their number among ``loads.natural``; all others are 0.
+        """
+        for k, load in enumerate(self.loads.natural):
+            load.amount[:] = 0.0 if t is None else load.amplitude(t)
+            load.amount[1] = rates.get(k, 0.0) if rates else 0.0
 
     def gravity_potential(self, d: Array, t: float) -> float:
         """Return the potential of gravity, measured from the reference."""

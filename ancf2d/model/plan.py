@@ -200,6 +200,9 @@ def acting_points(case: Case) -> dict[str, list[float]]:
     for load in case.loads:
         if load.line is not None:
             found[load.line.body].update(load_breaks(load.line))
+        if load.places is not None:
+            on, places = load.places
+            found[on].update(places)
     for name, body in case.bodies.items():
         found[name].update(knots(body.geometry))
     return {name: sorted(places) for name, places in found.items()}

@@ -78,7 +78,8 @@ def _check_range(section: Section) -> None:
 
 def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
     if isinstance(body.section, Stiffness):
-        return _from_stiffness(body.section, element, formulation)
+        alpha = (body.material.alpha if body.material else None) or 0.0
+        return _from_stiffness(body.section, element, formulation, alpha)
     material = body.material
     # a case without them is refused
     assert material is not None
@@ -97,10 +98,11 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
             h, b = given.height, A / given.height
     rho = 0.0 if material.rho is None else material.rho
     G = E / (2.0 * (1.0 + nu))
-    return Section(h, b, E, nu, k_s, EA=E * A, kGA=k_s * G * A, EI=E * I, rhoA=rho * A, rhoI=rho * I)
+    return Section(h, b, E, nu, k_s, EA=E * A, kGA=k_s * G * A, EI=E * I, rhoA=rho * A, rhoI=rho * I,
+                   alpha=material.alpha or 0.0)
 
 
-def _from_stiffness(s: Any, element: ElementType, formulation: Formulation) -> Section:
+def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alpha: float) -> Section:
     if element.section_kind != "tangent" and s.kGA is None:
         raise SectionError(("section",), f"{element.name} shears: section needs kGA")
     h = np.sqrt(12.0 * s.EI / s.EA)
@@ -122,7 +124,7 @@ def _from_stiffness(s: Any, element: ElementType, formulation: Formulation) -> S
                 f"rectangle with nu = 0: section.kGA is {beyond[0]:g}",
                 f"0 < kGA <= GA = EA/2 = {beyond[1]:g}, formulation structural, or reissner2, reissner3")
     k_s = kGA / (0.5 * s.EA)
-    return Section(h, h, E, 0.0, k_s, EA=s.EA, kGA=kGA, EI=s.EI, rhoA=rhoA, rhoI=rhoI)
+    return Section(h, h, E, 0.0, k_s, EA=s.EA, kGA=kGA, EI=s.EI, rhoA=rhoA, rhoI=rhoI, alpha=alpha)
 
 
 def _inertias(s: Any) -> tuple[Any, Any]:

@@ -302,10 +302,13 @@ def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warn
     # forces of loads that turn, which the factor scales too
     for t, sign in ((1.0, 1.0), (0.0, -1.0)):
         pencil.system.add_loads(Q, base, t, sign)
+    natural = np.zeros_like(Q)
+    stored = pencil.system.add_natural(natural, base, 0.0, 1.0) + float(natural @ u)
+    Q += natural
     F = model.external(1.0)
     shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
     history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
-    energy = pencil.balance.energy + 0.5 * float(elastic @ u)
+    energy = pencil.balance.energy + 0.5 * float(elastic @ u) + stored
     return State(1.0, d, Q, F, energy, linear=True, last=True, history=history,
                  warnings=warnings, report={"load_factors": [float(f) for f in factors],
                                             "critical": [{"factor": float(f), "kind": "divergence", "omega": 0.0}

@@ -16,6 +16,7 @@ import numpy as np
 from ..case import Probe
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..kernels.elements import natural_slope
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.rotation import Rotation
@@ -192,6 +193,7 @@ class Curve:
         self.motion = self.model.displacements(zero, 1.0) - self.model.displacements(zero, 0.0)
         # amplitudes that scale are the load factor itself, so that this difference is the derivative
         self.dead = self.model.external(1.0) - self.model.external(0.0)
+        self.natural = {k: load.amplitude(1.0) - load.amplitude(0.0) for k, load in enumerate(self.model.loads.natural)}
 
     def load_rate(self, d: Array, t: float) -> Array:
         """Return dR/dt at fixed unknowns (n_unknowns,): loads that scale, and motion that scales."""
@@ -205,6 +207,10 @@ class Curve:
         for side in (1.0, -1.0):
             for _, Q, _, dofs in model.interactions.constraints(d, t + side * SMALL):
                 np.add.at(out, dofs, side * Q / (2 * SMALL))
+        if model.loads.natural:
+            model.set_natural(t, self.natural)
+            for group in model.groups:
+                natural_slope(group, d, out)
         if model.moves:
             out += self.system.action(d, self.motion, t)
         return model.numbering.reduce(out)

@@ -78,6 +78,7 @@ class Energies:
         from ..kernels.elements import force
 
         Q = np.zeros(len(d))
+        self.model.set_natural(t)
         energy = sum(float(force(group, d, Q)) for group in self.model.groups)
         return energy + self.model.interactions.energy(d, t)
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.forces import LoadSet
+from ..kernels.elements import natural_slope
 from ..model.interactions import Interactions
 from ..model.mesh import Index
 from ..model.point_patch import PointConstraint
@@ -119,6 +120,16 @@ def load_forces(small: Linearised, loads: LoadSet) -> Array:
     e = model.e0 + d[:model.n_q]
     for batch in Interactions([], loads.patches, [], model.e0).loads:
         np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
+    if loads.natural:
+        model.set_natural(small.base.state.t if small.base.loaded else None)
+        natural = np.zeros(len(d))
+        for strain in loads.natural:
+            strain.amount[1] = strain.amplitude(1.0)
+        for group in model.groups:
+            natural_slope(group, d, natural)
+        for strain in loads.natural:
+            strain.amount[1] = 0.0
+        out -= natural
     return out
 
 

@@ -205,6 +205,7 @@ class RateForces:
     def viscous_forces(self, d: Array, v: Array) -> Array:
         """Return the Kelvin-Voigt forces (n_full,) that rates v (n_full,) cause at d, Rayleigh's beta included."""
         out = np.zeros(len(v))
+        self.model.set_natural(None)
         for tau, group in self.viscous:
             viscous_force(group, tau, d, v, out)
         return out

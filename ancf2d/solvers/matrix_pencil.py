@@ -87,6 +87,7 @@ class Pencil:
     def full_stiffness(self, v: Array) -> Array:
         """Return K v in full coordinates, by way of the strains."""
         out = np.zeros(len(v))
+        self.model.set_natural(self.t if self.loads else None)
         for group in self.model.groups:
             tangent_action(group, self.d, v, out)
         for _, _, K, dofs in self.system.patches(self.d, self.t, elastic=not self.loads):

@@ -144,7 +144,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
-            **element_functions(fronts, viscous, method.conserves, layout),
+            **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), layout),
             **patch_functions(fronts, acts, slides, method.conserves, layout),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
 
@@ -172,6 +172,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
     pairs, turns = _pairs(model)
     tau = np.array([pool.tau for pool in model.pools])
+    for load in model.loads.natural:
+        load.signal[0] = signals.row(load.amplitude)
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "tau": tau,
@@ -208,5 +210,6 @@ def tracks(model: Model, p: Record) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
     dampers = any(spring.damped for spring in model.springs)
     fed = bool((p.points.fed >= 0).any())
-    return bool(p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
+    natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
+    return bool(natural or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
                 or model.loads.patches)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..case import Buckling, Dynamic, Eigen
 from ..elements.shape import Array, gauss
-from ..kernels.elements import viscous_force
+from ..kernels.elements import natural_power, viscous_force
 from ..model.locking import thickness_excess
 from ..model.mesh import BodyMesh
 from ..model.model import Model
@@ -97,7 +97,8 @@ class _Body:
         if state.linear or state.v is None or not tau:
             return energy
         d, v = (x[:n_q][mesh.dofs].ravel() for x in (state.d, state.v))
-        return energy + tau * float(Q.ravel() @ v) + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d))
+        power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
+        return energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d))
 
 
 def _bodies(model: Model) -> dict[str, _Body]:

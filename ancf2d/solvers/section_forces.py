@@ -12,13 +12,15 @@ from ..elements.shape import Array, gauss
 from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
 from ..kernels.elements import force as elastic_force
-from ..kernels.elements import tangent_action, viscous_force
+from ..kernels.elements import natural_slope, tangent_action, viscous_force
+from ..kernels.natural import of_some
 from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.profiles import load_breaks
+from ..model.signals import rates_of
 from .inside import Inside, acting_inside, is_inside
 from .mass import inertia_rates
 from .state import State
@@ -45,15 +47,28 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> t
     group, dofs = model.groups[pool], mesh.dofs[chosen]
     some = first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
-    alone = Record(group.values._replace(cls=group.cls[some], turn=turn,
+    alone = Record(group.values._replace(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
                                          dofs=np.arange(dofs.size).reshape(dofs.shape)))
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:
-        tangent_action(alone, np.zeros_like(d), d, Q)
-        energy = 0.5 * float(Q @ d)
+        zero, natural = np.zeros_like(d), np.zeros_like(d)
+        model.set_natural(None, natural_rates(model, state))
+        energy = natural_slope(alone, zero, natural) if model.loads.natural else 0.0
+        model.set_natural(None)
+        tangent_action(alone, zero, d, Q)
+        energy += 0.5 * float(Q @ d) + float(natural @ d)
+        Q += natural
     else:
+        model.set_natural(state.side, None if state.v is None else natural_rates(model, state, 1))
         energy = elastic_force(alone, d, Q)
     return Q.reshape(dofs.shape), energy, alone
+
+
+def natural_rates(model: Model, state: State, order: int = 0) -> dict[int, float]:
+    """Return the amplitudes of natural strains in a state by the number of their load, or their rates over time."""
+    rates = [rates_of(load.amplitude, state.side)[0] if order else load.amplitude(state.side)
+             for load in model.loads.natural]
+    return dict(enumerate(rates))
 
 
 class SectionForces:

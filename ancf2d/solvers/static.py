@@ -85,6 +85,8 @@ def solve_linear(model: Model) -> Iterator[State]:
     d = model.displacements(z, 1.0)
     elastic = system.action(zero, d, 1.0, linear=True)
     energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
+    natural = np.zeros_like(d)
+    energy += system.add_natural(natural, zero, None, 1.0) + float(natural @ d)
     history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
     warnings = [] if known <= POOR else [

@@ -53,7 +53,7 @@ def equilibrium_at(system: System, t: float, d: Array, turned: Array, linear: bo
     def forces() -> tuple[Array, Array]:
         if not linear:
             at[n_q:] = d[n_q:]
-        balance = system.forces(at, t)
+        balance = system.forces(at, t, linear=linear)
         Q = balance.Q + system.action(at, d, t, linear=True) if linear else balance.Q.copy()
         return Q, np.array(balance.F)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import SingularTangentError
-from ..kernels.elements import force, force_noise, force_tangent, tangent_action
+from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
@@ -113,6 +113,7 @@ class System:
         self.evaluations += 1
         self.matrix.clear()
         Q, R = self._no_forces(out)
+        self.model.set_natural(t if load_stiffness else None)
         energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, *self.tables))
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
@@ -121,6 +122,7 @@ class System:
                             *self.tables)
         if not load_stiffness:
             self.add_loads(Q, d, t)
+            energy += self.add_natural(Q, d, None, t)
         return self._balance(Q, R, t, energy)
 
     def _balance(self, Q: Array, room: Array | None, t: float, energy: float) -> Balance:
@@ -134,6 +136,7 @@ class System:
         """Return what round-off alone can leave of the residual at d (n_unknowns,), until it is asked for again."""
         n, out = self.model.numbering, self._sizes
         np.abs(self._dead_loads(t), out=out)
+        self.model.set_natural(t)
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
@@ -163,6 +166,7 @@ class System:
             coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
             motions[coords] = rigid_motion(mesh, coords, self.model.e0, np.asarray(mesh.plan.position(0.5)[0]))
         out, zero = np.zeros((3, self.model.numbering.n_unknowns)), np.zeros(len(self.model.numbering.place))
+        self.model.set_natural(None)
         for k in range(3):
             moved, forces = zero.copy(), zero.copy()
             # no power of two, whose products would be exact
@@ -177,13 +181,31 @@ class System:
         for load in self.model.interactions.loads if self.model.loads.patches else ():
             np.add.at(Q, load.dofs, sign * load.evaluate(e, d, t)[1])
 
-    def forces(self, d: Array, t: float, out: Balance | None = None) -> Balance:
-        """Return the forces at d without a tangent, in arrays of ``out`` if given."""
+    def add_natural(self, Q: Array, d: Array, at: float | None, to: float) -> float:
+        """Add to Q (n_full,) what linear theory about d and the natural strains at a factor makes of those at another.
+
+        None stands for no natural strains. Returns the energy that they would store if nothing moved.
+        """
+        model = self.model
+        if not model.loads.natural:
+            return 0.0
+        model.set_natural(at, {k: load.amplitude(to) - (0.0 if at is None else load.amplitude(at))
+                               for k, load in enumerate(model.loads.natural)})
+        return sum(natural_slope(group, d, Q) for group in model.groups)
+
+    def forces(self, d: Array, t: float, out: Balance | None = None, linear: bool = False) -> Balance:
+        """Return the forces at d without a tangent, in arrays of ``out`` if given.
+
+        ``linear``: constraints and natural strains are those of linear theory about the reference.
+        """
         Q, R = self._no_forces(out)
+        self.model.set_natural(None if linear else t)
         energy = self.crew.total(lambda g: force(g, d, Q))
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)
+        if linear:
+            energy += self.add_natural(Q, d, None, t)
         return self._balance(Q, R, t, energy)
 
     def action(self, d: Array, v: Array, t: float, linear: bool = False, loads: bool = False) -> Array:
@@ -192,6 +214,7 @@ class System:
         ``linear`` is that of ``patches``.
         """
         out = np.zeros(len(d))
+        self.model.set_natural(None if linear else t)
         self._act(d, v, out)
         for _, _, K, dofs in self.patches(d, t, not loads, linear):
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
+from ..kernels.natural import of_some
 from ..kernels.records import Record
 from ..model.model import Model, Numbering
 from ..processors import threads
@@ -61,8 +62,9 @@ def _some(group: Any, which: Any) -> Any:
     plan = group.values.plan
     plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
-    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn,
-                                        dofs=np.ascontiguousarray(group.dofs[which]), plan=plan))
+    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
+                                        natural=of_some(group.values.natural, which),
+                                        dofs=np.ascontiguousarray(group.dofs[which])))
 
 
 def _apart(parts: list[Array], num: Numbering) -> bool:

@@ -193,7 +193,7 @@ def _touch(model: Model, new: bool) -> None:
 def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     """Return the calls, on empty work, of what goes through elements and patches."""
     from ..kernels.batch import no_group
-    from ..kernels.elements import force, force_noise, force_tangent, tangent_action
+    from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
     from ..kernels.matrix import scatter_patches
     from ..kernels.records import Record
 
@@ -206,6 +206,8 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
             out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
         if model.moves or isinstance(model.case.solver, LinearStatic | SmallMotions | Buckling):
             out.append(partial(tangent_action, none, d, d, d))
+        if model.loads.natural:
+            out.append(partial(natural_slope, none, d, d))
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))

@@ -66,6 +66,8 @@ class Material:
                                       "gravity and steady_rotation",
                             default=None,
                             example=7850)
+    alpha: float | None = key(Number("1/K"), "Thermal expansion, alike in all directions; needed for load temperature",
+                              default=None, example=1.2e-5)
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
 
 

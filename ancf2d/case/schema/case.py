@@ -152,8 +152,9 @@ class Case:
 R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, unless they say otherwise
 DECLARED: dict[str, dict[str, Any]] = {
-    # the acceleration of all that has mass, and the force per length of a body, both times the amplitude
-    "loads": {"acceleration": None, "line": None},
+    # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
+    # the places S of it at which nodes are wanted
+    "loads": {"acceleration": None, "line": None, "places": None},
     # whether rates cause forces
     "springs": {"damped": False},
     # the body along which a point slides

@@ -32,6 +32,7 @@ class PointLaw:
     ``strain`` fills with those of the discrete Jacobian between two states whose strains are given: J (u1 - u0) =
     eps1 - eps0, and turning the mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the
     position gradients). None where no such form is known: then no time step keeps energy and angular momentum at once.
+    ``quadratic`` are the strains that a stretch by 1 + L makes L + L^2/2, such as those of Green and Lagrange.
     """
 
     fields: int
@@ -40,6 +41,7 @@ class PointLaw:
     strain: Callable[..., Any]
     geometric: Callable[..., Any]
     mean: Callable[..., Any] | None = None
+    quadratic: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,21 @@ class Sampler:
         return out
 
 
+# what would strain an element if it were free: from stations xi (n,) in [0, 1] to (4, n) axial strain and curvature
+# [1/m], temperature [K] at the axis and its gradient [K/m] across
+Free = Callable[[Array], Array]
+
+
+def of_section(sampler: Sampler, free: Free, xi: Array) -> tuple[Array, Array, Array]:
+    """Return axial strain, curvature and strain across (n,) that sections at xi would have if they were free.
+
+    A body that grows alike in all directions keeps its angles, and so the curvature per length of its reference.
+    """
+    axial, curvature, value, gradient = free(xi)
+    alpha = sampler.at(xi).alpha
+    return axial + alpha * value, curvature - alpha * gradient, alpha * value
+
+
 # from strains (..., 3) at points and on the axis below them, and D and D0 of ``green.elasticity``: stress (..., 3) and
 # energy density (...)
 StressLaw = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
@@ -114,7 +131,9 @@ class Formulation:
     reference values and strains of a station are those of its points, one after another.
     ``selective`` tells whether shear may have a rule of its own, ``lobatto`` whether the default rule is such a one.
     ``stress`` gives stress and energy density where a formulation has them at every point; without one, stress is
-    recovered from the section forces.
+    recovered from the section forces. ``natural(sampler, rule, free)`` returns the strains (stations, strains), in the
+    order of ``sample``, that an element would have if it were free, linear in what strains it; without one, nothing but
+    displacements can strain a body of this formulation.
     """
 
     name: str
@@ -128,6 +147,7 @@ class Formulation:
     selective: bool = True
     lobatto: bool = False
     stress: StressLaw | None = None
+    natural: Callable[[Sampler, Rule, Free], Array] | None = None
 
 
 def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join
+from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -150,6 +150,26 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     return join(_stations(sampler, lobatto(n), (1.0, 0.0)), _stations(sampler, gauss(n), (0.0, 1.0)))
 
 
+def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return axial strain and curvature dtheta/ds."""
+    n = rule.normal[0]
+    parts = []
+    for xi, _ in (lobatto(n), gauss(n)) if rule.lobatto else (gauss(n),):
+        axial, curvature, _ = of_section(sampler, free, xi)
+        parts.append(np.stack([axial, curvature], axis=1))
+    return np.concatenate(parts)
+
+
+def green_natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return the stretch, and the spatial curvature to first order: that of the reference falls as it stretches."""
+    n = rule.normal[0]
+    xi = np.concatenate([lobatto(n)[0], gauss(n)[0]]) if rule.lobatto else gauss(n)[0]
+    rx, rxx = (sampler.derivative(xi, np.zeros_like(xi), k, 0) @ sampler.e0 for k in (1, 2))
+    out = natural(sampler, rule, free)
+    out[:, 1] -= cross(rx, rxx) / np.hypot(rx[:, 0], rx[:, 1]) ** 3 * out[:, 0]
+    return out
+
+
 def _refuse(element: ElementType) -> str | None:
     if element.has_theta or element.degree_y > 0:
         return f"{element.name} can shear: this formulation is for elements whose section stays normal to r_x"
@@ -160,13 +180,13 @@ def _refuse(element: ElementType) -> str | None:
 
 # fields: u_,s and u_,ss, x and y each; reference values: r_s and r_ss
 ENGINEERING = PointLaw(4, 2, 4, strain, geometric, mean)
-GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean)
+GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean, (0,))
 
 FORMULATIONS = (
     Formulation("cable", ENGINEERING, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
-                selective=False, lobatto=True),
+                selective=False, lobatto=True, natural=natural),
     Formulation("green", GREEN, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, "Berzeri & Shabana 2000",
                 "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
-                lobatto=True),
+                lobatto=True, natural=green_natural),
 )

@@ -12,7 +12,7 @@ import numpy as np
 from ..definition import ElementType
 from ..section import Section
 from ..shape import Array, gauss
-from .base import Formulation, PointLaw, Rule, Sampler, cross, join, rule_points
+from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, rule_points
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -114,14 +114,20 @@ def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
                 _stations(sampler, rule.shear, lambda D, D0: D0 - D0 * _NORMAL), axis)
 
 
+def _split_points(rule: Rule) -> tuple[Array, Array]:
+    """Return xi and eta of points that share x, of which the first is on the axis."""
+    (x, _), (y, _) = gauss(rule.normal[0]), gauss(rule.normal[1])
+    return np.repeat(x, len(y) + 1), np.tile(np.concatenate([[0.0], 2 * y - 1]), len(x))
+
+
 def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample the strain split: U = 1/2 int (e^T D0 e + e_c^T (D - D0) e) dV, e_c the strain on the axis.
 
     This is Patel & Shabana's energy with its symmetric part: points that share x form one station.
     """
     nx, ny = rule.normal
-    (x, wx), (y, wy) = gauss(nx), gauss(ny)
-    xi, eta = np.repeat(x, ny + 1), np.tile(np.concatenate([[0.0], 2 * y - 1]), nx)
+    wx, wy = gauss(nx)[1], gauss(ny)[1]
+    xi, eta = _split_points(rule)
     B, ref, det = _points(sampler, xi, eta)
     section = sampler.at(xi)
     D, D0 = (np.broadcast_to(m, (len(xi), 3, 3)).reshape(nx, ny + 1, 3, 3) for m in elasticity(section))
@@ -135,6 +141,53 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
             DD[i, block, block] = volume[i, p] * D0[i, p]
             DD[i, :3, block] = DD[i, block, :3] = 0.5 * volume[i, p] * (D - D0)[i, p]
     return B.reshape(nx, 4 * (ny + 1), n_dof), ref.reshape(nx, 4 * (ny + 1)), DD
+
+
+def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array) -> Array:
+    """Return what points (n, 3) of a free element are stretched by along and across, without shear.
+
+    Fibres of a curved reference are shorter on its inner side, so that a curvature stretches them more. Temperature
+    stretches alike in all directions as far as the section can: its gradient needs a y^2 of its own, and sections whose
+    y^2 is tied to x^2 stretch across as they bend.
+    """
+    axial, curvature, value, gradient = free(xi)
+    section, element = sampler.at(xi), sampler.shape.element
+    y, alpha = 0.5 * section.height * eta, section.alpha
+    length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0, axis=1) for at in (eta, 0.0 * eta))
+    along = (axial - curvature * y) * axis / length + alpha * (value + gradient * y)
+    across = alpha * value
+    if element.common_coefficients:
+        across = across + _tied(sampler) * (curvature - alpha * gradient) * y
+    elif element.degree_y > 1:
+        across = across + alpha * gradient * y
+    return np.stack([along, across, np.zeros_like(along)], axis=1)
+
+
+def _tied(sampler: Sampler) -> float:
+    """Return the factor of y^2 in a basis function beside that of x^2, 0 where none has both."""
+    for p in sampler.shape.element.polynomials:
+        factors = {(t.i, t.j): t.coefficient * sampler.section.nu**t.nu for t in p.terms}
+        if {(2, 0), (0, 2)} <= set(factors):
+            return factors[0, 2] / factors[2, 0]
+    return 0.0
+
+
+def natural_continuum(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return the natural strains at the points of the rule, or of the two rules."""
+    rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
+    return np.concatenate([natural_at(sampler, free, *rule_points(r)[:2]) for r in rules])
+
+
+def natural_enhanced(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return the natural strains of the volume, then those of the axis."""
+    axis = natural_at(sampler, free, *rule_points((rule.normal[0], 1))[:2])
+    return np.concatenate([natural_continuum(sampler, rule, free), axis])
+
+
+def natural_strain_split(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return the natural strains of the points that share x, the axis first."""
+    nx, ny = rule.normal
+    return natural_at(sampler, free, *_split_points(rule)).reshape(nx, 3 * (ny + 1))
 
 
 def _stress(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
@@ -190,17 +243,18 @@ def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
 
 
 # fields: u_,t and u_,n, x and y each; reference values: t and n
-GREEN = PointLaw(4, 3, 4, strain, geometric, mean)
+GREEN = PointLaw(4, 3, 4, strain, geometric, mean, (0, 1))
 
 FORMULATIONS = tuple(
     Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,
-                selective=name != "strain_split", stress=stress)
-    for name, refuse, sample, stress, source, doc in (
-        ("continuum", _needs_body, sample_continuum, _stress, "Omar & Shabana 2001",
+                selective=name != "strain_split", stress=stress, natural=natural)
+    for name, refuse, sample, natural, stress, source, doc in (
+        ("continuum", _needs_body, sample_continuum, natural_continuum, _stress, "Omar & Shabana 2001",
          "Green-Lagrange strain, plane stress over the whole section"),
-        ("enhanced", _refuse_split, sample_enhanced, _enhanced_stress,
+        ("enhanced", _refuse_split, sample_enhanced, natural_enhanced, _enhanced_stress,
          "Sopanen & Mikkola 2003; Gerstmayr, Matikainen & Mikkola 2008",
          "D0 = diag(E, E, k_s mu) over the volume, the Poisson coupling on the axis only"),
-        ("strain_split", _refuse_split, sample_strain_split, _split_stress, "Patel & Shabana 2018",
+        ("strain_split", _refuse_split, sample_strain_split, natural_strain_split, _split_stress,
+         "Patel & Shabana 2018",
          "Poisson coupling with the axis strain only; symmetric part of the split stress"),
     ))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..definition import ElementType
-from ..shape import Array
-from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join, rule_points
+from ..shape import Array, gauss
+from .base import Formulation, Free, PointLaw, Rule, Sampler, diagonal, join, of_section, rule_points
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -65,6 +65,15 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
                 _stations(sampler, rule.shear[0], (0.0, 1.0, 0.0)))
 
 
+def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return axial strain, no shear, and curvature."""
+    parts = []
+    for n, _ in (rule.normal,) if rule.uniform else (rule.normal, rule.shear):
+        axial, curvature, _ = of_section(sampler, free, gauss(n)[0])
+        parts.append(np.stack([axial, np.zeros(n), curvature], axis=1))
+    return np.concatenate(parts)
+
+
 def _refuse(element: ElementType) -> str | None:
     if not element.has_theta:
         return f"{element.name} has no rotation theta among its nodal coordinates"
@@ -76,5 +85,6 @@ EXACT = PointLaw(4, 3, 4, strain, geometric)
 
 FORMULATIONS = (
     Formulation("geometrically_exact", EXACT, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
-                "Simo & Vu-Quoc 1986", "axial and shear strain in the rotated section, curvature theta'"),
+                "Simo & Vu-Quoc 1986", "axial and shear strain in the rotated section, curvature theta'",
+                natural=natural),
 )

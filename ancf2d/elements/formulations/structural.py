@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, PointLaw, Rule, Sampler, diagonal, join
+from .base import Formulation, Free, PointLaw, Rule, Sampler, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -117,6 +117,11 @@ def _stations(sampler: Sampler, points: tuple[Array, Array],
     return B, ref, diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI, s.EA), strict=True)))
 
 
+def _terms(sampler: Sampler) -> int:
+    """Return how many terms the polynomial of r_y has along the axis, at least 2."""
+    return 1 + max(1, *(t.i for p in sampler.shape.element.polynomials for t in p.terms if t.j > 0))
+
+
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample EA, kGA, EI at the reduced rule and the section stretch at as many Lobatto points as r_y has terms.
 
@@ -124,12 +129,23 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     that alternates from node to node would have no stiffness; between the nodes the interpolated r_y is shorter
     than 1 wherever it turns, so that Gauss points of full order would lock.
     """
-    terms = 1 + max(t.i for p in sampler.shape.element.polynomials for t in p.terms if t.j > 0)
     parts = [_stations(sampler, gauss(rule.normal[0]), (1.0, 1.0 if rule.uniform else 0.0, 1.0, 0.0)),
-             _stations(sampler, lobatto(max(terms, 2)), (0.0, 0.0, 0.0, 1.0))]
+             _stations(sampler, lobatto(_terms(sampler)), (0.0, 0.0, 0.0, 1.0))]
     if not rule.uniform:
         parts.append(_stations(sampler, gauss(rule.shear[0]), (0.0, 1.0, 0.0, 0.0)))
     return join(*parts)
+
+
+def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return axial strain, no shear, curvature, and strain across."""
+    points = [gauss(rule.normal[0]), lobatto(_terms(sampler))]
+    if not rule.uniform:
+        points.append(gauss(rule.shear[0]))
+    parts = []
+    for xi, _ in points:
+        axial, curvature, across = of_section(sampler, free, xi)
+        parts.append(np.stack([axial, np.zeros_like(xi), curvature, across], axis=1))
+    return np.concatenate(parts)
 
 
 def _refuse(element: ElementType) -> str | None:
@@ -141,10 +157,11 @@ def _refuse(element: ElementType) -> str | None:
 
 
 # fields: u_,s, u_,y and u_,ys, x and y each; reference values: r_s, r_y and r_ys
-SECTION = PointLaw(6, 4, 6, strain, geometric, mean)
+SECTION = PointLaw(6, 4, 6, strain, geometric, mean, (3,))
 
 FORMULATIONS = (
     Formulation("structural", SECTION, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr, Matikainen & Mikkola 2008; Nachbagauer et al. 2011-13",
-                "axial, shear, bending and thickness strain of the section on the axis, without Poisson coupling"),
+                "axial, shear, bending and thickness strain of the section on the axis, without Poisson coupling",
+                natural=natural),
 )
