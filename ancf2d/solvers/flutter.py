@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from ..errors import ComputationError
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
 from .quadratic import AT_REST, Search, shift_of
-from .reduced import Complex, Quadratic, Space, projected_pairs, projected_values
+from .reduced import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -32,6 +31,13 @@ UNDAMPED, DAMPED = 1e-5, 1e-9
 SETTLED, MOST = 1e-8, 4
 # relative width of the brackets of critical factors
 ROUND = 1e-10
+# modes of the space without loads in which eigenvalues are followed, beside the pairs that are, and beyond
+FOLLOWED, MORE = 3, 10
+# points between two factors at which eigenvalues are predicted, and how close to the ends the next factor may be
+GUESSES, INSIDE = 65, 1e-3
+# share of the squared distance of two eigenvalues at two factors that is left where they come close in between, and of
+# which a prediction may miss; most halvings for the second reason, and most guesses
+CLOSE, MISSED, HALVINGS, MOST_GUESSES = 0.1, 0.3, 3, 40
 # points of the root locus
 POINTS = 80
 
@@ -63,24 +69,32 @@ def critical_factors(small: Linearised, rate: csc_array, modes: int) -> Stabilit
     """
     track = _Track(small, rate, modes)
     found: list[Critical] = []
-    low, before = 0.0, track.growing(0.0)
+    low = track.sample(0.0)
     while len(found) < modes:
-        high = low + max(FIRST * track.smallest, STEP * low)
-        if high > (BEYOND * found[0].factor if found else LAST * track.smallest):
+        high = track.sample(low.factor + max(FIRST * track.smallest, STEP * low.factor))
+        if high.factor > (BEYOND * found[0].factor if found else LAST * track.smallest):
             break
-        now = track.growing(high)
-        if now > before:
-            critical = track.refined(low, high)
-            if critical is None:
-                # the better space has none of it
-                before = track.growing(low)
-                continue
-            found.append(critical)
-            high = max(high, critical.factor * (1 + 1e-6))
-            now = track.growing(high)
-        low, before = high, now
-    end = 1.5 * max((c.factor for c in found), default=low)
-    return Stability(found, low, track.locus(np.linspace(0.0, end, POINTS)))
+        bracket = track.first_growth(low, high)
+        if bracket is None:
+            low = high
+            continue
+        critical = track.refined(*bracket)
+        # the better space may have none of it
+        factor = bracket[1] if critical is None else critical.factor * (1 + 1e-6)
+        found += [] if critical is None else [critical]
+        low = track.sample(max(low.factor, factor))
+    end = 1.5 * max((c.factor for c in found), default=low.factor)
+    return Stability(found, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """The eigenvalues s (m,) of lowest |s| at a load factor, by Im s >= 0, their rates, and how many grow."""
+
+    factor: float
+    s: Complex
+    rate: Complex
+    grows: int
 
 
 class _Track:
@@ -115,6 +129,17 @@ class _Track:
         self.matrices = self.space.project()
         self.rates = V @ (self.rate @ V.T)
         self.shift = search.s0
+        self._follow()
+
+    def _follow(self) -> None:
+        """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in."""
+        K, C, M = self.matrices
+        w, U = np.linalg.eigh(0.5 * (M + M.T))
+        T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
+        self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
+        self.modes = (T @ Y)[:, :FOLLOWED * self.pairs + MORE]
+        self.small_K, self.small_C, self.small_rate = (self.modes.T @ A @ self.modes for A in (K, C, self.rates))
+        self.undamped = not C.any()
 
     def _matrices(self, factor: float) -> Array:
         """Return K, C and M in the space at a load factor."""
@@ -123,51 +148,126 @@ class _Track:
 
     def _values(self, factor: float) -> Complex:
         """Return all eigenvalues in the space, by |s|."""
-        s = projected_values(self._matrices(factor), self.shift)
+        matrices = self._matrices(factor)
+        s = undamped_values(matrices, self.shift) if self.undamped else projected_values(matrices, self.shift)
         return s[np.argsort(np.abs(s), kind="stable")]
+
+    def sample(self, factor: float) -> _Sample:
+        """Return the eigenvalues at a load factor, in the lowest modes without loads."""
+        K, C, K1 = self.small_K + factor * self.small_rate, self.small_C, self.small_rate
+        r = len(K)
+        if self.undamped:
+            squares, Z = np.linalg.eig(-K)
+            change = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z), K1, Z)
+            s = np.sqrt(squares.astype(complex))
+            rate = change / np.where(s == 0.0, 1.0, 2 * s)
+            s, rate = np.concatenate([s, -s]), np.concatenate([rate, -rate])
+        else:
+            s, Z = np.linalg.eig(np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]]))
+            rate = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z)[:, r:], K1, Z[:r])
+        some = (s.imag >= 0) & (np.abs(s) <= self.radius)
+        s, rate = s[some].astype(complex), rate[some]
+        order = np.lexsort((s.real, s.imag))
+        return _Sample(factor, s[order], rate[order], int(self._grows(s).sum()))
+
+    def first_growth(self, low: _Sample, high: _Sample) -> tuple[float, float] | None:
+        """Return factors between which a motion begins to grow; None where none does between two samples.
+
+        Motions that grow between the two alone are looked for where their eigenvalues are predicted to.
+        """
+        left, count = [(low, high, 0)], 0
+        while left:
+            a, b, depth = left.pop()
+            if b.grows > a.grows:
+                return a.factor, b.factor
+            guess = self._predicted(a, b, depth < HALVINGS) if count < MOST_GUESSES else None
+            if guess is not None:
+                count, middle = count + 1, self.sample(guess)
+                left += [(middle, b, depth + 1), (a, middle, depth + 1)]
+        return None
+
+    def _predicted(self, low: _Sample, high: _Sample, halves: bool) -> float | None:
+        """Return a factor between two samples at which a motion may grow that does not at both.
+
+        The middle where ``halves`` and the prediction does not agree with both samples.
+
+        Two eigenvalues m + sqrt D and m - sqrt D that meet have a mean and a D that are smooth where they are not
+        themselves. Cubics through both samples and their rates predict them. The lowest is beside its conjugate.
+        """
+        (m0, D0), (m1, D1) = _means(low), _means(high)
+        n, h = min(m0.shape[1], m1.shape[1]), high.factor - low.factor
+        if not n or h <= ROUND * high.factor:
+            return None
+        m0, D0, m1, D1 = (x[:, :n] for x in (m0, D0, m1, D1))
+        t = np.linspace(0.0, 1.0, GUESSES)[1:-1, None]
+        m, D = _cubic(m0, m1, h, t), _cubic(D0, D1, h, t)
+        growth = m.real + np.abs(np.sqrt(D).real) - self.limit * np.maximum(np.abs(m), self.lowest)
+        before = np.maximum(*(x[0].real + np.abs(np.sqrt(y[0]).real) for x, y in ((m0, D0), (m1, D1))))
+        gap = np.minimum(np.abs(D0[0]), np.abs(D1[0]))
+        grows = (growth > 0) & (before <= 0.1 * growth)
+        close = (np.abs(D) < CLOSE * gap) & (gap > (self.limit * self.lowest) ** 2)
+        left = np.abs(D) / np.where(gap > 0.0, gap, 1.0)
+        wanted = np.where(grows, 2.0 + growth / self.lowest, np.where(close, 1.0 - left, 0.0))
+        k = np.unravel_index(int(np.argmax(wanted)), wanted.shape)
+        if wanted[k] > 0.0:
+            return low.factor + h * float(np.clip(self._vertex(D0[:, k[1]], D1[:, k[1]], h, float(t[k[0], 0])),
+                                                  INSIDE, 1.0 - INSIDE))
+        missed = np.abs(D1[0] - D0[0] - 0.5 * h * (D0[1] + D1[1])) > MISSED * np.maximum(np.abs(D0[0]), np.abs(D1[0]))
+        return 0.5 * (low.factor + high.factor) if halves and missed.any() else None
+
+    @staticmethod
+    def _vertex(D0: Complex, D1: Complex, h: float, t: float) -> float:
+        """Return where between two samples Re D is largest near t."""
+        for width in 0.02 ** np.arange(1, 5):
+            near = np.clip(t + width * np.linspace(-1.0, 1.0, 101), 0.0, 1.0)
+            t = float(near[np.argmax(_cubic(D0[:, None], D1[:, None], h, near[:, None])[:, 0].real)])
+        return t
+
+    def _growth(self, s: Complex) -> Array:
+        """Return by how much eigenvalues grow faster than round-off lets them."""
+        return np.asarray(s.real - self.limit * np.maximum(np.abs(s), self.lowest))
 
     def _grows(self, s: Complex) -> NDArray[np.bool_]:
         """Return which eigenvalues grow, one of each pair."""
-        return (s.real > self.limit * np.maximum(np.abs(s), self.lowest)) & (s.imag >= 0) & (np.abs(s) <= self.radius)
+        return (self._growth(s) > 0) & (s.imag >= 0) & (np.abs(s) <= self.radius)
 
     def _smallest(self) -> float:
         """Return the factor at which ``rate`` can be as much as the stiffness in some combination of the modes."""
-        K, _, M = self.matrices
-        w, U = np.linalg.eigh(0.5 * (M + M.T))
-        T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
-        values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
-        some = (values > self.still**2) & (values <= self.radius**2)
-        phi = (T @ Y)[:, some] / np.sqrt(values[some])
+        some = (self.values > self.still**2) & (self.values <= self.radius**2)
+        some = some[:self.modes.shape[1]]
+        phi = self.modes[:, some] / np.sqrt(self.values[:len(some)][some])
         size = float(np.linalg.norm(phi.T @ self.rates @ phi, 2)) if some.any() else 0.0
         if not size > 0.0:
             raise ComputationError("the loads do not change the stiffness", at={"solver": "buckling"},
                                    advice="a load without an amplitude, which the load factor scales")
         return 1.0 / size
 
-    def growing(self, factor: float) -> int:
-        """Return how many motions grow at a load factor."""
-        return int(self._grows(self._values(factor)).sum())
+    def _margins(self, factor: float) -> Array:
+        """Return by how much motions of the whole space grow at a load factor, < 0 where they do not, fastest first."""
+        s = self._values(factor)
+        some = s[(s.imag >= 0) & (np.abs(s) <= self.radius)]
+        return np.sort(self._growth(some))[::-1]
 
     def refined(self, low: float, high: float) -> Critical | None:
         """Return the critical factor near two others, None where a better space has none there."""
-        last, known = math.inf, self.growing(low)
+        last, found = math.inf, self._onset(low, high)
         for _ in range(MOST):
-            a, b = bisected(lambda f: self.growing(f) > known, low, high)
-            if abs(b - last) <= SETTLED * b:
+            b = high if found is None else found[1]
+            if found is not None and abs(b - last) <= SETTLED * b:
                 break
             last = b
             self._project(b)
             # the better space may have moved it a little
-            width = 0.02 * b
-            low, high = max(0.0, b - width), b + width
-            while self.growing(high) <= known:
+            width, bracket = 0.02 * b, None
+            while bracket is None and width <= b:
+                bracket = self.first_growth(self.sample(max(0.0, b - width)), self.sample(b + width))
                 width *= 2
-                high = b + width
-                if width > b:
-                    return None
-            while self.growing(low) > known and low > 0.0:
-                width *= 2
-                low = max(0.0, b - width)
+            if bracket is None:
+                return None
+            found, high = self._onset(*bracket), bracket[1]
+        if found is None:
+            return None
+        a, b = found
         s, Y = projected_pairs(self._matrices(b), self.shift)
         grows = np.flatnonzero(self._grows(s))
         slowest = grows[np.argmin(s[grows].real)]
@@ -176,24 +276,46 @@ class _Track:
         return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", omega if flutters else 0.0,
                         self.space.combined(Y[slowest]))
 
+    def _onset(self, low: float, high: float) -> tuple[float, float] | None:
+        """Return neighbouring factors between which one more motion of the whole space begins to grow.
+
+        None where the modes that the eigenvalues are followed in err: nothing more grows at ``high``.
+        """
+        known, tried = int((self._margins(low) > 0).sum()), dict[float, float]()
+
+        def margin(factor: float) -> float:
+            found = self._margins(factor)
+            tried[factor] = float(found[known]) if len(found) > known else -self.radius
+            return tried[factor]
+        if margin(low) > 0.0 or margin(high) <= 0.0:
+            return None
+        from scipy.optimize import brentq
+
+        brentq(margin, low, high, xtol=0.5 * ROUND * high, rtol=1e-15)
+        return max(f for f, m in tried.items() if m <= 0.0), min(f for f, m in tried.items() if m > 0.0)
+
     def locus(self, factors: Array) -> dict[str, list[float]]:
         """Return the eigenvalues of lowest |s| over the factors as columns."""
         out: dict[str, list[float]] = {"factor": [], "growth": [], "omega": []}
         for factor in factors:
-            s = self._values(float(factor))
-            for one in s[(s.imag >= 0) & (np.abs(s) <= self.radius)]:
+            for one in self.sample(float(factor)).s:
                 out["factor"].append(float(factor))
                 out["growth"].append(float(one.real))
                 out["omega"].append(float(one.imag))
         return out
 
 
-def bisected(holds: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
-    """Return the last of the numbers between ``low`` and ``high`` for which something does not hold, and the next."""
-    while high - low > ROUND * high:
-        middle = 0.5 * (low + high)
-        if holds(middle):
-            high = middle
-        else:
-            low = middle
-    return low, high
+def _means(sample: _Sample) -> tuple[Complex, Complex]:
+    """Return the mean m and D of neighbouring eigenvalues m + sqrt D, m - sqrt D, with their rates (2, pairs)."""
+    if not len(sample.s):
+        return np.zeros((2, 0), dtype=complex), np.zeros((2, 0), dtype=complex)
+    s = np.concatenate([sample.s[:1].conj(), sample.s])
+    rate = np.concatenate([sample.rate[:1].conj(), sample.rate])
+    half, change = 0.5 * np.diff(s), 0.5 * np.diff(rate)
+    return np.array([0.5 * (s[1:] + s[:-1]), 0.5 * (rate[1:] + rate[:-1])]), np.array([half**2, 2 * half * change])
+
+
+def _cubic(low: Complex, high: Complex, h: float, t: Array) -> Complex:
+    """Return the cubic through values and rates (2, k) at 0 and h, at shares t (m, 1) of h."""
+    a, b = t * t * (3 - 2 * t), t * (1 - t)
+    return np.asarray((1 - a) * low[0] + a * high[0] + h * b * ((1 - t) * low[1] - t * high[1]))

@@ -173,6 +173,14 @@ def projected_values(matrices: Array, s0: float) -> Complex:
     return np.asarray(s0 * (1.0 + 1.0 / mu[_finite(mu)]), dtype=complex)
 
 
+def undamped_values(matrices: Array, s0: float) -> Complex:
+    """Return the eigenvalues of ``projected_values`` where C is 0, for an eighth of its time."""
+    K, _, M = matrices
+    theta = np.linalg.eigvals(np.linalg.solve(K + s0 * s0 * M, M)).astype(complex)
+    s = np.sqrt(s0 * s0 - 1.0 / theta[_finite(theta)])
+    return np.concatenate([s, -s])
+
+
 def _companion(matrices: Array, s0: float) -> Array:
     """Return the matrix (2 k, 2 k) with eigenvalues mu = s0/(s - s0)."""
     K, C, M = matrices

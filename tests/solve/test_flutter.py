@@ -117,6 +117,44 @@ def test_zieglers_pendulum() -> None:
     assert first(ziegler(1e-4))["factor"] == pytest.approx(41 / 28, rel=1e-4)
 
 
+@pytest.mark.parametrize("beyond", [1e-3, 1e-5, 1e-7])
+def test_narrow_bands_of_divergence_are_found(beyond: float) -> None:
+    """Of the load, b = 4/9 (1 + beyond) keeps its direction: det K = 1 - 3 b P + b P^2 < 0 about P = 3/2 only."""
+    b = 4 / 9 * (1 + beyond)
+    case = ziegler(0.0, b - 1)
+    case["loads"].append({"type": "force", "at": "upper@1", "value": [-b, 0]})
+    found = first(case)
+    assert found["kind"] == "divergence"
+    assert found["factor"] == pytest.approx((3 * b - math.sqrt(9 * b * b - 4 * b)) / (2 * b), rel=1e-6)
+
+
+@pytest.mark.parametrize(("coupling", "damping"), [(1e-2, 0.0), (1e-3, 0.0), (1e-2, 1e-4)])
+def test_narrow_bands_of_flutter_are_found(coupling: float, damping: float) -> None:
+    """A pendulum beside Ziegler's, coupled to its upper link by a soft spring, flutters where frequencies cross."""
+    case = ziegler(damping)
+    case["bodies"]["third"] = {"geometry": {"type": "line", "start": [0, -1], "end": [1, -1]},
+                               "element": {"type": "rigid", "mass": 1e-9, "inertia": 1e-9}}
+    case["boundary_conditions"].append({"type": "pin", "at": "third@0"})
+    case["masses"].append({"at": "third@1", "mass": 1})
+    case["springs"] += [{"type": "rotational", "between": ["third@0", [0, -1]], "stiffness": 0.25},
+                        {"type": "rotational", "between": ["upper@0", "third@0"], "stiffness": coupling}]
+
+    P = np.linspace(1.2, 1.45, 25001)
+    M, C = np.diag([3.0, 1, 1]), np.zeros((3, 3))
+    M[0, 1] = M[1, 0] = 1
+    C[:2, :2] = damping * np.array([[2.0, -1], [-1, 1]])
+    A = np.zeros((len(P), 6, 6))
+    A[:, :3, 3:], A[:, 3:, 3:] = np.eye(3), -np.linalg.solve(M, C)
+    K = np.array([[2, -1, 0], [-1, 1 + coupling, -coupling], [0, -coupling, 0.25 + coupling]])
+    A[:, 3:, :3] = -np.linalg.solve(M, K - P[:, None, None] * np.array([[1, -1, 0], [0, 0, 0], [0, 0, 0]]))
+    # the round-off of a double eigenvalue; with damping all are simple
+    grows = np.linalg.eigvals(A).real.max(axis=1) > (1e-9 if damping else 1e-6)
+    assert 0 < grows.sum() < 0.2 * len(P)
+    found = first(case)
+    assert found["kind"] == "flutter"
+    assert found["factor"] == pytest.approx(P[np.argmax(grows)], abs=2e-5)
+
+
 def ziegler_eigenvalues(P: float, c: float) -> np.ndarray:
     """M = [[3, 1], [1, 1]], C = c [[2, -1], [-1, 1]], K = [[2 - P, P - 1], [-1, 1]] in the angles of the links."""
     M, C = np.array([[3.0, 1], [1, 1]]), c * np.array([[2.0, -1], [-1, 1]])
