@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from . import calls
 from .amplitudes import evaluate
 from .arrays import copy, copy_rows
+from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
 from .jit import addressed, inner, kernel
 from .motion import (
@@ -58,8 +59,9 @@ class Rows(NamedTuple):
     """What is stored. wanted : times of states, in order; every : steps between states (0: the wanted times).
 
     t, number, kind (m,), z, v, a (m, n), work (m, 2) : states (INSIDE, END or CHECK); turns (m, items, memory), feet
-    (m, joints, 2) : what point laws and prismatic joints remembered there; turned (m, sections) : rotations through
-    full turns; log (k, 7) : step, t, dt, iterations, rejected, error, violation of every step.
+    (m, joints, 2), states (m, numbers) : what point laws, prismatic joints and elements remembered there; turned
+    (m, sections) : rotations through full turns; log (k, 7) : step, t, dt, iterations, rejected, error, violation of
+    every step.
     """
 
     wanted: Any
@@ -73,6 +75,7 @@ class Rows(NamedTuple):
     work: Any
     turns: Any
     feet: Any
+    states: Any
     turned: Any
     log: Any
 
@@ -131,6 +134,7 @@ def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-unty
     rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
     copy_rows(p.points.mem, rows.turns[r])
     copy_rows(p.sliding.memory, rows.feet[r])
+    copy(p.states, rows.states[r])
     copy(at.turned[0], rows.turned[r])
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
@@ -173,9 +177,11 @@ def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
-    if not p.patched and len(p.turning.length) == 0:
+    if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
+    if len(p.states) > 0:
+        s.numbers[LOST] += remember_elements(p, w.d, w.amps)
     if not p.patched:
         return 0.0
     accept_patches(p, w.d)

@@ -10,21 +10,22 @@ from .blas import multiply, multiply_transposed
 from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 from .jit import inlined, inner
 from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
-from .natural import Natural, natural_strain, no_natural
+from .natural import Memory, Natural, natural_strain, no_memory, no_natural
 
 
 class Law(NamedTuple):
     """The sampled law of one body.
 
-    address : of the law's operations; fields, strains, references : of one point. B : (classes, fields, stations,
-    n_dof); ref : (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and volume
-    included: of all points of a station, one after another. Parts of a class count as classes.
+    address : of the law's operations; fields, strains, references, state : of one point. B : (classes, fields,
+    stations, n_dof); ref : (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and
+    volume included: of all points of a station, one after another. Parts of a class count as classes.
     """
 
     address: int
     fields: int
     strains: int
     references: int
+    state: int
     B: Any
     ref: Any
     D: Any
@@ -33,12 +34,14 @@ class Law(NamedTuple):
 class Group(NamedTuple):
     """Elements of one type and formulation, as the kernels see them.
 
-    law : sampled law; natural : their natural strains; cls : (ne,) class of each element; turn : (ne, 2) or (1, 2)
-    cosine and sine of the element frame; dofs : (ne, n_dof) coordinates; plan : how they are worked on in batches.
+    law : sampled law; natural : their natural strains; memory : what the law remembers; cls : (ne,) class of each
+    element; turn : (ne, 2) or (1, 2) cosine and sine of the element frame; dofs : (ne, n_dof) coordinates; plan : how
+    they are worked on in batches.
     """
 
     law: Law
     natural: Natural
+    memory: Memory
     cls: Any
     turn: Any
     dofs: Any
@@ -50,9 +53,9 @@ def no_group() -> Group:
     """Return a group without elements: all groups are of its type."""
     x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
-    law = Law(0, 1, 1, 1, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
+    law = Law(0, 1, 1, 1, 0, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
     plan = Plan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
-    return Group(law, no_natural(), n, table, index, 2, plan)
+    return Group(law, no_natural(), no_memory(), n, table, index, 2, plan)
 
 
 @inner
@@ -70,8 +73,8 @@ def points_of(law):  # type: ignore[no-untyped-def]
 @inner
 def layout(law):  # type: ignore[no-untyped-def]
     """Return (where the points of a station are in the work buffer, where things are in a point)."""
-    return (places(law.fields, law.strains, law.references, points_of(law)),
-            slots(law.fields, law.strains, law.references))
+    return (places(law.fields, law.strains, law.references, law.state, points_of(law)),
+            slots(law.fields, law.strains, law.references, law.state))
 
 
 @inner

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .elements import force, force_noise, force_tangent, natural_power, viscous_force
+from .elements import commit, force, force_noise, force_tangent, natural_power, viscous_force
 from .forces import GROUP
 from .jit import addressed, inner, named
 from .mean_stress import mean_force, mean_force_tangent, natural_work
@@ -40,12 +40,12 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, problem: Any
+def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, remembers: bool, problem: Any
                       ) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of elements that the table of a model of this type has (``kernels.calls.table``).
 
-    ``viscous``, ``mean``, ``natural`` : whether viscous forces, forces of a step that keeps energy, and the power of
-    natural strains are wanted.
+    ``viscous``, ``mean``, ``natural``, ``remembers`` : whether viscous forces, forces of a step that keeps energy, the
+    power of natural strains, and the states of laws with memory are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {calls.force: (force,), calls.noise: (force_noise,),
                                        calls.tangent: (_TANGENTS[fronts][0], problem)}
@@ -55,6 +55,8 @@ def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, pr
         out[calls.natural_power] = (natural_power,)
     if natural and mean:
         out[calls.natural_work] = (natural_work,)
+    if remembers:
+        out[calls.commit] = (commit,)
     if mean:
         out |= {calls.mean: (mean_force,), calls.mean_tangent: (_TANGENTS[fronts][1], problem)}
     return out
@@ -118,6 +120,17 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
     for g in range(len(p.groups)):
         energy += calls.tangent(p.calls, (p, g, 1.0 + c * p.tau[g], d, Q, A))
     return energy
+
+
+@inner
+def remember_elements(p, d, amps):  # type: ignore[no-untyped-def]
+    """Let laws with memory remember the accepted state d; return the energy dissipated since the last."""
+    set_natural(p, amps, amps)
+    lost = 0.0
+    for g in range(len(p.groups)):
+        if group_at(p.groups[g]).law.state > 0:
+            lost += calls.commit(p.calls, (group_at(p.groups[g]), d))
+    return lost
 
 
 @inner

@@ -20,13 +20,17 @@ from .lanes import rows, slots, table
 from .pointers import address_of, caller
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
-STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE = range(8)
+STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)
 
 
 def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
     # entries that are zero stay so for whatever is asked for next
     for l in range(lanes):
         J[0, 0, l] = np.nan
+
+
+def _no_memory(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
+    pass
 
 
 @inlined
@@ -71,18 +75,37 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
                 out[i, j, l] = v
 
 
+@inlined
+def _less(x, y, m, lanes):  # type: ignore[no-untyped-def]
+    for i in range(m):
+        for l in range(lanes):
+            x[i, l] -= y[i, l]
+
+
+@inlined
+def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
+    for i in range(m):
+        for j in range(n):
+            for l in range(lanes):
+                B[i, j, l] = A[i, j, l] - B[i, j, l]
+
+
 def _operations_of(law: StrainLaw) -> Any:
-    NU, NS, NR = law.fields, law.strains, law.references
+    NU, NS, NR, NM = law.fields, law.strains, law.references, law.state
+    # internal strains, of laws with memory
+    NI = NS if law.state else 0
+    internal = inlined(law.internal or _no_memory)
     # inlined, so that rows a constant distance apart are seen to be so
     strain, geometric, mean = (inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
 
     def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
-        at = slots(NU, NS, NR)
+        at = slots(NU, NS, NR, NM)
         ref, u, u0 = rows(work, base + at.ref, NR), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
         eps, eps0 = rows(work, base + at.eps, NS), rows(work, base + at.eps0, NS)
         t, sigma, g = rows(work, base + at.t, NS), rows(work, base + at.sigma, NS), rows(work, base + at.g, NU)
         J, DJ = table(work, base + at.J, NS, NU), table(work, base + at.DJ, NS, NU)
         D, H = table(work, base + at.D, NS, NS), table(work, base + at.H, NU, NU)
+        JE, slope = table(work, base + at.JE, NS, NU), table(work, base + at.slope, NI, NI)
         if what == STRAIN:
             strain(ref, u, eps, J, lanes)
         elif what == GEOMETRIC:
@@ -96,9 +119,18 @@ def _operations_of(law: StrainLaw) -> Any:
         elif what == PULL:
             _transposed_vector(J, sigma, g, NS, NU, lanes)
         elif what == TIMES:
-            _matrix_matrix(D, J, DJ, NS, NS, NU, lanes)
-        else:
+            _matrix_matrix(D, JE, DJ, NS, NS, NU, lanes)
+        elif what == SQUARE:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
+        elif what == REMEMBER:
+            new = rows(work, base + at.new, NM)
+            internal(ref, eps, rows(work, base + at.old, NM), new, slope, lanes)
+            _less(eps, new, NI, lanes)
+            _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
+            _from(J, JE, NI, NU, lanes)
+        else:
+            _matrix_vector(slope, eps, t, NI, NI, lanes)
+            _less(eps, t, NI, lanes)
 
     # the cache knows it by this name
     operate.__qualname__ = f"operate_{law.strain.__module__.rpartition('.')[2]}_{law.strain.__name__}"

@@ -22,7 +22,8 @@ FORCES, TANGENTS, FACTORS = range(3)
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    groups : addresses of those of elements; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
+    groups : addresses of those of elements; states : all that their laws with memory remember, one group after another;
+    calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
     [s]; points, sliding : tables of point laws and prismatic joints; patched : whether there are any; turning :
     section directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place,
     indptr, index, value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of
@@ -34,6 +35,7 @@ class Problem(NamedTuple):
     """
 
     groups: Any
+    states: Any
     calls: Any
     tau: Any
     points: Any

@@ -1,6 +1,7 @@
 """Element kernels, generic in the element type and the formulation.
 
-With u = B d (fields in the element's own frame), eps = eps(u) - eps*, sigma = D eps (eps* are the natural strains):
+With u = B d (fields in the element's own frame), eps = eps(u) - eps*, sigma = D eps (eps* are the natural strains, and
+the internal ones of laws with memory):
 U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J = d eps/du.
 """
 
@@ -20,7 +21,7 @@ from .batch import (
     take_natural,
     turned,
 )
-from .forces import ACTION, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
+from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
 from .jit import inner, kernel, shared
 from .lanes import array_at, row, vectors_of
 from .matrix import scatter_packed
@@ -109,6 +110,20 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
         call_batch(group.plan.forces, (ACTION, group, d, v, first, count, 0, 0.0))
         add_forces(group, results(group, count)[0], first, count, out)
         first += count
+
+
+@kernel
+def commit(group, d):  # type: ignore[no-untyped-def]
+    """Let the elements of a law with memory remember the accepted state d; return the energy dissipated since the last.
+
+    It is that of internal strains which change under the stress at d.
+    """
+    lost, first, last = 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        lost += call_batch(group.plan.forces, (COMMIT, group, d, d, first, count, 0, 0.0))[1]
+        first += count
+    return lost
 
 
 @kernel

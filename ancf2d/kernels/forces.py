@@ -23,13 +23,15 @@ from .batch import (
     material,
     matrices,
     no_group,
+    pad,
+    place_of,
     product,
     take_natural,
     to_lanes,
 )
-from .compiled_laws import MEAN, PULL, PUSH, STRAIN
+from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN
 from .jit import addressed, inner
-from .lanes import Slots, array_at, vectors_of
+from .lanes import Slots, array_at, row, vectors_of
 from .natural import BEFORE, CHANGE, NOW, RATES
 from .pointers import address_of, caller
 from .records import type_of, whole
@@ -37,23 +39,25 @@ from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
 # way of strains; forces (and tangents) of a step from d to e; forces by the rates of natural strains; power of these at
-# rates e, and their work in a step from d to e
-STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK = range(10)
+# rates e, and their work in a step from d to e; to remember the states at d
+STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT = range(11)
 # steps, and what they are given
-LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND = range(11)
+LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND, MEMORY = range(12)
 # numbers that steps multiply by: the last two are the program's own factor, and that and a half
 ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
 _D, _E = range(2)
+# beside what laws with memory are asked for
+_KEEP = -1
 _U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
 
-_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS), (STRESS, ZERO, ONE)]
+_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER), (STRESS, ZERO, ONE)]
 _NONE = (COMBINE, ZERO, _EPS, ZERO, _EPS, _EPS)
 _ELASTIC = [*_STRESSES, (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 # Q = B^T J^T D tau (J B v - eps*')
 _VISCOUS = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
             (BEYOND, RATES, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 _ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
-           (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
+           (MEMORY, RELAX), (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
 # Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment by J keeps digits that
 # the difference of the strains has lost. The strain in the middle waits where forces come later.
 _MIDDLE = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
@@ -66,9 +70,9 @@ _STEP = [*_MIDDLE, (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACT
 _SLOPE = [(LANES, _D, _U), (LAW, STRAIN), _NONE, (BEYOND, RATES, _EPS), (STRESS, ZERO, ONE),
           (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 # -sigma . eps*', and the same of a step, second of two
-_POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (BEYOND, NOW, _EPS), (BEYOND, RATES, _EPS0),
-          (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, RATES, _EPS),
-          (PRODUCT, ONE, _EPS, _SIGMA, 0)]
+_POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER),
+          (BEYOND, RATES, _EPS0), (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE,
+          (BEYOND, RATES, _EPS), (PRODUCT, ONE, _EPS, _SIGMA, 0)]
 _WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, CHANGE, _EPS),
          (PRODUCT, ONE, _EPS, _SIGMA, 1)]
 # K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the
@@ -78,9 +82,53 @@ _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: _ELASTIC, TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
-             WORK: _WORK}
-_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(10) for step in _PROGRAMS[k]])
-_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(10)])
+             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)]}
+_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(11) for step in _PROGRAMS[k]])
+_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(11)])
+
+
+@inner
+def recall(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Fill the lanes of what the elements of a batch remember."""
+    law, work, memory = group.law, group.plan.work, group.memory
+    at, slot = layout(law)
+    S = law.B.shape[2]
+    for i in range(memory.states.shape[2]):
+        k = place_of(i, law.state, at, slot.old)
+        target = row(work, k)
+        for s in range(S):
+            for m in range(count):
+                target[s * count + m] = memory.states[memory.row[first + m], part * S + s, i]
+        pad(work, k, 1, S * count)
+
+
+@inner
+def keep_states(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Let the elements of a batch remember their new states; return the energy that internal strains have taken."""
+    law, work, memory = group.law, group.plan.work, group.memory
+    at, slot = layout(law)
+    S, lost = law.B.shape[2], 0.0
+    for i in range(memory.states.shape[2]):
+        new, old = row(work, place_of(i, law.state, at, slot.new)), row(work, place_of(i, law.state, at, slot.old))
+        if i % law.state < law.strains:
+            sigma = row(work, (i // law.state) * at.rows + slot.sigma + i % law.state)
+            for l in range(S * count):
+                lost += sigma[l] * (new[l] - old[l])
+        for s in range(S):
+            for m in range(count):
+                memory.states[memory.row[first + m], part * S + s, i] = new[s * count + m]
+    return lost
+
+
+@inner
+def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def]
+    """Do a step of a law with memory; return the energy that internal strains have taken."""
+    if what == _KEEP:
+        return keep_states(group, part, first, count)
+    if what == REMEMBER:
+        recall(group, part, first, count)
+    each_point(group, what, vectors_of(group.law.B.shape[2] * count))
+    return 0.0
 
 
 @addressed
@@ -89,7 +137,7 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
 
     STRAINS leaves strains and stresses of one part of the stations in the work buffer; all else goes through all parts.
     Returns (strain energy at d, of a step at e, of natural strains alone for SLOPE, power lost for RATE, or power of
-    natural strains; energy dissipated by a step, or work of natural strains).
+    natural strains; energy dissipated by a step or, for COMMIT, by internal strains, or work of natural strains).
     """
     group = whole(record)
     law = group.law
@@ -128,6 +176,8 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
                 add_geometric(group, factors[a], full)
             elif step == TURNING:
                 add_turning(group, full)
+            elif step == MEMORY:
+                lost += with_memory(group, a, k, first, count) if law.state > 0 else 0.0
             else:
                 tangents(group, k, q, count)
     return energy, lost

@@ -56,7 +56,8 @@ class Slots(NamedTuple):
 
     ref, D, H, g : reference values, stiffness, second derivatives of the energy and forces by the fields; u, eps,
     sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ : D eps
-    and D J.
+    and D J. Of laws with memory, old, new : state before and after; slope : of internal strains by strains; JE : what
+    the fields make of strains that bear stress, J of other laws.
     """
 
     ref: int
@@ -71,6 +72,10 @@ class Slots(NamedTuple):
     D: int
     H: int
     g: int
+    old: int
+    new: int
+    slope: int
+    JE: int
     rows: int
 
 
@@ -88,8 +93,8 @@ class Places(NamedTuple):
 
 
 @register_jitable
-def slots(fields, strains, references):  # type: ignore[no-untyped-def]
-    """Return the rows of a point whose law has so many fields, strains and reference values."""
+def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
+    """Return the rows of a point whose law has so many fields, strains, reference values and numbers of state."""
     u = references
     u0 = u + fields
     eps = u0 + fields
@@ -101,13 +106,19 @@ def slots(fields, strains, references):  # type: ignore[no-untyped-def]
     D = DJ + strains * fields
     H = D + strains * strains
     g = H + fields * fields
-    return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, g + fields)
+    old = g + fields
+    new = old + state
+    slope = new + state
+    if state == 0:
+        return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, old, new, slope, J, old)
+    JE = slope + strains * strains
+    return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, old, new, slope, JE, JE + strains * fields)
 
 
 @register_jitable
-def places(fields, strains, references, points):  # type: ignore[no-untyped-def]
+def places(fields, strains, references, state, points):  # type: ignore[no-untyped-def]
     """Return the places for stations of so many points."""
-    at = slots(fields, strains, references)
+    at = slots(fields, strains, references, state)
     if points == 1:
         D, H, turn = at.D, at.H, at.rows
     else:

@@ -1,4 +1,5 @@
-"""Natural strains: what elements would be strained by if they were free, as temperature or an actuator makes them."""
+"""Strains that bear no stress: natural ones, which elements would have if they were free, as temperature or an actuator
+makes them, and internal ones, which laws with memory remember."""
 
 from __future__ import annotations
 
@@ -37,6 +38,27 @@ def no_natural() -> Natural:
 def of_some(natural: Natural, which: Any) -> Natural:
     """Return the natural strains of some elements, which follow the same amounts."""
     return natural._replace(pattern=np.ascontiguousarray(natural.pattern[which])) if len(natural.pattern) else natural
+
+
+class Memory(NamedTuple):
+    """What laws with memory remember of the last accepted state.
+
+    row : (ne,) where that of each element is in states (rows, stations of all parts, numbers of all points), which may
+    be those of other groups too. Both are empty where the law has none.
+    """
+
+    row: Any
+    states: Any
+
+
+def no_memory() -> Memory:
+    """Return the memory of laws that have none."""
+    return Memory(np.zeros(0, dtype=np.int64), np.zeros((0, 0, 0)))
+
+
+def memory_of_some(memory: Memory, which: Any) -> Memory:
+    """Return the memory of some elements, which is a part of that of all."""
+    return memory._replace(row=np.ascontiguousarray(memory.row[which])) if memory.states.size else memory
 
 
 @inner

@@ -149,10 +149,11 @@ class Record:
     Raises ValueError for arrays that are not row by row in 8 byte numbers (1 of booleans, 16 of complex numbers).
     """
 
-    __slots__ = ("_nested", "_numba_type_", "_words", "address", "values")
+    __slots__ = ("_nested", "_numba_type_", "_others", "_words", "address", "values")
 
-    def __init__(self, values: Any, words: Any = None) -> None:
-        self.values, self._numba_type_ = values, type_of(values)
+    def __init__(self, values: Any, words: Any = None, others: Any = None) -> None:
+        # other records whose addresses are among the values live as long as this one
+        self.values, self._numba_type_, self._others = values, type_of(values), others
         self._words = np.zeros(self._numba_type_.words, dtype=np.int64) if words is None else words
         self.address, self._nested = self._words.ctypes.data, {}
         for (at, kind), name, value in zip(self._numba_type_.place.values(), values._fields, values, strict=True):

@@ -10,7 +10,7 @@ from ..kernels.blas import dgemm_address
 from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
-from ..kernels.natural import Natural, no_natural
+from ..kernels.natural import Memory, Natural, no_memory, no_natural
 from ..kernels.records import Record
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
@@ -40,12 +40,33 @@ def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
     follow, rules = following(n, nc, positions, entries)
     parts = _parts(B.shape[1], blocks)
     point = plan.formulation.law
-    law = Law(law_address(point), point.fields, point.strains, point.references, _in_parts(B, parts, 2),
+    law = Law(law_address(point), point.fields, point.strains, point.references, point.state, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    strains = _natural(pool, natural, parts)
-    return Record(Group(law, strains, np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
-                        np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
+    strains, memory = _natural(pool, natural, parts), _memory(law, parts, len(pool.dofs))
+    return Record(Group(law, strains, memory, np.ascontiguousarray(pool.cls, dtype=np.int64),
+                        np.ascontiguousarray(pool.turn), np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
+
+
+def _memory(law: Law, parts: int, elements: int) -> Memory:
+    """Return what elements remember that have not been strained yet."""
+    if not law.state:
+        return no_memory()
+    stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
+    return Memory(np.arange(elements), np.zeros((elements, stations, points * law.state)))
+
+
+def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:
+    """Return groups that remember ``states`` (all in a row), or a copy of what they do, and that array."""
+    if states is None:
+        states = np.concatenate([np.zeros(0), *(g.values.memory.states.ravel() for g in groups)])
+    out, at = [], 0
+    for group in groups:
+        memory = group.values.memory
+        own = states[at:at + memory.states.size].reshape(memory.states.shape)
+        at += own.size
+        out.append(Record(group.values._replace(memory=memory._replace(states=own))) if own.size else group)
+    return out, states
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:
@@ -100,7 +121,7 @@ def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: I
     D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
     size = S * int(np.sum(blocks[:, 1] * blocks[:, 3]))
     most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
-    at = places(law.fields, law.strains, law.references, points)
+    at = places(law.fields, law.strains, law.references, law.state, points)
     length = room(at, n, max(nu, len(pairs)), len(entries), size)
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
     plan = Plan(parts, most, _vectors(law, nc), (D.max(axis=(1, 3)) > 0.0).astype(np.int64), blocks, pairs,

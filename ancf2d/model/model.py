@@ -139,12 +139,26 @@ class Model:
         return point_ref(self.meshes[at.body], at.s, y)
 
     @cached_property
-    def groups(self) -> list[Any]:
-        """The element groups as the kernels take them (imports numba)."""
-        from .groups import make_group
+    def _groups(self) -> tuple[list[Any], Array]:
+        from .groups import make_group, with_states
 
         natural = [*self.loads.natural, *(load for one in self.inputs.values() for load in one.natural)]
-        return [make_group(pool, natural) for pool in self.pools]
+        return with_states([make_group(pool, natural) for pool in self.pools])
+
+    @property
+    def groups(self) -> list[Any]:
+        """The element groups as the kernels take them (imports numba)."""
+        return self._groups[0]
+
+    @property
+    def states(self) -> Array:
+        """What elements whose laws have a memory remember of the last accepted state, which solvers write to."""
+        return self._groups[1]
+
+    @property
+    def remembers(self) -> list[str]:
+        """The bodies whose formulation has a memory, so that their forces depend on the way to a state."""
+        return [m.plan.name for m in self.meshes.values() if m.plan.formulation.law.state]
 
     @cached_property
     def pools(self) -> list[Pool]:

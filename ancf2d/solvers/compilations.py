@@ -82,4 +82,5 @@ def _called_from_python(P: Any, own: bool, patched: bool, slides: bool) -> list[
 
 def _no_rows() -> Rows:
     x, n, table = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-    return Rows(x, 0, x, n, n, table, table, table, table, np.zeros((0, 0, 0)), np.zeros((0, 0, 0)), table, table)
+    turns = np.zeros((0, 0, 0))
+    return Rows(x, 0, x, n, n, table, table, table, table, turns, turns, table, table, table)

@@ -69,6 +69,7 @@ class Balance:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
         model, d_q = self.model, d[:self.model.n_q]
         model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+        model.states[:] = row.states
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
         springs = model.interactions.energy(d, row.side)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)

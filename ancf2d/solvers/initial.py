@@ -35,6 +35,7 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
     n_q = model.n_q
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     v, turned = np.zeros(len(d)), None
+    model.states.fill(0.0)
     if initial.from_ == "static":
         d[:n_q], turned = _static(model)
     elif initial.from_ != "rest":
@@ -91,6 +92,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         f = error.failure
         raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
+    model.states[:] = static.states
     return state.d[:model.n_q], state.turned
 
 
@@ -107,6 +109,9 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
         with open_results(path) as results:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
+            if model.remembers:
+                raise fail(f"'{path}' does not tell what the formulation of {', '.join(model.remembers)} remembers",
+                           "rest or static")
             _check_mesh(model, results, path, fail)
             dofs = [body.dofs for body in results.bodies.values()]
             d = renumbered(results.d(-1), dofs, model)

@@ -107,7 +107,8 @@ class Follower:
         return Found(state.d, 0.0, 0, 0.0, 0.0), state
 
     def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
-        """Count turns on from an equilibrium."""
+        """Count turns on from an equilibrium, which elements remember."""
+        self.curve.system.accept(d, t)
         turned = self.curve.system.count(d, t) if turned is None else turned
         self.curve.turns = d, turned
         if self.goal is not None:

@@ -18,6 +18,7 @@ from ..kernels.points import Turning
 from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
+from ..model.groups import with_states
 from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
@@ -144,7 +145,8 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
-            **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), layout),
+            **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
+                                layout),
             **patch_functions(fronts, acts, slides, method.conserves, layout),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
 
@@ -155,7 +157,7 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
+        groups=n, states=x, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -176,7 +178,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         load.signal[0] = signals.row(load.amplitude)
     damping = model.case.damping
     data: dict[str, Any] = {
-        "groups": addresses(model.groups), "tau": tau,
+        "groups": addresses(model.groups), "states": model.states, "tau": tau,
         "calls": table(functions(model)), "points": _points(model, signals),
         "turning": turning_table(model.turns), "winds": model.winds,
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
@@ -192,12 +194,14 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     return p, signals.all
 
 
-def own(problem: Record) -> Record:
+def own(problem: Record, model: Model) -> Record:
     """Return a problem with tables of its own, where they remember something."""
     p: Problem = problem.values
+    groups, states = with_states(model.groups)
+    p = p._replace(groups=addresses(groups), states=states)
     return Record(p._replace(points=p.points._replace(mem=p.points.mem.copy()),
                              sliding=p.sliding._replace(memory=p.sliding.memory.copy()),
-                             programs=p.programs._replace(window=p.programs.window.copy())))
+                             programs=p.programs._replace(window=p.programs.window.copy())), others=groups)
 
 
 def driving(p: Record) -> list[int]:

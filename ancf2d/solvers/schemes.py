@@ -141,7 +141,14 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
                "generalized_alpha or radau5, or elements of another formulation, such as structural")
 
 
-RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient)
+def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """States of formulations are accepted where steps of the tool's own methods end."""
+    if model.remembers and (scheme.scipy is not None or scheme.conserves):
+        yield ("method", f"{scheme.name} cannot step formulations with a memory, such as that of "
+               f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
+
+
+RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets)
 
 
 def method_problems(model: Model) -> list[Problem]:

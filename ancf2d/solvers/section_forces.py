@@ -13,7 +13,7 @@ from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
-from ..kernels.natural import of_some
+from ..kernels.natural import memory_of_some, of_some
 from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
 from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
@@ -48,6 +48,7 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> t
     some = first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
     alone = Record(group.values._replace(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
+                                         memory=memory_of_some(group.values.memory, some),
                                          dofs=np.arange(dofs.size).reshape(dofs.shape)))
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:

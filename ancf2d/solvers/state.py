@@ -8,6 +8,9 @@ from typing import Any
 
 from ..elements.shape import Array
 
+# what a motion remembers beside its coordinates, as ``Row`` and checkpoints have it
+MEMORIES = ("turns", "feet", "states")
+
 
 @dataclass
 class State:
@@ -56,8 +59,8 @@ class Row:
     """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
 
     ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
-    step ends, the float before it. ``turns`` and ``feet`` are what point laws and prismatic joints remember there,
-    ``turned`` the rotations through full turns of the sections that count them.
+    step ends, the float before it. ``turns``, ``feet`` and ``states`` are what point laws, prismatic joints and
+    elements remember there, ``turned`` the rotations through full turns of the sections that count them.
     """
 
     t: float
@@ -70,5 +73,6 @@ class Row:
     lost: float
     turns: Array
     feet: Array
+    states: Array
     turned: Array
     log: Array

@@ -130,7 +130,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
-    near = None if start is None else equilibrium_near(system, start, end, tolerance, max_iterations)
+    # the way to a state counts where elements remember it
+    near = None if start is None or model.remembers else equilibrium_near(system, start, end, tolerance, max_iterations)
     if near is not None:
         yield state_of(system, near, end, 1, 0, [])
         return
@@ -302,6 +303,7 @@ class _March:
             self.system.count_from(turns)
             stability = self._stability(result, new.factor)
             state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
+            self.system.accept(result.d, new.factor)
             self.turns = self.system.turns()
             yield state
             self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new

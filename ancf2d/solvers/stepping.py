@@ -41,7 +41,7 @@ from .mass import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
 from .schemes import DEFAULT, INTEGRATORS
-from .state import Row
+from .state import MEMORIES, Row
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
 CHUNK_SECONDS = 0.2
@@ -62,7 +62,7 @@ class Stepper:
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
         # the motion itself, and another one that stored states are evaluated with, as they were
-        self.problem, self.p, self.past = problem, own(problem), own(problem)
+        self.problem, self.p, self.past = problem, own(problem, model), own(problem, model)
         n = len(problem.coordinate)
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or DEFAULT]
@@ -89,14 +89,14 @@ class Stepper:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
         number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
         z, v, a = (np.zeros((m, n)) for _ in range(3))
-        turns, feet = (np.zeros((m, *x.shape)) for x in self._memory())
+        turns, feet, states = (np.zeros((m, *x.shape)) for x in self._memory())
         turned = np.zeros((m, len(self.p.turning.length)))
         return Record(kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns,
-                                   feet, turned, np.zeros((LOG_ROWS, len(LOG)))))
+                                   feet, states, turned, np.zeros((LOG_ROWS, len(LOG)))))
 
-    def _memory(self) -> tuple[Array, Array]:
-        """Return what point laws and prismatic joints remember of the state last accepted."""
-        return self.p.points.mem, self.p.sliding.memory
+    def _memory(self) -> tuple[Array, Array, Array]:
+        """Return what point laws, prismatic joints and elements remember of the state last accepted."""
+        return self.p.points.mem, self.p.sliding.memory, self.p.states
 
     @property
     def t(self) -> float:
@@ -129,6 +129,7 @@ class Stepper:
     def _place(self, d: Array, v: Array, turned: Array) -> None:
         model, n_q = self.model, self.model.n_q
         self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
         for k, spring in enumerate(model.springs):
@@ -259,17 +260,17 @@ class Stepper:
             last = len(self.pending) + int(rows.number[k]) + 1
             last = first if rows.kind[k] == kernels.CHECK else max(min(last, len(log)), first)
             found.append(self._row(float(rows.t[k]), int(rows.kind[k]), rows.z[k], rows.v[k], rows.a[k], rows.work[k],
-                                   rows.turns[k], rows.feet[k], rows.turned[k], log[first:last]))
+                                   rows.turns[k], rows.feet[k], rows.states[k], rows.turned[k], log[first:last]))
             first = last
         self.pending = log[first:]
         self.next_wanted += 0 if self.every else int(np.count_nonzero(rows.kind[:stored] != kernels.CHECK))
 
     def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
-             turned: Array, log: Array) -> Row:
+             states: Array, turned: Array, log: Array) -> Row:
         """Return a state of the piece that the motion is in."""
         first, last, _ = self.pieces[self.piece]
         return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
-                   turns.copy(), feet.copy(), turned.copy(), log)
+                   turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
 
     def _enter(self, piece: int) -> None:
         """Take signals as they are in a piece of the motion."""
@@ -336,6 +337,7 @@ class Stepper:
         """Return the problem with the memory of a stored state."""
         self.past.points.mem[:] = row.turns
         self.past.sliding.memory[:] = row.feet
+        self.past.states[:] = row.states
         return self.past
 
     # ------------------------------------------------------------------ going on later
@@ -347,11 +349,9 @@ class Stepper:
     def kept(self) -> dict[str, Array]:
         """Return what is kept of a motion, whatever its method."""
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
-        out["log"] = np.array(self.pending)
-        out["places"] = np.array([self.next_wanted, self.piece, self.every])
-        out["dt"] = np.array([self.dt, self.tolerance])
-        out["turns"], out["feet"] = (x.copy() for x in self._memory())
-        return out
+        out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
+                "dt": np.array([self.dt, self.tolerance])}
+        return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
@@ -360,7 +360,7 @@ class Stepper:
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
         self._enter(int(kept["places"][1]))
-        for values, name in zip(self._memory(), ("turns", "feet"), strict=True):
+        for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = kept[name]
 
     # ------------------------------------------------------------------ what can go wrong

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import SingularTangentError
-from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
+from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrix import scatter_patches
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
@@ -174,6 +174,14 @@ class System:
             self._act(zero, moved, forces)
             out[k] = self.model.numbering.reduce(forces) / 1.1
         return out
+
+    def accept(self, d: Array, t: float) -> None:
+        """Let elements whose laws have a memory remember the state d (n_full,) at t: a step has been accepted there."""
+        if self.model.remembers:
+            self.model.set_natural(t)
+            for group in self.model.groups:
+                if group.law.state:
+                    commit(group, d)
 
     def add_loads(self, Q: Array, d: Array, t: float, sign: float = 1.0) -> None:
         """Add the forces of loads that turn or move at d and t to Q (n_full,), times ``sign``."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.natural import of_some
+from ..kernels.natural import memory_of_some, of_some
 from ..kernels.records import Record
 from ..model.model import Model, Numbering
 from ..processors import threads
@@ -64,6 +64,7 @@ def _some(group: Any, which: Any) -> Any:
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
     return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
                                         natural=of_some(group.values.natural, which),
+                                        memory=memory_of_some(group.values.memory, which),
                                         dofs=np.ascontiguousarray(group.dofs[which])))
 
 

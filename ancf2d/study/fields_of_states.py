@@ -37,7 +37,8 @@ class StatesWithFields(Results):
                 return build_model(loaded)
 
             model = built([])
-            fields = _told(model)
+            # stored states do not tell what elements remember
+            fields = [] if model.remembers else _told(model)
             found = built(fields) if fields else None
         except Ancf2dError:
             return None

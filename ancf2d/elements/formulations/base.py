@@ -33,6 +33,12 @@ class PointLaw:
     eps1 - eps0, and turning the mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the
     position gradients). None where no such form is known: then no time step keeps energy and angular momentum at once.
     ``quadratic`` are the strains that a stretch by 1 + L makes L + L^2/2, such as those of Green and Lagrange.
+
+    A law with memory has so many numbers of ``state`` at each point, all 0 to begin with. The first are its internal
+    strains eps_i, which bear no stress: sigma = D (eps - eps_i). ``internal(ref, eps, old, new, slope, lanes)`` fills
+    the state new (state, lanes) that the strains eps lead to from old, the state at the end of the last accepted step,
+    and slope (strains, strains, lanes) = d eps_i/d eps, whose zeros are left alone; D slope has to be symmetric. At the
+    strains of an accepted step, the new state leads to itself.
     """
 
     fields: int
@@ -42,6 +48,8 @@ class PointLaw:
     geometric: Callable[..., Any]
     mean: Callable[..., Any] | None = None
     quadratic: tuple[int, ...] = ()
+    state: int = 0
+    internal: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)
