@@ -149,7 +149,8 @@ def test_narrow_bands_of_flutter_are_found(coupling: float, damping: float) -> N
     A[:, 3:, :3] = -np.linalg.solve(M, K - P[:, None, None] * np.array([[1, -1, 0], [0, 0, 0], [0, 0, 0]]))
     # the round-off of a double eigenvalue; with damping all are simple
     grows = np.linalg.eigvals(A).real.max(axis=1) > (1e-9 if damping else 1e-6)
-    assert 0 < grows.sum() < 0.2 * len(P)
+    assert grows.any()
+    assert not grows[0]
     found = first(case)
     assert found["kind"] == "flutter"
     assert found["factor"] == pytest.approx(P[np.argmax(grows)], abs=2e-5)
