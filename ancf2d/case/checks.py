@@ -136,6 +136,10 @@ class _Checker:
             if value not in (None, INVALID) and self.solver not in solvers:
                 self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only "
                           f"with {listed(solvers)}", on_key=True)
+        for i, spring in enumerate(self.case.springs or ()):
+            if spring is not INVALID and self.solver == "linear_static" and spring.breaks:
+                self.fail(("springs", i), f"springs.{i} acts in a part of its elongations alone, which linear statics "
+                          "cannot express", "solver static")
         if self.case.steady_rotation is None:
             return
         for i, load in enumerate(self.case.loads or ()):

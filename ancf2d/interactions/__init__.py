@@ -5,7 +5,7 @@ and models take them from there. The order of imports is that of the reference.
 """
 
 from .body_loads import Distributed, Gravity
-from .forces import FollowerForce, Force, Moment
+from .forces import FollowerForce, Force, Moment, Torque
 from .inertia import Mass
 from .joints import PinJoint, SliderJoint, WeldJoint
 from .natural import Eigenstrain, Temperature
@@ -16,5 +16,5 @@ from .supports import Clamp, Fix, Pin, Prescribed, Roller
 __all__ = [
     "Clamp", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin",
     "PinJoint", "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "Temperature",
-    "TranslationalSpring", "WeldJoint",
+    "Torque", "TranslationalSpring", "WeldJoint",
 ]

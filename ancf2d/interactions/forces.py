@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
-from ..case.schema.points import POINT, Point
+from ..case.schema.points import ENDS, POINT, GroundPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
@@ -246,3 +247,27 @@ class Moment:
         """Add the moment on what turns with its section: Q_k = M dtheta/de."""
         kind, fields = turn_fields(context.point(self.at))
         out.patches.append(PointPatch(MOMENT, fields, [float(self.value), kind], context.amplitude))
+
+
+@load
+@record
+class Torque:
+    """A moment between two sections: on the second, and opposite on the first."""
+
+    tag = "torque"
+    between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two sections; [x, y] is the ground",
+                                                   example=["a@1", "b@0"])
+    value: float = key(Number("N m"), "Moment on the second, counter-clockwise", example=3)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield ends that cannot be those of a torque."""
+        yield from check_ends(self.between)
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the moment on each of the sections that is not of the ground."""
+        for end, value in zip(self.between, (-self.value, self.value), strict=True):
+            if isinstance(end, Point):
+                kind, fields = turn_fields(context.point(end))
+                out.patches.append(PointPatch(MOMENT, fields, [float(value), kind], context.amplitude))

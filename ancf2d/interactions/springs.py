@@ -10,10 +10,10 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import ListOf, Name, Number
+from ..case.kinds import Choice, Name, Number
 from ..case.records import tag_of
 from ..case.schema.case import register
-from ..case.schema.points import SPRING_END, GroundPoint, Point, named_twice
+from ..case.schema.points import ENDS, GroundPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
 from ..elements.shape import Array
 from ..errors import PluginError
@@ -31,7 +31,9 @@ from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
 NAME = Name()
-ENDS = ListOf(SPRING_END, "ends, each BODY@S or [x, y]", 2, 2)
+ONLY = Choice("tension", "compression")
+ONLY_DOC = ("Acts against elongation (for angles: a relative rotation counter-clockwise) or against shortening alone "
+            "(default: both)")
 End = PointRef | GroundPoint
 
 
@@ -135,19 +137,16 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
             return (about if on == "angle" else along)(law, ends, constants_of(self), self.damped, rest)
 
         if "check" not in cls.__dict__:
-            cls.check = _check_ends
+            cls.check = _check
         register("springs", cls, ("between", "name"), ("constants",), damped=damped)
         cls.law, cls.place = law, place
         return cls
     return with_force
 
 
-def _check_ends(self: Any) -> Iterator[Issue]:
+def _check(self: Any) -> Iterator[Issue]:
     """Yield ends that cannot be those of a spring."""
-    yield from named_twice(self.between)
-    if all(isinstance(end, GroundPoint) for end in self.between):
-        yield Issue(("between",), "{}.between: both ends are on the ground",
-                    "at least one point BODY@S")
+    yield from check_ends(self.between)
 
 
 def _without_effect(stiffness: float, damping: float) -> Iterator[Issue]:
@@ -156,21 +155,43 @@ def _without_effect(stiffness: float, damping: float) -> Iterator[Issue]:
 
 
 def linear(s, rate, par):  # type: ignore[no-untyped-def]
-    """A linear spring and damper: k s and c ds/dt; par: k, c."""
-    k, c = par[0], par[1]
-    return 0.5 * k * s * s, k * s + c * rate, k, c
+    """A spring and damper that act below ``low`` and above ``high``, anywhere if these are 0; par: k, c, low, high.
+
+    The force is k (s - high) + c ds/dt above, k (s - low) + c ds/dt below.
+    """
+    k, c, low, high = par[0], par[1], par[2], par[3]
+    if s >= high:
+        x = s - high
+    elif s <= low:
+        x = s - low
+    else:
+        return 0.0, 0.0, 0.0, 0.0
+    return 0.5 * k * x * x, k * x + c * rate, k, c
 
 
 def linear_mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
-    """The mean of k s, whose work is the difference of the energy, and the damper's force."""
-    k, c = par[0], par[1]
-    return 0.5 * k * (s0 + s1) + c * rate, c * rate * rate
+    """The mean of the spring's force over a step, whose work is the difference of the energy, and the damper's."""
+    k, c, low, high = par[0], par[1], par[2], par[3]
+    if min(s0, s1) >= high:
+        return 0.5 * k * (s0 + s1 - 2.0 * high) + c * rate, c * rate * rate
+    if max(s0, s1) <= low:
+        return 0.5 * k * (s0 + s1 - 2.0 * low) + c * rate, c * rate * rate
+    above0, above1 = max(s0 - high, 0.0), max(s1 - high, 0.0)
+    below0, below1 = min(s0 - low, 0.0), min(s1 - low, 0.0)
+    gained = above1 * above1 - above0 * above0 + below1 * below1 - below0 * below0
+    drag = c * rate if not low < 0.5 * (s0 + s1) < high else 0.0
+    return (0.5 * k * gained / (s1 - s0) if gained != 0.0 else 0.0) + drag, drag * rate
+
+
+def _acting(only: str | None, gap: float) -> list[float]:
+    """Return the elongation or angle below which a spring acts, and the one above which it does."""
+    return [-math.inf if only == "tension" else -gap, math.inf if only == "compression" else gap]
 
 
 @spring(linear, over_step=linear_mean)
 @record
 class TranslationalSpring:
-    """A spring and damper along the line between two points."""
+    """A spring and damper along the line between two points; with ``only`` or ``gap`` it acts on one side, or late."""
 
     tag = "translational"
     between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends",
@@ -179,6 +200,8 @@ class TranslationalSpring:
     damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
     length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "
                                "in the reference)", default=None)
+    only: str | None = key(ONLY, ONLY_DOC, default=None)
+    gap: float = key(Number("m", ge=0), "Elongation or shortening from which on it acts: a stop", default=0.0)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -186,14 +209,19 @@ class TranslationalSpring:
         """Whether rates cause forces."""
         return self.damping > 0.0
 
+    @property
+    def breaks(self) -> bool:
+        """Whether it acts in a part of its elongations or angles alone."""
+        return self.only is not None or self.gap > 0.0
+
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
-        yield from _check_ends(self)
+        yield from check_ends(self.between)
         yield from _without_effect(self.stiffness, self.damping)
 
     def constants(self) -> list[float]:
-        """Return the constants of the law: U = k (L - L0)^2/2, and c dL/dt."""
-        return [self.stiffness, self.damping]
+        """Return the constants of the law: U = k (L - L0)^2/2, and c dL/dt, where it acts."""
+        return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
 
     def rest(self) -> float | None:
         """Return the length L0."""
@@ -212,6 +240,8 @@ class RotationalSpring:
     damping: float = key(Number("N m s/rad", ge=0), "Damping", default=0.0)
     angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
                        default=0.0)
+    only: str | None = key(ONLY, ONLY_DOC, default=None)
+    gap: float = key(Number("rad", ge=0), "Angle, either way, from which on it acts: a stop", default=0.0)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -219,14 +249,19 @@ class RotationalSpring:
         """Whether rates cause forces."""
         return self.damping > 0.0
 
+    @property
+    def breaks(self) -> bool:
+        """Whether it acts in a part of its elongations or angles alone."""
+        return self.only is not None or self.gap > 0.0
+
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
-        yield from _check_ends(self)
+        yield from check_ends(self.between)
         yield from _without_effect(self.stiffness, self.damping)
 
     def constants(self) -> list[float]:
-        """Return the constants of the law: U = k (theta_b - theta_a - angle)^2/2, and c d(theta_b - theta_a)/dt."""
-        return [self.stiffness, self.damping]
+        """Return the constants of the law: U = k (theta_b - theta_a - angle)^2/2, and its damping, where it acts."""
+        return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
 
     def rest(self) -> float:
         """Return the angle."""

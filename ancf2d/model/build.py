@@ -231,7 +231,10 @@ class _Builder:
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions
         for motion in motions:
-            self.report(("boundary_conditions",), f"{motion}, so there is no static solution",
+            idle = [f"springs.{k}" for k, (item, spring) in enumerate(zip(self.case.springs, self.springs, strict=True))
+                    if item.breaks and not spring.reference_stiffness().any()]
+            more = f" ({', '.join(idle)}: not acting in the reference)" if idle else ""
+            self.report(("boundary_conditions",), f"{motion}, so there is no static solution{more}",
                         "a support, joint or spring that prevents this")
 
 

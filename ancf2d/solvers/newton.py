@@ -95,8 +95,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
 
 
 def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
-    """Whether no residual at d exceeds 1e-8 of the largest force, or none what round-off can leave of it."""
-    return system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
+    """Whether no residual at d exceeds 1e-8 of the largest force, or what round-off can leave of it."""
+    return (system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
+            or system.balances(balance, d, t, BALANCE))
 
 
 def at_floor(R: Array, noise: Array) -> bool:

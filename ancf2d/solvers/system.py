@@ -309,12 +309,21 @@ class System:
 
     def imbalance(self, balance: Balance) -> float:
         """Return the largest residual beside the largest force, both as forces [N] through the coordinates' weights."""
-        scale = self._largest_force(balance)
+        n_q, w = self.model.n_q, self.model.weights
+        scale = max(largest_share(balance.Q[:n_q], w), largest_share(balance.F[:n_q], w))
         return largest_share(balance.R, self.weights) / scale if scale > 0.0 else 0.0
 
-    def _largest_force(self, balance: Balance) -> float:
-        n_q, w = self.model.n_q, self.model.weights
-        return max(largest_share(balance.Q[:n_q], w), largest_share(balance.F[:n_q], w))
+    def balances(self, balance: Balance, d: Array, t: float, share: float) -> bool:
+        """Whether no residual exceeds a share of the largest force of one spring or load alone at d (n_full,).
+
+        Where they cancel on the coordinates that they share, as a torque does with the spring that it winds up, no sum
+        tells how large they are, and round-off of the solution is larger than that of the sums.
+        """
+        weights, largest_force = np.zeros(len(d)), 0.0
+        weights[:self.model.n_q] = self.model.weights
+        for _, q, _, dofs in self.patches(d, t):
+            largest_force = max(largest_force, largest_share(q.ravel(), weights[dofs].ravel()))
+        return largest_share(balance.R, self.weights) <= share * largest_force
 
     def describe(self, unknown: int) -> str:
         """Return the name of an unknown: coordinate, body and place."""

@@ -47,17 +47,20 @@ def _item(name, p0, par, vectors=(), angles=()):
     return Item(name, np.array(p0, dtype=float), np.array(par, dtype=float), vectors, angles)
 
 
-def _rotational(a, b, name="rotational"):
+def _rotational(a, b, name="rotational", acts=(0.0, 0.0)):
     at_b = len(RAW[a])
     vectors = ([0] if a == DIRECTION else []) + ([at_b] if b == DIRECTION else [])
     angles = ([0] if a == THETA else []) + ([at_b] if b == THETA else [])
-    return _item(name, [*RAW[a], *RAW[b]], [0.3, a, b, 2.0, 0.7], tuple(vectors), tuple(angles))
+    return _item(name, [*RAW[a], *RAW[b]], [0.3, a, b, 2.0, 0.7, *acts], tuple(vectors), tuple(angles))
 
 
 ITEMS = {
-    "spring": _item("translational", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4], (0,)),
-    "relaxed spring": _item("translational", [0.6, -0.8], [1.0, 1.0, 3.0, 0.4], (0,)),
-    "spring without length": _item("translational", [0.0, 0.0], [0.0, 0.0, 3.0, 0.4], (0,)),
+    "spring": _item("translational", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4, 0.0, 0.0], (0,)),
+    "relaxed spring": _item("translational", [0.6, -0.8], [1.0, 1.0, 3.0, 0.4, 0.0, 0.0], (0,)),
+    "spring without length": _item("translational", [0.0, 0.0], [0.0, 0.0, 3.0, 0.4, 0.0, 0.0], (0,)),
+    "stop": _item("translational", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4, -0.03, 0.03], (0,)),
+    "cable": _item("translational", [0.6, -0.8], [0.3, 1.0, 3.0, 0.4, -np.inf, 0.0], (0,)),
+    "stop of an angle": _rotational(DIRECTION, DIRECTION, acts=(-0.02, 0.02)),
     **{f"torsion {a}{b}": _rotational(a, b) for a, b in TURNS},
     "hardening spring": _item("hardening", [0.6, -0.8], [0.7, 1.0, 3.0, 0.4], (0,)),
     "hardening torsion": _rotational(DIRECTION, DIRECTION, "hardening angle"),
@@ -149,7 +152,7 @@ def test_dampers_resist_the_rate_of_length_or_angle(name):
     u, w = motion(item, 3)
     _, still, _, _ = evaluate(item, u)
     _, f, _, C = evaluate(item, u, w)
-    h, k, c, rest = 1e-5, *item.par[-2:], item.par[0]
+    h, k, c, rest = 1e-5, *item.par[-4:-2], item.par[0]
     sign = np.sign(np.sqrt(2 * evaluate(item, u)[0] / k)) if item.name == "translational" else 1.0
 
     def measure(x):
@@ -321,7 +324,7 @@ def test_a_step_across_the_back_of_a_direction_keeps_its_energy():
 
 
 def test_stretch_of_springs_keeps_the_digits_of_small_displacements():
-    item = _item("translational", [1e3, 0.0], [1e3, 1e3, 1.0, 0.0])
+    item = _item("translational", [1e3, 0.0], [1e3, 1e3, 1.0, 0.0, 0.0, 0.0])
     _, f, _, _ = evaluate(item, np.array([1e-12, 0.0]))
     assert f[0] == pytest.approx(1e-12, rel=1e-12, abs=0)
 

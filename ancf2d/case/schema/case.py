@@ -155,8 +155,8 @@ DECLARED: dict[str, dict[str, Any]] = {
     # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
     # the places S of it at which nodes are wanted
     "loads": {"acceleration": None, "line": None, "places": None},
-    # whether rates cause forces
-    "springs": {"damped": False},
+    # whether rates cause forces, and whether it acts in a part of its elongations alone
+    "springs": {"damped": False, "breaks": False},
     # the body along which a point slides
     "joints": {"slides_along": None},
     # the prescribed motions by their keys

@@ -9,7 +9,7 @@ from typing import Any
 from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..emit import number_text
-from ..kinds import Book, JsonSchema, Kind, Number, Vector, good_name
+from ..kinds import Book, JsonSchema, Kind, ListOf, Number, Vector, good_name
 from ..nodes import Node, Scalar, quoted, resolve
 from ..records import ByShape, Record
 
@@ -87,4 +87,11 @@ def named_twice(points: tuple[object, ...]) -> Iterator[Issue]:
 
 
 PROBE = Record(Probe, short="at")
-SPRING_END = ByShape(text=POINT, list=Vector(POSITION, "x, y", GroundPoint))
+ENDS = ListOf(ByShape(text=POINT, list=Vector(POSITION, "x, y", GroundPoint)), "ends, each BODY@S or [x, y]", 2, 2)
+
+
+def check_ends(points: tuple[object, ...]) -> Iterator[Issue]:
+    """Yield what two ENDS cannot be: the same point, or both on the ground."""
+    yield from named_twice(points)
+    if all(isinstance(end, GroundPoint) for end in points):
+        yield Issue(("between",), "{}.between: both ends are on the ground", "at least one point BODY@S")

@@ -1,0 +1,86 @@
+"""Springs that act on one side or from a gap on, and torques between sections, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import ride, rigid
+
+from ancf2d.errors import CaseError
+
+SECTION = {"EA": 1e4, "EI": 1, "kGA": 1e4, "rhoA": 1, "rhoI": 1e-4}
+ARMS = {"a": h.body(h.line(1.0), h.element("reissner3", 2), SECTION),
+        "b": {**h.body(h.line(1.0), h.element("reissner3", 2), SECTION),
+              "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}}
+ELBOW = {"bc": [{"type": "clamp", "at": "a@0"}], "joints": [{"type": "pin", "between": ["a@1", "b@0"]}]}
+STATIC = {"type": "static", "steps": 3}
+
+
+def turned(springs: list, loads: list) -> float:
+    """Return the angle of the elbow, whose springs and loads bend neither arm."""
+    return h.solved(ARMS, STATIC, springs=springs, loads=loads, **ELBOW).theta("b@0")
+
+
+@pytest.mark.parametrize(("torque", "angle"), [(0.04, 0.08), (0.3, 0.2), (-0.3, -0.2)])
+def test_a_torque_turns_an_elbow_against_its_stop(torque, angle):
+    """0.5 theta below the stop at 0.1, and 2 (theta - 0.1) besides beyond."""
+    between = ["a@1", "b@0"]
+    springs = [{"type": "rotational", "between": between, "stiffness": 0.5},
+               {"type": "rotational", "between": between, "stiffness": 2.0, "gap": 0.1}]
+    assert turned(springs, [{"type": "torque", "between": between, "value": torque}]) == pytest.approx(angle, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "spring", "tip"), [("translational", {"only": "tension"}, (0.015, -0.03)),
+                                                     ("translational", {"only": "compression"}, (0.03, -0.015)),
+                                                     ("translational", {"gap": 0.006}, (0.018, -0.018)),
+                                                     ("rotational", {"only": "tension"}, (0.03, -0.015)),
+                                                     ("rotational", {"only": "compression"}, (0.015, -0.03))])
+def test_a_spring_acts_on_its_side_alone(name, spring, tip):
+    """A stiff bar on a pin and two springs of 1 N/m or N m/rad: one always, one on its side or behind its gap."""
+    between = ["b@1", [1, -5]] if name == "translational" else ["b@1", [0, 0]]
+    always = {"type": name, "between": between, "stiffness": 1.0}
+    # what sinks shortens the spring below it; the relative rotation is that of the ground less that of the bar
+    for force, wanted in zip((0.03, -0.03), tip, strict=True):
+        load = ({"type": "force", "at": "b@1", "value": [0, force]} if name == "translational"
+                else {"type": "moment", "at": "b@1", "value": force})
+        found = h.solved({"b": h.body(h.line(1.0), h.element("reissner3", 1), SECTION)}, STATIC,
+                         bc=[{"type": "pin", "at": "b@0"}], springs=[always, {**always, **spring}], loads=[load])
+        moved = found.u("b@1")[1] if name == "translational" else found.theta("b@1")
+        assert moved == pytest.approx(wanted, rel=3e-3), force
+
+
+GAP, MASS, STIFFNESS, SPEED = 0.1, 2.0, 800.0, 3.0
+OMEGA = math.sqrt(STIFFNESS / MASS)
+PERIOD = 4 * GAP / SPEED + 2 * math.pi / OMEGA
+STOPS = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, 0.1)},
+         "bc": [{"type": "roller", "at": "b@0", "fixed": "y"}, {"type": "roller", "at": "b@1", "fixed": "y"}],
+         "springs": [{"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": STIFFNESS, "gap": GAP}],
+         "initial": {"bodies": {"b": {"velocity": [SPEED, 0]}}}}
+
+
+def test_a_bar_between_two_stops_has_the_period_of_free_flight_and_half_swings():
+    swing = ride(STOPS, PERIOD, states=4, method="radau5", tolerance=1e-8)
+    found = [swing.place("b@0", k)[0] for k in range(5)]
+    # of a quarter of the period it flies 0.0333 s freely and is in the stop for the rest
+    assert found == pytest.approx([0.0, GAP + SPEED / OMEGA, 0.0, -GAP - SPEED / OMEGA, 0.0], abs=1e-6)
+
+
+def test_energy_is_conserved_through_the_stops():
+    swing = ride(STOPS, 100 * PERIOD, every=1, method="energy_momentum", dt=PERIOD / 37)
+    total, _ = swing.totals()
+    assert np.ptp(total) < 1e-10 * total[0]
+
+
+def test_linear_statics_refuses_what_it_cannot_express():
+    with pytest.raises(CaseError, match="which linear statics cannot express"):
+        h.solved(ARMS, "linear_static", springs=[{"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0,
+                                                  "only": "tension"}], **ELBOW)
+
+
+def test_a_spring_that_does_not_act_in_the_reference_is_named_where_it_would_have_to_hold_a_body():
+    with pytest.raises(CaseError, match=r"springs.0: not acting in the reference"):
+        h.solved(ARMS, STATIC, springs=[{"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0,
+                                         "gap": 0.1}], **ELBOW)
