@@ -145,6 +145,10 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
     angle = math.atan2(vector[1], vector[0]) if vector else 0.0
     if kind == "moment" and isinstance(value, int | float) and value:
         yield from scene.symbol("moment" if value > 0 else "moment back", [at])
+    elif kind == "torque" and isinstance(value, int | float) and value:
+        for end, sign in zip(entry.get("between") or [], (-1.0, 1.0), strict=False):
+            if isinstance(end, str):
+                yield from scene.symbol("moment" if sign * value > 0 else "moment back", [end])
     elif not vector or not any(vector):
         return
     elif kind == "gravity":

@@ -51,7 +51,17 @@ def _rest(model: Model) -> Base:
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     zero = np.zeros(len(d))
     history = {"step": 0, "factor": 0.0, "iterations": 0}
-    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history), False)
+    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history, warnings=_on_the_verge(model)), False)
+
+
+def _on_the_verge(model: Model) -> list[str]:
+    """Return what is to be told of springs that act on one side of the reference alone."""
+    found = []
+    for k, (item, spring) in enumerate(zip(model.case.springs, model.springs, strict=True)):
+        f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
+        if item.breaks and H.any() and not f.any():
+            found.append(f"springs.{k} acts on one side of the reference alone; the small motions are those with it")
+    return found
 
 
 def _equilibrium(model: Model) -> Base:

@@ -84,3 +84,13 @@ def test_a_spring_that_does_not_act_in_the_reference_is_named_where_it_would_hav
     with pytest.raises(CaseError, match=r"springs.0: not acting in the reference"):
         h.solved(ARMS, STATIC, springs=[{"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0,
                                          "gap": 0.1}], **ELBOW)
+
+
+def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
+    bar = {"b": rigid([0, 0], [1, 0], 2.0, 0.1)}
+    pair = [h.solved(bar, {"type": "eigen", "modes": 1}, bc=STOPS["bc"],
+                     springs=[{"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": 800.0, **more}]).state
+            for more in ({}, {"only": "tension"})]
+    assert pair[1].tables["modes"]["omega"] == pytest.approx(pair[0].tables["modes"]["omega"], rel=1e-12)
+    assert pair[0].warnings == []
+    assert "acts on one side" in pair[1].warnings[0]
