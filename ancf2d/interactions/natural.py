@@ -8,8 +8,10 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Name, Number
 from ..case.schema.amplitudes import Amplitude
+from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.formulations import FORMULATIONS
 from ..model.natural import AlongBody, NaturalStrain
+from ..model.profiles import breaks
 from .forces import AMPLITUDE, AMPLITUDE_DOC, NAME, LoadContext, LoadError, LoadSet, load
 
 
@@ -26,6 +28,11 @@ def _add(load: Eigenstrain | Temperature, values: tuple[AlongBody, AlongBody, Al
     out.natural.append(NaturalStrain(mesh, load.from_, load.to, values, context.amplitude))
 
 
+def _places(load: Eigenstrain | Temperature, *parts: AlongBody) -> tuple[str, tuple[float, ...]]:
+    inner = {s for p in parts if not isinstance(p, float) for s, _ in breaks(p) if load.from_ < s < load.to}
+    return load.on, (load.from_, *sorted(inner), load.to)
+
+
 def _issues(load: Eigenstrain | Temperature, empty: str) -> Iterator[Issue]:
     if not load.from_ < load.to:
         yield Issue(("to",), f"{{}}: from must be less than to, got from {load.from_:g} to {load.to:g}")
@@ -40,9 +47,9 @@ class Eigenstrain:
 
     tag = "eigenstrain"
     on: str = key(Name("the name of a body"), "Body that it strains", refers="bodies", example="strip")
-    axial: float = key(Number(""), "Strain of the axis", default=0.0, example=1e-3)
-    curvature: float = key(Number("1/m"), "Change of the angle per length of the reference, counter-clockwise",
-                           default=0.0, example=0.2)
+    axial: float | Profile = key(ProfileOf(), "Strain of the axis", default=0.0, example=1e-3)
+    curvature: float | Profile = key(ProfileOf("1/m"), "Change of the angle per length of the reference, "
+                                     "counter-clockwise", default=0.0, example=0.2)
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -51,7 +58,7 @@ class Eigenstrain:
     @property
     def places(self) -> tuple[str, tuple[float, ...]]:
         """The body, and where along it nodes are wanted."""
-        return self.on, (self.from_, self.to)
+        return _places(self, self.axial, self.curvature)
 
     def check(self) -> Iterator[Issue]:
         """Yield an extent that is empty or backward, and an eigenstrain of nothing."""
@@ -69,8 +76,9 @@ class Temperature:
 
     tag = "temperature"
     on: str = key(Name("the name of a body"), "Body that it heats", refers="bodies", example="strip")
-    value: float = key(Number("K"), "Change of temperature on the axis", default=0.0, example=60)
-    gradient: float = key(Number("K/m"), "Change per metre across, along the section's y axis", default=0.0)
+    value: float | Profile = key(ProfileOf("K"), "Change of temperature on the axis", default=0.0, example=60)
+    gradient: float | Profile = key(ProfileOf("K/m"), "Change per metre across, along the section's y axis",
+                                    default=0.0)
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -79,7 +87,7 @@ class Temperature:
     @property
     def places(self) -> tuple[str, tuple[float, ...]]:
         """The body, and where along it nodes are wanted."""
-        return self.on, (self.from_, self.to)
+        return _places(self, self.value, self.gradient)
 
     def check(self) -> Iterator[Issue]:
         """Yield an extent that is empty or backward, and a temperature that stays."""

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..case import Profile
 from ..elements.shape import Array
 from .mesh import BodyMesh, Index
+from .profiles import SIDE, values
 
-# a number, or a function of S
-AlongBody = float | Callable[[float], float]
+AlongBody = float | Profile
 # places beside S that count as the same
 SAME = 1e-12
 
@@ -38,15 +39,19 @@ class NaturalStrain:
         a, b = start / whole, (start + self.mesh.lengths) / whole
         number = np.arange(len(a))
         out = np.where((a >= self.first - SAME) & (b <= self.last + SAME), 1, 2 + number)
-        if any(callable(v) for v in self.values):
+        if not all(isinstance(v, float) for v in self.values):
             out = 2 + number
         out[(b <= self.first + SAME) | (a >= self.last - SAME)] = 0
         return out
 
     def along(self, element: int, xi: Array) -> Array:
-        """Return the values (4, n) at stations xi (n,) of an element, zero beyond the ends."""
+        """Return the values (4, n) at stations xi (n,) of an element, zero beyond the ends.
+
+        Where a profile jumps at an end of the element, they are those within.
+        """
         mesh = self.mesh
-        s = (mesh.starts[element] + xi * mesh.lengths[element]) / mesh.plan.length
+        whole, start = mesh.plan.length, mesh.starts[element]
+        s = np.clip((start + xi * mesh.lengths[element]) / whole, start / whole + SIDE,
+                    (start + mesh.lengths[element]) / whole - SIDE)
         inside = (s >= self.first - SAME) & (s <= self.last + SAME)
-        rows = [[v(x) for x in s.tolist()] if callable(v) else np.full(len(s), v) for v in self.values]
-        return np.where(inside, np.array(rows, dtype=float), 0.0)
+        return np.where(inside, np.array([values(v, s) for v in self.values]), 0.0)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.formulations.base import Sampler, cross
-from ..elements.formulations.green import elasticity
+from ..elements.formulations.green import elasticity, natural_at
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
 from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
-from .section_forces import SectionForces
+from .section_forces import SectionForces, natural_rates
 from .section_motions import element_velocities, interpolation
 from .state import State
 
@@ -64,6 +66,29 @@ class _Gradient:
         return np.stack([np.sum(f * fv, axis=-1), np.sum(g * gv, axis=-1), np.sum(f * gv + g * fv, axis=-1)], axis=-1)
 
 
+class NaturalPoints:
+    """Natural strains of a body at stations xi (nx,) and eta (ny,) of its elements."""
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
+        self.model, self.size = model, (len(xi), len(eta))
+        x, y = np.repeat(xi, len(eta)), np.tile(eta, len(xi))
+        self.loads = [k for k, load in enumerate(model.loads.natural) if load.mesh is mesh]
+        # (loads, elements, points, 3), of a unit of each load
+        self.stretch = np.array([[natural_at(mesh.classes[c].sampler, partial(model.loads.natural[k].along, e), x, y)
+                                  for e, c in enumerate(mesh.cls)] for k in self.loads])
+
+    def __call__(self, state: State, some: NDArray[np.bool_], order: int = 0) -> Array:
+        """Return the strains (m, nx, ny, 3) of some elements in a state; with ``order`` 1 their rates over time."""
+        if not self.loads:
+            return np.zeros(3)
+        amounts, rates = (natural_rates(self.model, state, k) for k in (0, order))
+        now, rate = (sum(a[k] * s[some] for k, s in zip(self.loads, self.stretch, strict=True))
+                     for a in (amounts, rates))
+        quadratic = 0.0 if state.linear else 1.0
+        out = rate * (1.0 + quadratic * now) if order else now + 0.5 * quadratic * now**2
+        return np.asarray(out).reshape(-1, *self.size, 3)
+
+
 class StressByLaw:
     """Stress of a body whose formulation has one at every point, by its law.
 
@@ -81,6 +106,7 @@ class StressByLaw:
         self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
         # D and D0 at the stations along: (nx, 3, 3), or (3, 3) where the section does not vary
         self.laws = [elasticity(c.sampler.at(xi)) for c in mesh.classes]
+        self.natural = NaturalPoints(model, mesh, xi, eta)
         self.tau = damping_time(model.case, mesh.plan.name)
 
     def __call__(self, state: State) -> OverBody:
@@ -94,9 +120,9 @@ class StressByLaw:
         for k, (gradient, (D, D0)) in enumerate(zip(self.gradients, self.laws, strict=True)):
             some = mesh.cls == k
             strain[some] = self._along(gradient.strain(u[some], state.linear))
-            stress[some], energy[some] = self._law(strain[some], D, D0)
+            stress[some], energy[some] = self._law(strain[some] - self.natural(state, some), D, D0)
             if viscous:
-                rate = self._along(gradient.rate(u[some], v[some]))
+                rate = self._along(gradient.rate(u[some], v[some])) - self.natural(state, some, 1)
                 stress[some] += self.tau * self._law(rate, D, D0)[0]
         return OverBody(stress, strain, energy[..., None])
 
@@ -118,6 +144,7 @@ class StressByEquilibrium:
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
         self.forces, self.eta, self.mesh = SectionForces(model, mesh, xi), eta, mesh
+        self.natural = NaturalPoints(model, mesh, xi, eta)
         sections = mesh.sections(xi)
         # over elements, along and across
         arrays: dict[str, Any] = {f.name: np.asarray(getattr(sections, f.name))[..., None] for f in fields(Section)}
@@ -135,6 +162,7 @@ class StressByEquilibrium:
         gamma = shear * slides * A / (1.2 * section.kGA)
         stress = np.stack([axial, np.zeros_like(axial), shear], axis=-1)
         strain = np.stack([axial / section.E, -nu * axial / section.E, gamma], axis=-1)
+        strain = strain + self.natural(replace(state, linear=True), np.full(len(strain), True))
         return OverBody(stress, strain, 0.5 * (axial**2 / section.E + shear * gamma)[..., None])
 
 

@@ -153,7 +153,8 @@ def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array) -> Array:
     axial, curvature, value, gradient = free(xi)
     section, element = sampler.at(xi), sampler.shape.element
     y, alpha = 0.5 * section.height * eta, section.alpha
-    length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0, axis=1) for at in (eta, 0.0 * eta))
+    length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0[:, :2], axis=1)
+                    for at in (eta, 0.0 * eta))
     along = (axial - curvature * y) * axis / length + alpha * (value + gradient * y)
     across = alpha * value
     if element.common_coefficients:
