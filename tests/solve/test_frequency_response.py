@@ -172,6 +172,28 @@ def test_dashpots_and_rayleigh_damping_act() -> None:
     assert error(amplitude(found, "base"), exact(base=1, **more)[0]) < 1e-4
 
 
+def test_line_loads_and_gravity_are_inputs() -> None:
+    """The closed form of E w'''' = -s^2 w + q: q/s^2 and four exponentials that fulfil the conditions at both ends."""
+    loads = [{"type": "distributed", "name": "line", "on": "beam", "value": [0, 2]},
+             {"type": "distributed", "name": "part", "on": "beam", "value": [0, 2], "from": 0.25, "to": 0.75},
+             {"type": "distributed", "name": "rest", "on": "beam", "value": [0, 2], "to": 0.25},
+             {"type": "distributed", "name": "end", "on": "beam", "value": [0, 2], "from": 0.75},
+             {"type": "gravity", "name": "weight", "value": [0, -9.81]}]
+    case = cantilever([load["name"] for load in loads], loads=loads)
+    case["solver"]["frequencies"] = HZ[::20].tolist()
+    found = ancf2d.solve(case)
+    known = []
+    for s in 2j * np.pi * HZ[::20]:
+        k = (-s**2 / (1 + 0.003 * s))**0.25 * np.array([1, -1, 1j, -1j])
+        tip = np.exp(k)
+        c = np.linalg.solve(np.array([np.ones(4), k, k**2 * tip, k**3 * tip]), [-1 / s**2, 0, 0, 0])
+        known.append(1 / s**2 + c @ tip)
+    assert error(amplitude(found, "line"), 2 * np.array(known)) < 1e-4
+    assert error(amplitude(found, "weight"), -9.81 * np.array(known)) < 1e-4
+    parts = sum(amplitude(found, name) for name in ("part", "rest", "end"))
+    assert error(parts, amplitude(found, "line")) < 1e-9
+
+
 @pytest.mark.parametrize("element", ["cable", "reissner3"])
 def test_a_prescribed_angle_is_an_input(element: str) -> None:
     """With a multiplier (cable) and without (reissner3), about an equilibrium with a moment in the support."""
