@@ -126,7 +126,8 @@ def test_stress_is_that_of_what_is_held(kind: str, tmp_path: Path) -> None:
     case = strip(element(kind), [{"type": "temperature", "value": T, "gradient": g}],
                  BREATHING if kind == "vallejo" else BOTH)
     case["output"]["fields"] = ["stress"]
-    stress = ancf2d.solve(case, output=tmp_path / "held.h5").results.field("strip", "stress")
+    held = ancf2d.solve(case, output=tmp_path / "held.h5")
+    stress = held.results.field("strip", "stress")
     eta = np.linspace(-1, 1, stress.shape[2])
     middle = stress[4, 2, :, 0]
     assert middle == pytest.approx(-E * ALPHA * (T + 0.5 * HEIGHT * eta * g), rel=2e-3)
