@@ -23,7 +23,7 @@ import numpy as np
 
 # how a section turns: it does not (the ground), by a field theta, or by two fields of a direction
 GROUND, THETA, DIRECTION = 0, 1, 2
-MAX_FIELDS, MAX_PAR, MAX_MEM = 6, 8, 2
+MAX_PAR, MAX_MEM = 8, 2
 # of a spring or load, beside what places it
 MAX_CONSTANTS = 5
 

@@ -12,9 +12,10 @@ from .natural import Eigenstrain, Temperature
 from .prismatic import PrismaticJoint
 from .springs import RotationalSpring, TranslationalSpring
 from .supports import Clamp, Fix, Pin, Prescribed, Roller
+from .tendons import Tendon
 
 __all__ = [
     "Clamp", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin",
     "PinJoint", "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "Temperature",
-    "Torque", "TranslationalSpring", "WeldJoint",
+    "Tendon", "Torque", "TranslationalSpring", "WeldJoint",
 ]

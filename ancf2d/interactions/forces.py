@@ -61,11 +61,12 @@ class Patch(Protocol):
 
 @dataclass
 class LoadSet:
-    """Everything that acts on the model."""
+    """Everything that acts on the model; ``springs`` are loads that are stiff, as springs are, before they act."""
 
     dead: list[DeadLoad] = field(default_factory=list)
     patches: list[Patch] = field(default_factory=list)
     natural: list[NaturalStrain] = field(default_factory=list)
+    springs: list[Any] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

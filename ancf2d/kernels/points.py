@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..elements.point_laws import MAX_FIELDS, turn
+from ..elements.point_laws import turn
 from .compiled_laws import call_accept, call_forces, call_mean
 from .jit import inlined, inner, kernel
 from .lanes import array_at
@@ -121,9 +121,18 @@ def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _work_arrays():  # type: ignore[no-untyped-def]
+def _most_fields(points):  # type: ignore[no-untyped-def]
+    """Return how many fields an item has at most."""
+    most = 0
+    for i in range(len(points.forces)):
+        most = max(most, points.field[i + 1] - points.field[i])
+    return most
+
+
+@inlined
+def _work_arrays(points):  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
-    n = MAX_FIELDS
+    n = _most_fields(points)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
 
 
@@ -145,7 +154,7 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
         return energy, power
-    u, w, a, f, H, C = _work_arrays()
+    u, w, a, f, H, C = _work_arrays(points)
     for i in range(len(points.forces)):
         U, lost = _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
         energy += U
@@ -155,22 +164,25 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _along(points, i, H, C, h, c, symmetric, K):  # type: ignore[no-untyped-def]
-    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part."""
+def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (n,) is room."""
     m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
     at = points.entry[i]
     K[:] = 0.0
     for p in range(m):
+        row[:n] = 0.0
         for q in range(m):
             x = h * H[p * m + q] + c * C[p * m + q]
             if symmetric:
                 x = 0.5 * (x + h * H[q * m + p] + c * C[q * m + p])
             if x != 0.0:
-                for r in range(n):
-                    g = x * points.G[at + p * n + r]
-                    if g != 0.0:
-                        for s in range(n):
-                            K[r, s] += g * points.G[at + q * n + s]
+                for s in range(n):
+                    row[s] += x * points.G[at + q * n + s]
+        for r in range(n):
+            g = points.G[at + p * n + r]
+            if g != 0.0:
+                for s in range(n):
+                    K[r, s] += g * row[s]
 
 
 @kernel
@@ -179,15 +191,15 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     energy = 0.0
     if len(points.forces) == 0:
         return energy
-    u, w, a, f, H, C = _work_arrays()
+    u, w, a, f, H, C = _work_arrays(points)
     most = _most_coordinates(points)
-    entries = vector(most * most)
+    entries, row = vector(most * most), vector(most)
     for i in range(len(points.forces)):
         energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)[0]
         _add(points, i, f, Q)
         first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
         K = array_at(entries, 0, (n, n))
-        _along(points, i, H, C, 1.0, c, True, K)
+        _along(points, i, H, C, 1.0, c, True, row, K)
         dofs = points.dofs[first:first + n].reshape((1, n))
         scatter(matrix, K, dofs, 0, place, indptr, index, value)
     return energy
@@ -199,7 +211,8 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
 
     ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
     """
-    u, w, a, f, H, D = _work_arrays()
+    u, w, a, f, H, D = _work_arrays(points)
+    row = vector(_most_coordinates(points))
     for i in range(len(points.forces)):
         m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i]
         _fields(points, i, d, u)
@@ -217,8 +230,8 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         for p in range(m):
             for c in range(n):
                 Q[i, c] += points.G[at + p * n + c] * f[p]
-        _along(points, i, H, D, 1.0, 0.0, False, K[i])
-        _along(points, i, H, D, 0.0, 1.0, False, C[i])
+        _along(points, i, H, D, 1.0, 0.0, False, row, K[i])
+        _along(points, i, H, D, 0.0, 1.0, False, row, C[i])
 
 
 @kernel
@@ -231,8 +244,8 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
         return energy, power
-    u0, w, a0, f, _, _ = _work_arrays()
-    u1, a1 = vector(MAX_FIELDS), vector(3)
+    u0, w, a0, f, _, _ = _work_arrays(points)
+    u1, a1 = vector(_most_fields(points)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         _fields(points, i, d0, u0)
@@ -259,7 +272,7 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
     """
     if len(points.forces) == 0:
         return
-    u, w, a, f, H, C = _work_arrays()
+    u, w, a, f, H, C = _work_arrays(points)
     for i in range(len(points.forces)):
         if points.multiplier[i] < 0:
             continue
@@ -286,7 +299,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
     worst = 0.0
     if len(points.forces) == 0:
         return worst
-    u, w, a, f, H, C = _work_arrays()
+    u, w, a, f, H, C = _work_arrays(points)
     for i in range(len(points.forces)):
         if points.multiplier[i] >= 0:
             _evaluate(points, i, d, d, amps, u, w, a, f, H, C)
@@ -301,7 +314,7 @@ def point_accept(points, d):  # type: ignore[no-untyped-def]
     """Let laws remember the accepted state d."""
     if len(points.forces) == 0:
         return
-    u = vector(MAX_FIELDS)
+    u = vector(_most_fields(points))
     for i in range(len(points.forces)):
         if points.accept[i] != 0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -334,7 +347,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     """
     if len(points.forces) == 0:
         return
-    u, w, a, f, H, C = _work_arrays()
+    u, w, a, f, H, C = _work_arrays(points)
     signals = 0
     for signal in points.signal:
         signals = max(signals, signal + 1)

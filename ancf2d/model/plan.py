@@ -182,6 +182,7 @@ def acting_at(case: Case) -> Counter[Point]:
     """Return how often supports, joints, springs, masses and loads name each point."""
     found: Counter[Point] = Counter()
     for thing in (*case.boundary_conditions, *case.joints, *case.springs, *case.masses, *case.loads):
+        found.update(getattr(thing, "points", None) or ())
         for value in (getattr(thing, f.name) for f in fields(thing)):
             found.update(p for p in (value if isinstance(value, tuple) else (value,)) if isinstance(p, Point))
     return found

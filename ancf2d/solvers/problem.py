@@ -212,7 +212,7 @@ def driving(p: Record) -> list[int]:
 
 def tracks(model: Model, p: Record) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
-    dampers = any(spring.damped for spring in model.springs)
+    dampers = any(spring.damped or spring.signal is not None for spring in model.springs)
     fed = bool((p.points.fed >= 0).any())
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
     return bool(natural or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed

@@ -153,8 +153,8 @@ R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, unless they say otherwise
 DECLARED: dict[str, dict[str, Any]] = {
     # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
-    # the places S of it at which nodes are wanted
-    "loads": {"acceleration": None, "line": None, "places": None},
+    # the places S of it at which nodes are wanted; the points that it acts at where its keys do not tell
+    "loads": {"acceleration": None, "line": None, "places": None, "points": None},
     # whether rates cause forces, and whether it acts in a part of its elongations alone
     "springs": {"damped": False, "breaks": False},
     # the body along which a point slides

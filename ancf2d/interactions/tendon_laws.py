@@ -1,0 +1,204 @@
+"""The laws of tendons: the length of a string in pieces, and the forces of its tension.
+
+The length is a sum of pieces: the straight way from eyelet to eyelet, or what a short stretch of a body has of the
+guide. A piece is the size of a vector that follows from fields: l + R(a1) (u1, v1) + R(a2) (u2, v2), with R turning by
+an angle or onto a direction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..elements.point_laws import DIRECTION, THETA, PointLaw
+
+# A piece has the fields l, and twice a direction (or an angle and nothing), u, v, and what it is; one that is linear
+# in the coordinates has l alone.
+
+
+def middle(p0, u0, u1, k):  # type: ignore[no-untyped-def]
+    """Return a field in the middle of two states."""
+    return p0[k] + 0.5 * (u0[k] + u1[k])
+
+
+def arm(p0, u0, u1, at):  # type: ignore[no-untyped-def]
+    """Return cosine and sine of a direction, and (u, v) turned by it."""
+    x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
+    c, s = 1.0, 0.0
+    if p0[at + 4] == THETA:
+        c, s = np.cos(x), np.sin(x)
+    elif p0[at + 4] == DIRECTION:
+        L = np.sqrt(x * x + y * y)
+        c, s = x / L, y / L
+    u, v = middle(p0, u0, u1, at + 2), middle(p0, u0, u1, at + 3)
+    return c, s, c * u - s * v, s * u + c * v
+
+
+def piece(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
+    """Return the vector of a piece in the middle of two states."""
+    x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
+    for k in range(at + 2, at + size, 5):
+        _, _, wx, wy = arm(p0, u0, u1, k)
+        x += wx
+        y += wy
+    return x, y
+
+
+def slopes(p0, u0, u1, at, size, ex, ey, f):  # type: ignore[no-untyped-def]
+    """Add to f the derivatives of (ex, ey) times the vector of a piece."""
+    f[at] += ex
+    f[at + 1] += ey
+    for k in range(at + 2, at + size, 5):
+        c, s, wx, wy = arm(p0, u0, u1, k)
+        turn = ey * wx - ex * wy
+        if p0[k + 4] == THETA:
+            f[k] += turn
+        elif p0[k + 4] == DIRECTION:
+            x, y = middle(p0, u0, u1, k), middle(p0, u0, u1, k + 1)
+            f[k] -= turn * y / (x * x + y * y)
+            f[k + 1] += turn * x / (x * x + y * y)
+        f[k + 2] += ex * c + ey * s
+        f[k + 3] += ey * c - ex * s
+
+
+def curvatures(p0, u, at, size, ex, ey, T, H):  # type: ignore[no-untyped-def]
+    """Add to H the second derivatives of (ex, ey) times the vector of a piece, times T."""
+    for k in range(at + 2, at + size, 5):
+        c, s, wx, wy = arm(p0, u, u, k)
+        bend, by_u, by_v = -T * (ex * wx + ey * wy), T * (ey * c - ex * s), -T * (ex * c + ey * s)
+        n, gx, gy = 0, 1.0, 0.0
+        if p0[k + 4] == THETA:
+            n = 1
+        elif p0[k + 4] == DIRECTION:
+            n = 2
+            x, y = p0[k] + u[k], p0[k + 1] + u[k + 1]
+            gx, gy = -y / (x * x + y * y), x / (x * x + y * y)
+            q = T * (ey * wx - ex * wy) / (x * x + y * y) ** 2
+            H[k, k] += 2.0 * x * y * q
+            H[k, k + 1] += (y * y - x * x) * q
+            H[k + 1, k] += (y * y - x * x) * q
+            H[k + 1, k + 1] -= 2.0 * x * y * q
+        for i in range(n):
+            g = gx if i == 0 else gy
+            for j in range(n):
+                H[k + i, k + j] += bend * g * (gx if j == 0 else gy)
+            H[k + i, k + 2] += by_u * g
+            H[k + 2, k + i] += by_u * g
+            H[k + i, k + 3] += by_v * g
+            H[k + 3, k + i] += by_v * g
+
+
+def moved_arm(p0, u, at):  # type: ignore[no-untyped-def]
+    """Return by how much (u, v) turned by a direction differs from the reference, without loss of digits."""
+    c, s, turned, less = 1.0, 0.0, 0.0, 0.0
+    if p0[at + 4] == THETA:
+        c, s, turned = np.cos(p0[at]), np.sin(p0[at]), np.sin(u[at])
+        less = 2.0 * np.sin(0.5 * u[at]) ** 2
+    elif p0[at + 4] == DIRECTION:
+        x, y = p0[at] + u[at], p0[at + 1] + u[at + 1]
+        size = np.sqrt((p0[at] * p0[at] + p0[at + 1] * p0[at + 1]) * (x * x + y * y))
+        c = p0[at] / np.sqrt(p0[at] * p0[at] + p0[at + 1] * p0[at + 1])
+        s = p0[at + 1] / np.sqrt(p0[at] * p0[at] + p0[at + 1] * p0[at + 1])
+        turned = (p0[at] * u[at + 1] - p0[at + 1] * u[at]) / size
+        cosine = (p0[at] * x + p0[at + 1] * y) / size
+        less = turned * turned / (1.0 + cosine) if cosine > 0.0 else 1.0 - cosine
+    dc, ds = -c * less - s * turned, -s * less + c * turned
+    a, b = p0[at + 2], p0[at + 3]
+    return (dc * a - ds * b + (c + dc) * u[at + 2] - (s + ds) * u[at + 3],
+            ds * a + dc * b + (s + ds) * u[at + 2] + (c + dc) * u[at + 3])
+
+
+def stretch_of(p0, u, size):  # type: ignore[no-untyped-def]
+    """Return the length of all pieces less that of the reference, as exact as the displacements are."""
+    out = 0.0
+    for at in range(0, len(p0), size):
+        x, y = piece(p0, u, u, at, size)
+        dx, dy = u[at], u[at + 1]
+        for k in range(at + 2, at + size, 5):
+            wx, wy = moved_arm(p0, u, k)
+            dx += wx
+            dy += wy
+        x0, y0 = x - dx, y - dy
+        L = np.sqrt(x * x + y * y) + np.sqrt(x0 * x0 + y0 * y0)
+        if L > 0.0:
+            out += (dx * (x + x0) + dy * (y + y0)) / L
+    return out
+
+
+def pull(p0, u, size, T, k, f, H, row):  # type: ignore[no-untyped-def]
+    """Fill f with the forces of a tension T, and H with its stiffness; k is dT/dl; ``row`` is room (m,) of zeros."""
+    for at in range(0, len(p0), size):
+        x, y = piece(p0, u, u, at, size)
+        L = np.sqrt(x * x + y * y)
+        if L > 0.0:
+            nx, ny = x / L, y / L
+            slopes(p0, u, u, at, size, nx, ny, f)
+            curvatures(p0, u, at, size, nx, ny, T, H)
+            slopes(p0, u, u, at, size, -ny, nx, row)
+            for i in range(at, at + size):
+                for j in range(at, at + size):
+                    H[i, j] += T / L * row[i] * row[j]
+            for i in range(at, at + size):
+                row[i] = 0.0
+    for i in range(len(p0)):
+        for j in range(len(p0)):
+            H[i, j] += k * f[i] * f[j]
+    for i in range(len(p0)):
+        f[i] *= T
+
+
+def pull_over_step(p0, u0, u1, size, T, f):  # type: ignore[no-untyped-def]
+    """Fill f with the forces of a tension T over a step: those of linear pieces do the work T (l1 - l0)."""
+    for at in range(0, len(p0), size):
+        x0, y0 = piece(p0, u0, u0, at, size)
+        x1, y1 = piece(p0, u1, u1, at, size)
+        L = np.sqrt(x0 * x0 + y0 * y0) + np.sqrt(x1 * x1 + y1 * y1)
+        if L > 0.0:
+            slopes(p0, u0, u1, at, size, T * (x0 + x1) / L, T * (y0 + y1) / L, f)
+
+
+def taut(p0, u, a, par, size):  # type: ignore[no-untyped-def]
+    """Return energy, tension, dT/dl and dU/dl0 of an elastic tendon; par: EA, length in the reference, slack."""
+    l0 = par[1] + a * par[2]
+    stretch = stretch_of(p0, u, size) - a * par[2]
+    if stretch < 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    T = par[0] * stretch / l0
+    return 0.5 * T * stretch, T, par[0] / l0, -T * (1.0 + 0.5 * stretch / l0)
+
+
+def tension(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A given tension; par: tension, fields of a piece."""
+    pull(p0, u, int(par[1]), a[0] * par[0], 0.0, f, H, C[0])
+    return 0.0, 0.0
+
+
+def tension_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The mean tension of the step."""
+    pull_over_step(p0, u0, u1, int(par[1]), 0.5 * (a0[0] + a1[0]) * par[0], f)
+    return 0.0, 0.0
+
+
+def elastic(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """T = EA (l - l0)/l0, never a push; what winds it up puts energy in; par: those of ``taut``, fields of a piece."""
+    energy, T, k, by_l0 = taut(p0, u, a[0], par, int(par[3]))
+    if k > 0.0:
+        pull(p0, u, int(par[3]), T, k, f, H, C[0])
+    return energy, -by_l0 * par[2] * a[1]
+
+
+def elastic_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The tension over the step whose work is the difference of the energy, at the mean unstretched length."""
+    a, size = 0.5 * (a0[0] + a1[0]), int(par[3])
+    before, T0, _, by0 = taut(p0, u0, a, par, size)
+    after, T1, _, by1 = taut(p0, u1, a, par, size)
+    T = 0.5 * (T0 + T1)
+    if T > 0.0 and (T0 == 0.0 or T1 == 0.0):
+        T = (after - before) / (stretch_of(p0, u1, size) - stretch_of(p0, u0, size))
+    if T > 0.0:
+        pull_over_step(p0, u0, u1, size, T, f)
+    return taut(p0, u1, a1[0], par, size)[0], -0.5 * (by0 + by1) * par[2] * 0.5 * (a0[1] + a1[1])
+
+
+_HELPERS = (middle, arm, piece, slopes, curvatures, moved_arm, stretch_of, pull, pull_over_step, taut)
+TENSION = PointLaw("tension", tension, tension_mean, helpers=_HELPERS)
+ELASTIC = PointLaw("elastic_tendon", elastic, elastic_mean, helpers=_HELPERS)

@@ -1,0 +1,238 @@
+"""Tendons: strings under tension, guided along a body or through eyelets without friction.
+
+The potential of a tendon is a function of its length alone (``tendon_laws``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.records import ByShape, Record
+from ..case.schema.amplitudes import Amplitude
+from ..case.schema.points import POINT, POSITION, GroundPoint, Point, Probe
+from ..case.schema.profiles import Profile, ProfileOf
+from ..elements.point_laws import DIRECTION, THETA
+from ..model.mesh import BodyMesh
+from ..model.point_patch import NOTHING, Field, PointPatch, position_fields, turn_fields
+from ..model.points import PointRef, point_ref
+from ..model.profiles import breaks, values
+from .body_loads import VARYING, covered
+from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
+from .tendon_laws import ELASTIC, TENSION, piece
+
+# fields of an elastic tendon: the stiffness between all of them is one matrix
+MOST = 480
+# of the body's length: the step by which the slope of a profile is found
+STEP = 1e-6
+
+
+class ElasticTendon(PointPatch):
+    """A tendon with a stiffness: a spring to the rest of the model; ``slack`` is the length where it does not pull."""
+
+    damped, angle = False, False
+
+    def __init__(self, fields: Sequence[Field], size: int, stiffness: float, slack: float, signal: Any) -> None:
+        super().__init__(ELASTIC, fields, [stiffness, 1.0, slack, size], signal)
+        zero = np.zeros(len(self.p0))
+        self.rest = sum(float(np.hypot(*piece(self.p0, zero, zero, at, size))) for at in range(0, len(zero), size))
+        self.par[1] = self.slack = self.rest
+
+    def tighten(self, share: float) -> None:
+        """Do nothing: without slack it does not pull in the reference."""
+
+
+def _number(value: float) -> Field:
+    return Field(NOTHING.coords, NOTHING.weights, value)
+
+
+_NO_ARM = [NOTHING] * 5
+
+
+def _scaled(fields: Sequence[Field], factor: float) -> list[Field]:
+    return [Field(f.coords, factor * f.weights, factor * f.p0) for f in fields]
+
+
+def _raw(point: PointRef, i: int, j: int, components: Sequence[int]) -> list[Field]:
+    """Return components of d^(i+j) r/dx^i dy^j (2 is theta) at a point."""
+    row, e0 = point.shape_row(i, j), point.mesh.e0
+    found = (point.columns(row, k) for k in components)
+    return [Field(c, w, float(w @ e0[c - point.mesh.first_dof])) for c, w in found]
+
+
+def _turning(point: PointRef, y: float) -> list[Field]:
+    """Return the arm of what lies y off the axis at a point of a type whose sections follow from the axis."""
+    if point.turns_by_theta:
+        # the section's own angle, at mid-nodes of an arc a little off that of the interpolated axis
+        return [*_raw(point, 0, 0, [2]), NOTHING, NOTHING, _number(y), _number(THETA)]
+    return [*_raw(point, 1, 0, [0, 1]), NOTHING, _number(y), _number(DIRECTION)]
+
+
+def _eyelet(point: PointRef | GroundPoint, y: float, sign: float) -> tuple[list[Field], list[Field]]:
+    """Return the place of an eyelet times a sign: what is linear in the coordinates, and the arm across the axis."""
+    if isinstance(point, GroundPoint):
+        return [_number(sign * point.x), _number(sign * point.y)], _NO_ARM
+    if y == 0.0 or point.mesh.plan.element.section_kind == "interpolated":
+        at = point_ref(point.mesh, point.s, y)
+        return _scaled(position_fields(at), sign), _NO_ARM
+    return _scaled(position_fields(point), sign), _turning(point, sign * y)
+
+
+def _plus(a: Field, b: Field) -> Field:
+    return Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
+
+
+def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[list[Field]]:
+    """Return the pieces of a tendon from eyelet to eyelet."""
+    out = []
+    for (a, ya), (b, yb) in pairwise(eyelets):
+        (la, arm_a), (lb, arm_b) = _eyelet(a, ya, -1.0), _eyelet(b, yb, 1.0)
+        arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
+        out.append([*map(_plus, la, lb), *arms])
+    return out
+
+
+def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile) -> list[list[Field]]:
+    """Return the pieces of a tendon guided at y off the axis of a body: what stretches at quadrature points have of it.
+
+    Its direction there is d(r + y n)/dx.
+    """
+    length, kind, out = mesh.plan.length, mesh.plan.element.section_kind, []
+    for a, b in pairwise([s0, *(s for s, _ in _breaks(y) if s0 < s < s1), s1]):
+        for elements, xi, w in covered(mesh, a, b, VARYING if _breaks(y) or not isinstance(y, float) else 0):
+            for ie in elements.tolist():
+                begin, l = float(mesh.starts[ie]), float(mesh.lengths[ie])
+                for x, weight in zip(xi.tolist(), w.tolist(), strict=True):
+                    s = (begin + x * l) / length
+                    off, rise = _offset(y, s, a, b)
+                    at = PointRef(mesh, s, ie, x, 0.0, None, 2.0 * off / mesh.classes[mesh.cls[ie]].shape.h)
+                    along = _raw(at, 1, 0, [0, 1])
+                    slope = rise / length
+                    if kind == "interpolated":
+                        up = _scaled(_raw(at, 0, 1, [0, 1]), slope)
+                        out.append(_scaled(list(map(_plus, along, up)), weight))
+                    elif kind == "theta":
+                        turned = [*_raw(at, 0, 0, [2]), NOTHING, *_scaled(_raw(at, 1, 0, [2]), -weight * off),
+                                  _number(weight * slope), _number(THETA)]
+                        out.append([*_scaled(along, weight), *turned, *_NO_ARM])
+                    else:
+                        out.append(_scaled(along, weight))
+    return out
+
+
+def _breaks(y: float | Profile) -> tuple[tuple[float, int], ...]:
+    return () if isinstance(y, float) else breaks(y)
+
+
+def _offset(y: float | Profile, s: float, a: float, b: float) -> tuple[float, float]:
+    """Return y and dy/dS at s between a and b, where it has no kink."""
+    if isinstance(y, float):
+        return y, 0.0
+    h = min(STEP, 0.25 * (b - a))
+    middle = min(max(s, a + 1.5 * h), b - 1.5 * h)
+    v = values(y, np.array([s, middle - h, middle + h]))
+    return float(v[0]), float(v[2] - v[1]) / (2.0 * h)
+
+
+EYELET = ByShape(text=POINT, map=Record(Probe), list=Vector(POSITION, "x, y", GroundPoint))
+
+
+@load
+@record(kw_only=True)
+class Tendon:
+    """A tendon, guided along a body or through eyelets without friction; elastic where it has a stiffness."""
+
+    tag = "tendon"
+    on: str | None = key(Name("the name of a body"), "Body along which it is guided", refers="bodies", default=None,
+                         example="arm")
+    y: float | Profile = key(ProfileOf("m"), "Distance of the guide from the axis, along the section's y axis",
+                             default=0.0, example=0.01)
+    from_: float = key(Number("", ge=0, le=1), "S where it begins on the body", default=0.0)
+    to: float = key(Number("", ge=0, le=1), "S where it ends on the body", default=1.0)
+    through: tuple[Point | Probe | GroundPoint, ...] = key(
+        ListOf(EYELET, "eyelets, each BODY@S, {at, y} or [x, y]"), "Eyelets in order, in place of on", default=(),
+        example=["a@0.1", {"at": "a@0.5", "y": 0.01}, [1, 0]])
+    tension: float | None = key(Number("N", ge=0), "Tension", default=None, example=10)
+    stiffness: float | None = key(Number("N", gt=0), "EA of an elastic tendon: tension EA (l - l0)/l0, never a push",
+                                  default=None, example=1e5)
+    slack: float = key(Number("m"), "Unstretched length less that of the reference; negative pretensions. The "
+                       "amplitude multiplies it", default=0.0)
+    friction: float = key(Number("", ge=0), "Coefficient of friction at the guides; 0 is what there is", default=0.0)
+    amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    name: str | None = key(NAME, "Name", default=None)
+
+    @property
+    def places(self) -> tuple[str, list[float]] | None:
+        """The body along which it is guided, and the places S where the guide has kinks."""
+        return None if self.on is None else (self.on, [s for s, _ in _breaks(self.y) if self.from_ < s < self.to])
+
+    def check(self) -> Iterator[Issue]:
+        """Yield what a tendon cannot be."""
+        if (self.on is None) == (not self.through):
+            yield Issue((), "{}: a tendon is guided on a body or runs through eyelets", "either on or through")
+        elif self.on is None and len(self.through) < 2:
+            yield Issue(("through",), "{}.through: a tendon needs two eyelets at least")
+        if (self.tension is None) == (self.stiffness is None):
+            yield Issue((), "{}: a tendon has a tension, or it is elastic", "either tension or stiffness")
+        elif self.tension is not None and self.slack:
+            yield Issue(("slack",), "{}.slack: a tendon with a given tension has no unstretched length",
+                        "stiffness in place of tension, or no slack")
+        if not self.from_ < self.to:
+            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
+        if self.friction:
+            yield Issue(("friction",), f"{{}}.friction is {self.friction:g}: tendons slide without friction",
+                        "friction: 0, or none")
+        for i, (a, b) in enumerate(pairwise(self.through)):
+            if a == b:
+                yield Issue(("through", i + 1), f"{{}}.through: eyelets {i} and {i + 1} are the same")
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The points of bodies that it acts at, beside those that are its eyelets as they stand."""
+        ends = () if self.on is None else (Point(self.on, self.from_), Point(self.on, self.to))
+        return ends + tuple(e.at for e in self.through if isinstance(e, Probe))
+
+    def _pieces(self, context: LoadContext) -> list[list[Field]]:
+        if self.on is None:
+            return spans([(e, 0.0) if isinstance(e, GroundPoint) else (context.point(e.at), e.y)
+                          if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
+        plan = context.meshes[self.on].plan
+        if plan.rigid:
+            raise LoadError(("on",), f"{self.on} is rigid: a tendon along it does nothing",
+                            "a body that deforms, or through")
+        if plan.element.section_kind == "tangent" and self.y != 0.0 and (
+                not isinstance(self.y, float) or self.stiffness is not None):
+            raise LoadError(("y",), f"{plan.element.name} guides off its axis only tendons of given tension at a "
+                            "constant distance", "reissner3, an ANCF type, or through")
+        return guided(context.meshes[self.on], self.from_, self.to, self.y)
+
+    def add(self, context: LoadContext, out: LoadSet) -> None:
+        """Add the tendon: each piece by itself where its tension is given, all together where it is elastic.
+
+        Raises LoadError where its body cannot have it.
+        """
+        pieces = self._pieces(context)
+        size = max(map(len, pieces))
+        pieces = [[*p, *[NOTHING] * (size - len(p))] for p in pieces]
+        if self.stiffness is not None:
+            fields = [f for p in pieces for f in p]
+            if len(fields) > MOST:
+                raise LoadError(("stiffness",), f"an elastic tendon of {len(pieces)} pieces couples too many",
+                                f"fewer elements or eyelets, at most {MOST // size} pieces")
+            out.springs.append(ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude))
+            return
+        assert self.tension is not None
+        out.patches += [PointPatch(TENSION, p, [self.tension, size], context.amplitude) for p in pieces]
+        if (self.on is not None and isinstance(self.y, float)
+                and context.meshes[self.on].plan.element.section_kind == "tangent"):
+            # the length of a line y off the axis of an unsheared beam is that of the axis less y times what it turns
+            for end, sign in ((self.to, 1.0), (self.from_, -1.0)):
+                kind, turning = turn_fields(context.point(Point(self.on, end)))
+                out.patches.append(PointPatch(MOMENT, turning, [sign * self.tension * self.y, kind],
+                                              context.amplitude))

@@ -1,0 +1,137 @@
+"""Tendons: closed forms, equilibrium of eyelets, elastic ones beside springs, and an arm of vertebrae in motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.errors import CaseError
+
+E, H, B, L = 1e7, 0.1, 0.1, 2.0
+EA, EI = E * H * B, E * B * H**3 / 12
+CLAMP = [{"name": "wall", "type": "clamp", "at": "a@0"}]
+
+
+def beam(kind: str = "reissner3", count: int = 16, **more: Any) -> dict[str, Any]:
+    return {"geometry": {"type": "line", "start": [0, 0], "end": [L, 0]}, "section": {"height": H, "width": B},
+            "material": {"E": E, "nu": 0.0, "rho": 1000.0}, "element": {"type": kind, "count": count, **more}}
+
+
+def solve(body: dict[str, Any], loads: list[dict[str, Any]], solver: Any = "static", **scene: Any) -> helpers.Solution:
+    return helpers.solved({"a": body}, solver, bc=CLAMP, loads=loads, **scene)
+
+
+@pytest.mark.parametrize(("kind", "more", "near"), [
+    ("reissner3", {}, 5e-5), ("cable", {}, 5e-5), ("omar", {"formulation": "structural"}, 5e-3)])
+@pytest.mark.parametrize("y", [0.04, -0.02])
+def test_a_guided_tendon_bends_into_a_circle(kind: str, more: dict[str, Any], near: float, y: float) -> None:
+    """N = -T along the tendon and M = T y all along: strain -T/EA, curvature T y/EI, whatever the rotation."""
+    tension = EI * np.pi / 4 / abs(y)
+    found = solve(beam(kind, 16, **more), [{"type": "tendon", "on": "a", "y": y, "tension": tension}])
+    bend, stretch = tension * y / EI, 1 - tension / EA
+    angle = bend * L
+    exact = stretch / bend * np.array([np.sin(angle), 1 - np.cos(angle)])
+    np.testing.assert_allclose(found.r("a@1"), exact, atol=near)
+    assert found.theta("a@1") == pytest.approx(angle, abs=near)
+    for reaction in found.reactions()["wall"].values():
+        assert reaction == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_guide_that_rises_pulls_on_what_it_leaves() -> None:
+    """Small: M = T y cos(slope), so the tip turns by the integral of M/EI; also of a table with a kink."""
+    tension = 1e-3
+    steep = 0.35 * 0.015 / np.hypot(1, 0.03 / (0.35 * L))
+    for y, mean in (("0.04*(1 - s)", 0.02 / np.hypot(1, 0.04 / L)),
+                    ({"s": [0, 0.35, 1], "value": [0.0, 0.03, 0.03]}, steep + 0.65 * 0.03)):
+        for kind in ("reissner3", "omar"):
+            found = solve(beam(kind, 8), [{"type": "tendon", "on": "a", "y": y, "tension": tension}], "linear_static")
+            assert found.theta("a@1") == pytest.approx(tension * mean * L / EI, rel=2e-4 if kind == "omar" else 1e-6)
+
+
+EYELETS = [{"at": "a@0.2", "y": 0.05}, {"at": "a@0.5", "y": 0.03}, {"at": "a@0.9", "y": 0.06}]
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
+def test_eyelets_are_in_equilibrium(kind: str) -> None:
+    """The wall carries what the tendon pulls at the eyelets of the ground at its ends, and nothing else."""
+    tension = 400.0
+    ends = np.array([[-0.3, 0.2], [1.5, 1.2]])
+    load = {"type": "tendon", "through": [ends[0].tolist(), *EYELETS, ends[1].tolist()], "tension": tension}
+    found = solve(beam(kind), [load])
+    places = [found.r(e["at"]) for e in EYELETS]
+    turned = []
+    for place, e in zip(places, EYELETS, strict=True):
+        angle = found.theta(e["at"])
+        turned.append(place + e["y"] * np.array([-np.sin(angle), np.cos(angle)]))
+    # ANCF sections stretch across: their eyelets are a little nearer
+    slack = 1e-9 if kind != "vallejo" else 2e-2
+    pulls = [tension * (end - at) / np.linalg.norm(end - at)
+             for end, at in ((ends[0], turned[0]), (ends[1], turned[-1]))]
+    wall = found.reactions()["wall"]
+    np.testing.assert_allclose([wall["fx"], wall["fy"]], -sum(pulls), atol=tension * slack)
+    moment = sum(end[0] * p[1] - end[1] * p[0] for end, p in zip(ends, pulls, strict=True))
+    assert wall["m"] == pytest.approx(-moment, abs=tension * slack)
+
+
+@pytest.mark.parametrize("where", [{"on": "a", "y": 0.03}, {"through": EYELETS}])
+def test_an_elastic_tendon_is_one_of_the_tension_that_it_has(where: dict[str, Any]) -> None:
+    stiffness, slack = 4e4, -0.05
+    body = beam(count=8)
+    elastic = solve(body, [{"type": "tendon", "stiffness": stiffness, "slack": slack, **where}])
+    (spring,) = elastic.model.springs
+    from ancf2d.interactions.tendon_laws import taut
+
+    u = spring.G @ elastic.d[spring.coordinates]
+    _, tension, _, _ = taut(spring.p0, u, 1.0, spring.par, int(spring.par[3]))
+    assert tension > 100.0
+    given = solve(body, [{"type": "tendon", "tension": tension, **where}])
+    np.testing.assert_allclose(elastic.d, given.d, atol=1e-8)
+
+
+def test_an_elastic_tendon_never_pushes() -> None:
+    body, force = beam(count=4), {"type": "force", "at": "a@1", "value": [0, 50]}
+    alone = solve(body, [force])
+    tendon = {"type": "tendon", "through": [[L, 1.0], "a@1"], "stiffness": 1e5}
+    np.testing.assert_allclose(solve(body, [force, tendon]).d, alone.d, atol=1e-10)
+    held = solve(body, [{**force, "value": [0, -50]}, tendon])
+    assert abs(held.u("a@1")[1]) < 0.01 * abs(alone.u("a@1")[1])
+
+
+def test_an_elastic_tendon_stiffens_modes_as_a_spring_does() -> None:
+    tendon = {"type": "tendon", "through": ["a@1", [L, 1.5]], "stiffness": 1e4, "slack": 0.0}
+    spring = {"type": "translational", "between": ["a@1", [L, 1.5]], "stiffness": 1e4 / 1.5}
+    for more in ({}, {"about": "static"}):
+        eigen = {"type": "eigen", "modes": 3, **more}
+        found, expected = (s.state.report["frequencies"] for s in (
+            solve(beam(count=6), [tendon], eigen), solve(beam(count=6), [], eigen, springs=[spring])))
+        assert [f["omega"] for f in found] == pytest.approx([f["omega"] for f in expected], rel=1e-9)
+
+
+def test_a_column_buckles_under_a_tendon_to_its_base_but_not_under_one_along_its_axis() -> None:
+    """A force that points to the base: pi^2 EI/L^2 (Timoshenko & Gere 1961), four times that of a dead one."""
+    slender = {**beam("cable", 12), "section": {"height": 0.01, "width": B}}
+    critical = np.pi**2 * E * B * 1e-6 / 12 / L**2
+    solver = {"type": "buckling", "modes": 1}
+    loads = [{"type": "tendon", "through": [[0, 0], "a@1"], "tension": 1.0}]
+    found = solve(slender, loads, solver).state.report
+    assert found["load_factors"][0] == pytest.approx(critical, rel=1e-4)
+
+
+def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
+    for load, said in (
+            ({"tension": 1}, "either on or through"), ({"on": "a"}, "either tension or stiffness"),
+            ({"on": "a", "tension": 1, "slack": 0.1}, "no unstretched length"),
+            ({"on": "a", "tension": 1, "friction": 0.3}, "without friction"),
+            ({"through": ["a@1"], "tension": 1}, "two eyelets at least"),
+            ({"through": ["a@1", "a@1"], "tension": 1}, "are the same"),
+            ({"through": ["a@1", {"at": "b@0", "y": 0.1}], "tension": 1}, "'b'"),
+            ({"on": "b", "tension": 1}, "'b'")):
+        with pytest.raises(CaseError) as caught:
+            helpers.build({"a": beam()}, bc=CLAMP, loads=[{"type": "tendon", **load}])
+        assert said in str(caught.value)
+    with pytest.raises(CaseError, match="guides off its axis only tendons of given tension"):
+        helpers.build({"a": beam("cable")}, bc=CLAMP,
+                      loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
