@@ -8,7 +8,9 @@ import helpers
 import numpy as np
 import pytest
 
+from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
 from ancf2d.errors import CaseError
+from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
 
 E, H, B, L = 1e7, 0.1, 0.1, 2.0
 EA, EI = E * H * B, E * B * H**3 / 12
@@ -82,8 +84,6 @@ def test_an_elastic_tendon_is_one_of_the_tension_that_it_has(where: dict[str, An
     body = beam(count=8)
     elastic = solve(body, [{"type": "tendon", "stiffness": stiffness, "slack": slack, **where}])
     (spring,) = elastic.model.springs
-    from ancf2d.interactions.tendon_laws import taut
-
     u = spring.G @ elastic.d[spring.coordinates]
     _, tension, _, _ = taut(spring.p0, u, 1.0, spring.par, int(spring.par[3]))
     assert tension > 100.0
@@ -135,3 +135,31 @@ def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
     with pytest.raises(CaseError, match="guides off its axis only tendons of given tension"):
         helpers.build({"a": beam("cable")}, bc=CLAMP,
                       loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
+
+
+@pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION)])
+@pytest.mark.parametrize("law", [TENSION, ELASTIC])
+def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, int]) -> None:
+    """Of T l and of the energy, by central differences; fields that say what an arm is stand still."""
+    rng, size, pieces = np.random.default_rng(0), 12, 1 if law is TENSION else 3
+    p0 = np.concatenate([[*rng.uniform(-1, 1, 6), kinds[0], *rng.uniform(-1, 1, 4), kinds[1]] for _ in range(pieces)])
+    free = np.array([k for k in range(len(p0)) if k % size not in (6, 11)])
+    par = np.array([3.0, size] if law is TENSION else [3.0, 2.0, -2.0, size])
+
+    def at(u: Any) -> tuple[float, Any, Any]:
+        f, H = np.zeros(len(p0)), np.zeros((len(p0),) * 2)
+        energy, _ = law.forces(p0, u, np.zeros(len(p0)), par, np.array([0.7, 0.3, 0.0]), np.zeros(2), f, H, 0 * H)
+        if law is TENSION:
+            energy = 0.7 * 3.0 * np.hypot(*piece(p0, u, u, 0, size))
+        return energy, f, H
+
+    u, h = np.zeros(len(p0)), 1e-6
+    u[free] = rng.uniform(-0.1, 0.1, len(free))
+    _, f, H = at(u)
+    assert np.abs(f).max() > 0.1
+    np.testing.assert_allclose(H, H.T, atol=1e-14)
+    for k in free:
+        e = h * np.eye(len(p0))[k]
+        (U1, f1, _), (U0, f0, _) = at(u + e), at(u - e)
+        assert f[k] == pytest.approx((U1 - U0) / (2 * h), abs=1e-8)
+        np.testing.assert_allclose(H[free, k], ((f1 - f0) / (2 * h))[free], atol=1e-8)
