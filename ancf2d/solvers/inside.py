@@ -110,7 +110,8 @@ def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     if state.turned is not None:
         d = state.d[:model.n_q]
         model.turns.recall(model.springs, model.e0 + d, d, state.turned)
-    for spring, patch in zip(model.case.springs, model.springs, strict=True):
+    # behind the springs of the case stand elastic tendons
+    for spring, patch in zip(model.case.springs, model.springs, strict=False):
         ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
         inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
         if inside != [None, None]:
