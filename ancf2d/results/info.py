@@ -35,7 +35,8 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             "units": {"length": r.units.length, "force": r.units.force, "time": r.units.time},
             "bodies": {name: {"element": b.element_type, "formulation": b.formulation,
                               "elements": len(b.dofs), "nodes": len(np.unique(b.nodes)),
-                              "length": float(b.lengths[b.classes].sum())}
+                              "length": float(b.lengths[b.classes].sum()),
+                              "heights": None if b.heights is None else [float(b.heights.min()), float(b.heights.max())]}
                        for name, b in r.bodies.items()},
             "checkpoint": None if r.checkpoint is None else r.checkpoint.t,
             "dofs": r.nq, "states": r.nt, "steps": r.history.rows,
@@ -103,7 +104,9 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     for name, body in found["bodies"].items():
         rows.append(("body", f"{name}: {_many(body['elements'], 'element')} {body['element']}, "
                              f"{body['formulation']}, {_many(body['nodes'], 'node')}, "
-                             f"length {body['length']:.12g} {found['units']['length']}"))
+                             f"length {body['length']:.12g} {found['units']['length']}"
+                             + (", height {:.6g} to {:.6g} {}".format(*body["heights"], found["units"]["length"])
+                                if body["heights"] else "")))
     for name, columns in found["probes"].items():
         values = ", ".join(f"{q} = {v['value']:.9g}{_unit(v['units'])}" for q, v in columns.items())
         rows.append(("probe", f"{name}: {values}"))
