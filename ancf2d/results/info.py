@@ -36,7 +36,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             "bodies": {name: {"element": b.element_type, "formulation": b.formulation,
                               "elements": len(b.dofs), "nodes": len(np.unique(b.nodes)),
                               "length": float(b.lengths[b.classes].sum()),
-                              "heights": None if b.heights is None else [float(b.heights.min()), float(b.heights.max())]}
+                              "heights": None if b.heights is None else [float(f(b.heights)) for f in (np.min, np.max)]}
                        for name, b in r.bodies.items()},
             "checkpoint": None if r.checkpoint is None else r.checkpoint.t,
             "dofs": r.nq, "states": r.nt, "steps": r.history.rows,
