@@ -17,6 +17,7 @@ from pathlib import Path
 from gallery import IMAGES, ROOT, shrunk
 from measured import DOCS, stamp, write
 
+from ancf2d.case.units import with_unit
 from ancf2d.cli.tradeoff_report import error_text, model_text, time_text, total_text
 from ancf2d.plot.kinds import draw
 from ancf2d.plot.output import save
@@ -115,7 +116,7 @@ def limits(study: Study) -> str:
         value = "none that is known" if not limit.known or limit.answer is None else f"{limit.answer.value:.9g}"
         rows.append([f"`{known.element}`", known.formulation, value, f"{limit.bar:.0e}" if limit.known else "-",
                      model_text(known).replace("<", "&lt;")])
-    return table(["type", "formulation", f"limit of {study.goal}", "known to", "model error"], rows)
+    return table(["type", "formulation", f"limit of {with_unit(study.goal)}", "known to", "model error"], rows)
 
 
 def tail(study: Study) -> str:

@@ -16,7 +16,7 @@ _INTRO = """\
 A case file is YAML. A number may be written `1e3`, `1.0e3` or `1000`; `on`, `yes` and dates are
 text; anchors, aliases, merge keys and tags are not used. Units are SI unless `units` says
 otherwise, angles are in radians, x points to the right, y up, positive rotation is
-counter-clockwise. A point is written `BODY@S` with S in [0, 1] along the body's arclength.
+counter-clockwise. A point is written `BODY@S` with S in [0, 1] along the body's arc length.
 
 Every value can be overridden on the command line: `--set bodies.beam.element.count=32`,
 `--set loads.0.value.1=-500`; items of lists are named by index or by their `name`.

@@ -248,4 +248,4 @@ def _accuracy(found: dict[str, Any]) -> str:
     if found.get("wanted") is not None:
         # said with the goal already, over meshes and steps
         return ""
-    return f"about {found['estimate']:.2g} from the steps in time (not the mesh), relative to the largest displacements"
+    return f"about {found['estimate']:.2g} from the time steps (not the mesh), relative to the largest displacements"

@@ -8,6 +8,7 @@ import textwrap
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+from ..case.units import with_unit
 from .text import TIME, duration, number, table
 
 if TYPE_CHECKING:
@@ -108,8 +109,8 @@ def _limits(study: Study) -> list[str]:
                          model_text(known)])
         if limit.note and not known.refused:
             notes += _wrapped(f"{known.element} ({known.formulation}): {limit.note}")
-    head = ["element", "formulation", *(["quadrature"] if several else []), f"limit of {study.goal}", "known to",
-            "model error"]
+    head = ["element", "formulation", *(["quadrature"] if several else []),
+            f"limit of {with_unit(study.goal, study.labels)}", "known to", "model error"]
     lines = table([head, *rows], left=(0, 1, 2) if several else (0, 1)) if rows else []
     lines += ["", *notes] if notes else []
     if study.continuum.answer is not None and lines:

@@ -136,7 +136,7 @@ class FollowerLine:
 
 
 def covered(mesh: BodyMesh, s0: float, s1: float, more: int = 0) -> list[tuple[Index, Array, Array]]:
-    """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arclength.
+    """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arc length.
 
     ``more`` is the number of points beside those for a constant.
     """

@@ -26,7 +26,7 @@ BETWEEN = 1e-12
 
 
 def foot_point(plan: BodyPlan, r: Array) -> tuple[float, float]:
-    """Return the fraction S of a body's arclength nearest to r in the reference, and the distance there [m]."""
+    """Return the fraction S of a body's arc length nearest to r in the reference, and the distance there [m]."""
     found = [(math.dist(p.position(sigma)[0], r), (p.s0 + sigma) / plan.length)
              for p in plan.pieces for sigma in [p.nearest(r)]]
     distance, s = min(found)

@@ -1,4 +1,4 @@
-"""Axes of bodies as curves by arclength: arcs and lines, splines through points, curves given by expressions."""
+"""Axes of bodies as curves by arc length: arcs and lines, splines through points, curves given by expressions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class AxisError(ValueError):
 
 
 class Axis(Protocol):
-    """A smooth curve by arclength s [m] from its start; as complex numbers x + iy where so said."""
+    """A smooth curve by arc length s [m] from its start; as complex numbers x + iy where so said."""
 
     def place(self, s: Array) -> tuple[Array, Array]:
         """Return points (...) as complex numbers, and tangent angles (...) counted through full turns."""
@@ -85,7 +85,7 @@ class Bend:
 
 
 class Smooth:
-    """A curve z(u) = x + iy of a parameter u, by arclength to round-off.
+    """A curve z(u) = x + iy of a parameter u, by arc length to round-off.
 
     ``taylor(u, n)`` gives its Taylor coefficients (n + 1, places); ``edges`` are values of u from one end to the other
     between which it has all derivatives. Between them the curve is divided into panels until Gauss points give the
@@ -223,7 +223,7 @@ def check_closed(start: complex, end: complex, turned: float, length: float) -> 
 
 
 def spline(geometry: Spline) -> tuple[Smooth, list[float]]:
-    """Return the curve through the points of a spline, and the arclengths of the points between its ends."""
+    """Return the curve through the points of a spline, and the arc lengths of the points between its ends."""
     # only splines need it
     from scipy.interpolate import CubicSpline
 

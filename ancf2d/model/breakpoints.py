@@ -1,4 +1,4 @@
-"""Where signals are not smooth: steps in time must end there, or they lose their order."""
+"""Where signals are not smooth: time steps must end there, or they lose their order."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ ALIKE = 1e-6
 class Piece:
     """A stretch of an axis: where it begins on it [m], its length and count of elements.
 
-    ``s0`` is the arclength of the body where it begins; ``continues``: whether it follows the piece before smoothly;
+    ``s0`` is the arc length of the body where it begins; ``continues``: whether it follows the piece before smoothly;
     ``kink``: whether derivatives along the axis can jump where it begins.
     """
 
@@ -67,7 +67,7 @@ class Piece:
         return self.position(0.0)[0]
 
     def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
-        """Return points (..., 2) and tangent angles (...) at arclength s from the piece's start."""
+        """Return points (..., 2) and tangent angles (...) at arc length s from the piece's start."""
         z, theta = self.axis.place(self.begin + np.asarray(s, dtype=float))
         return _pair(z), theta
 
@@ -77,7 +77,7 @@ class Piece:
         return _pair(found if j == 0 else 1j * found if j == 1 else 0.0 * found)
 
     def curvature(self, s: float | NDArray[np.floating]) -> Array:
-        """Return dtheta/ds (...) [1/m] at arclength s from the piece's start."""
+        """Return dtheta/ds (...) [1/m] at arc length s from the piece's start."""
         t, bend = self.axis.derivatives(self.begin + np.asarray(s, dtype=float), 2)
         curvature: Array = (t.conj() * bend).imag
         return curvature
@@ -87,7 +87,7 @@ class Piece:
         return np.diff(self.position(self.l * np.arange(self.count + 1))[1])
 
     def nearest(self, r: Array) -> float:
-        """Return the arclength within the piece of its point nearest to r (2,)."""
+        """Return the arc length within the piece of its point nearest to r (2,)."""
         return self.axis.nearest(complex(*r), self.begin, self.begin + self.length) - self.begin
 
 
@@ -168,7 +168,7 @@ def _path(geometry: PathGeometry) -> list[Piece]:
 
 @lru_cache(maxsize=256)
 def _undivided(geometry: Geometry) -> tuple[tuple[Piece, ...], tuple[float, ...]]:
-    """Return the pieces of a body's geometry, one element each, and arclengths where derivatives jump within them.
+    """Return the pieces of a body's geometry, one element each, and arc lengths where derivatives jump within them.
 
     Raises AxisError where it is no curve.
     """
@@ -215,7 +215,7 @@ def turning(geometry: Geometry) -> float:
 
 
 def _split(piece: Piece, places: list[float]) -> list[Piece]:
-    """Return a piece as several that continue one another, from one of its places (arclengths) to the next."""
+    """Return a piece as several that continue one another, from one of its places (arc lengths) to the next."""
     if not places:
         return [piece]
     return [replace(piece, begin=piece.begin + a, length=b - a, s0=piece.s0 + a,
@@ -224,7 +224,7 @@ def _split(piece: Piece, places: list[float]) -> list[Piece]:
 
 
 def _inside(pieces: Sequence[Piece], nodes: Sequence[float]) -> list[list[float]]:
-    """Return for each piece the arclengths within it of nodes, given as fractions S of the body's arclength.
+    """Return for each piece the arc lengths within it of nodes, given as fractions S of the body's arc length.
 
     A node that is closer than ``TOGETHER`` to an end of a piece, or to the one before it, is that one.
     """
@@ -245,7 +245,7 @@ def _stretches(whole: Sequence[Piece], nodes: Sequence[float]) -> list[Piece]:
 
 
 def stretches(geometry: Geometry, nodes: Sequence[float]) -> list[float]:
-    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arclength) cut a geometry into."""
+    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arc length) cut a geometry into."""
     return [p.length for p in _stretches(_undivided(geometry)[0], nodes)]
 
 
@@ -253,7 +253,7 @@ def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (),
               refine: int = 1, kinks: Sequence[float] = ()) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
 
-    A piece is split at each of ``nodes`` (fractions S of the body's arclength), unless all of them are ends of the
+    A piece is split at each of ``nodes`` (fractions S of the body's arc length), unless all of them are ends of the
     equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
     element is then divided into ``refine`` ones.
     """

@@ -268,7 +268,7 @@ class BodyMesh:
         return np.concatenate([[False], self.nodes[1:, 0] == self.nodes[:-1, -1]])
 
     def element_at(self, s: float) -> tuple[int, float, float]:
-        """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arclength."""
+        """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arc length."""
         k, sigma = self.plan.locate(s)
         piece = self.plan.pieces[k]
         ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)

@@ -63,7 +63,7 @@ class BodyPlan:
 
     @property
     def length(self) -> float:
-        """Total arclength."""
+        """Total arc length."""
         return self.pieces[-1].s0 + self.pieces[-1].length
 
     @property
@@ -92,7 +92,7 @@ class BodyPlan:
         return self.section if self.varying is None else self.varying.at(s)
 
     def locate(self, s: float) -> tuple[int, float]:
-        """Return (piece, arclength within it) of the point at fraction s of the body's arclength.
+        """Return (piece, arc length within it) of the point at fraction s of the body's arc length.
 
         Where two pieces meet it is the second one that continues the first, and the first one of a corner.
         """
@@ -115,7 +115,7 @@ class BodyPlan:
         return out
 
     def position(self, s: float) -> tuple[Array, float]:
-        """Return the reference point (2,) and tangent angle at fraction s of the arclength."""
+        """Return the reference point (2,) and tangent angle at fraction s of the arc length."""
         k, sigma = self.locate(s)
         r, theta = self.pieces[k].position(sigma)
         return r, float(theta)

@@ -105,7 +105,7 @@ class PointRef:
 
 
 def point_ref(mesh: BodyMesh, s: float, y: float = 0.0) -> PointRef:
-    """Return the reference to the point at fraction s of a body's arclength, y off its axis."""
+    """Return the reference to the point at fraction s of a body's arc length, y off its axis."""
     ie, xi, angle = mesh.element_at(s)
     node = next((k for k, n in enumerate(mesh.plan.element.nodes) if n.at == xi), None)
     return PointRef(mesh, s, ie, xi, angle, node, 2.0 * y / mesh.plan.section.height)

@@ -19,7 +19,7 @@ ROUND_OFF = 1e-15  # of the largest coordinate: less is no distance
 
 
 def stations(bodies: Sequence[BodyRecord]) -> np.ndarray:
-    """Return the fractions of the arclength at which one body of several files is compared.
+    """Return the fractions of the arc length at which one body of several files is compared.
 
     The element ends of all files, with points between them where there are few, thinned where there are very many.
     """
@@ -33,7 +33,7 @@ def stations(bodies: Sequence[BodyRecord]) -> np.ndarray:
 
 
 def difference(sources: Sequence[Source], *, reference: str | None = None, state: int = -1) -> Curves:
-    """Build the distance of the axes of all bodies to those of one file, over the fraction S of their arclength.
+    """Build the distance of the axes of all bodies to those of one file, over the fraction S of their arc length.
 
     ``reference`` names that file (default: the last); ``state`` counts the stored states, negative from the end.
     """

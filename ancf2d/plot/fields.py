@@ -59,7 +59,7 @@ class Surface:
         return float(self.heights.max())
 
     def along(self, unrolled: bool) -> np.ndarray:
-        """Return the points that are drawn: in the plane, or over arclength and distance from the axis."""
+        """Return the points that are drawn: in the plane, or over arc length and distance from the axis."""
         if not unrolled:
             return self.points
         y = self.heights[..., None] * np.linspace(-0.5, 0.5, self.points.shape[2])
@@ -211,7 +211,7 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
     """Build one field over the bodies of one file.
 
     ``field``: stress, strain or energy (default: the first that is stored); ``component``: xx, yy, xy, or mises of
-    stress; ``unrolled``: over arclength and height instead of in the plane (default: where bodies are thin).
+    stress; ``unrolled``: over arc length and height instead of in the plane (default: where bodies are thin).
     """
     if len(sources) > 1:
         raise ResultsError("fields are drawn from one file at a time")

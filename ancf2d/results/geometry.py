@@ -80,7 +80,7 @@ def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
 
 
 def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return coordinates (n, k, 2) and shape functions (n, k) of the axis at fractions s (n,) of a body's arclength.
+    """Return coordinates (n, k, 2) and shape functions (n, k) of the axis at fractions s (n,) of a body's arc length.
 
     The samples of the shape functions are continued between their points by the polynomial through them, exact up to
     DEGREE along the element.
@@ -98,7 +98,7 @@ def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @_beyond_numbers
 def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arclength in [0, 1].
+    """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arc length in [0, 1].
 
     q (nq,): nodal coordinates, or displacements of them for displacements.
     """

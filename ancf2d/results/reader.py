@@ -259,11 +259,11 @@ class Results:
         return body_faces(self.body(body), self._scaled(i, scale), elements)
 
     def displacement(self, body: str, s: np.ndarray, i: int = -1) -> np.ndarray:
-        """Return the displacements (n, 2) of the axis at fractions s (n,) of a body's arclength in state i."""
+        """Return the displacements (n, 2) of the axis at fractions s (n,) of a body's arc length in state i."""
         return axis_values(self.body(body), self.d(i), np.asarray(s, float))
 
     def reference(self, body: str, s: np.ndarray) -> np.ndarray:
-        """Return the reference axis (n, 2) at fractions s (n,) of a body's arclength."""
+        """Return the reference axis (n, 2) at fractions s (n,) of a body's arc length."""
         return axis_values(self.body(body), self.e0, np.asarray(s, float))
 
     def nodes(self, body: str, i: int | None = -1, *, scale: float = 1.0) -> np.ndarray:

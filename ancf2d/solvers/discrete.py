@@ -82,7 +82,7 @@ class DiscreteModel:
 
     @cached_property
     def names(self) -> list[str]:
-        """The names of the unknowns, each once: ``"ry_x of beam at S = 0.25"``; S is the fraction of the arclength."""
+        """The names of the unknowns, each once: ``"ry_x of beam at S = 0.25"``; S is the fraction of the arc length."""
         model, met, out = self._model, Counter[str](), []
         every = [*model.coordinate_names(), *map(model.describe_multiplier, range(len(model.constraints)))]
         for name in (every[full] for full in model.numbering.free[self._order].tolist()):

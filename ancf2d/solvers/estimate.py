@@ -1,4 +1,4 @@
-"""The error of steps in time: coarser motions run beside, and their differences extrapolate."""
+"""The error of time steps: coarser motions run beside, and their differences extrapolate."""
 
 from __future__ import annotations
 

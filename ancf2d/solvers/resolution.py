@@ -156,7 +156,7 @@ class Resolution:
         if share <= UNFOLLOWED:
             return []
         return [f"the mesh is too coarse for this motion: it does not follow waves and bends that have "
-                f"{100 * share:.2g} % of the energy{self._where(self.lost)}. The error of the steps in time does not "
+                f"{100 * share:.2g} % of the energy{self._where(self.lost)}. The error of the time steps does not "
                 f"contain this. {ADVICE}"]
 
     def _of_statics(self, state: State) -> list[str]:

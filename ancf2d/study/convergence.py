@@ -50,6 +50,10 @@ def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, solver=solver))
 
 
+# times the tolerance: the error that time steps may add up to
+STEPS = 100.0
+
+
 @dataclass(frozen=True)
 class Job:
     """One mesh, and time step, of one variant: everything that another process needs to solve it."""
@@ -205,8 +209,23 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
                         "orders are rough")
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
+    for one in series if steps is None else ():
+        one.estimate = _explained(one, loaded.case.solver)
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
                        warnings, "elements" if steps is None else steps.key, loaded.case.units.labels)
+
+
+def _explained(series: Series, solver: Any) -> Estimate:
+    """Return the estimate of meshes, which says where those of a motion differ no more than its time steps err."""
+    found, answers = series.estimate, [row.answer for row in series.rows if row.answer is not None][-2:]
+    if not isinstance(solver, Dynamic) or solver.dt is not None or found.asymptotic or len(answers) < 2:
+        return found
+    apart = answers[1].distance(answers[0]) / answers[1].size
+    if apart > STEPS * solver.local_error:
+        return found
+    return replace(found, note=f"not asymptotic: the last two meshes differ by {apart:.1e}, which errors of the time "
+                   f"steps can cause (tolerance {solver.local_error:g}); a smaller tolerance, such as --set "
+                   f"solver.tolerance={1e-3 * solver.local_error:.0e}, shows the error of the mesh")
 
 
 def _values(steps: Steps | None) -> list[float | None]:

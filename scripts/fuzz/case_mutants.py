@@ -20,7 +20,7 @@ from . import trees
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("cases/*/*.yaml", "tests/case/valid/*.yaml")
 DEFINITION = ROOT / "tests" / "case" / "definitions" / "own_element.yaml"
-# what makes a case quick: most elements of a body, load steps, modes, steps in time
+# what makes a case quick: most elements of a body, load steps, modes, time steps
 COUNT, STEPS, MODES, TIMES = 3, 10, 4, 20
 # what mutants can come from that no case of the repository has
 EXTRAS = """

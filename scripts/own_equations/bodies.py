@@ -68,7 +68,7 @@ def section(body: dict[str, Any], shearless: float) -> Section:
 
 @dataclass
 class Body:
-    """What a body became: its legs, and (from, to, piece) in arclength for bars, or the coordinates of a rigid one."""
+    """What a body became: its legs, and (from, to, piece) in arc length for bars, or the coordinates of a rigid one."""
 
     legs: list[Leg]
     pieces: list[tuple[float, float, int]] = field(default_factory=list)
@@ -77,7 +77,7 @@ class Body:
 
     @property
     def length(self) -> float:
-        """Return the arclength."""
+        """Return the arc length."""
         return sum(leg.length for leg in self.legs)
 
     def where(self, s: float) -> tuple[Leg, float]:

@@ -1,7 +1,7 @@
 """Exact solutions that ``cases/`` expects, computed here without finite elements.
 
 The planar geometrically exact beam (Reissner 1972; Simo & Vu-Quoc 1986) is an ordinary differential equation along
-its arclength s. With the force F that the part beyond s exerts on the part before it, the section's angle theta and
+its arc length s. With the force F that the part beyond s exerts on the part before it, the section's angle theta and
 its moment M,
 
     N = F . t,  Q = F . n,  x' = (1 + N/EA) t + Q/kGA n,  theta' = kappa_0 + M/EI,  M' = -(x' x F),

@@ -24,7 +24,7 @@ def split_point(text: str) -> tuple[str, float]:
 
 
 def length(geometry: Data) -> float:
-    """Return the arclength of an axis."""
+    """Return the arc length of an axis."""
     if geometry["type"] == "arc":
         return float(geometry["radius"] * abs(geometry["to"] - geometry["from"]))
     return float(sum(math.dist(a, b) for a, b in pairwise(corners(geometry))))
@@ -36,7 +36,7 @@ def corners(geometry: Data) -> list[list[float]]:
 
 
 def position(geometry: Data, s: float) -> Array:
-    """Return the point (2,) at fraction s of the arclength."""
+    """Return the point (2,) at fraction s of the arc length."""
     if geometry["type"] == "arc":
         angle = geometry["from"] + s * (geometry["to"] - geometry["from"])
         return np.array(geometry["center"]) + geometry["radius"] * np.array([math.cos(angle), math.sin(angle)])

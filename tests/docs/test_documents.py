@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -94,6 +96,40 @@ def test_links_lead_to_files(document: Path) -> None:
     assert [t for t in targets if t and not (document.parent / t).exists()] == []
     paths = re.findall(r"`((?:cases|docs|scripts|tests|ancf2d)/[\w./-]+)`", text)
     assert [p for p in paths if not (ROOT / p).exists()] == []
+
+
+def words_to_avoid() -> list[str]:
+    """Return the words in the last column of the table of terms."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| [^|]+ \| [^|]+ \|([^|]*)\|$", text[text.index("## Words"):text.index("## Rules")], re.M)
+    return [word.strip() for row in rows[2:] for word in row.split(",") if word.strip()]
+
+
+def prose(document: Path) -> str:
+    """Return a document without its code."""
+    text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)
+    return re.sub(r"`[^`]*`", "", text)
+
+
+def texts(source: Path) -> Iterator[str]:
+    """Yield the texts of a program: messages, help, docstrings."""
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        # a name, such as a key of a file, has no spaces
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+            yield node.value
+
+
+def test_texts_use_one_term_for_each_idea() -> None:
+    avoided = words_to_avoid()
+    assert "arclength" in avoided
+    pattern = re.compile(rf"(?<![\w./])({'|'.join(avoided)})(?!\w|\.\w| ?\()", re.I)
+    pages = [d for d in DOCUMENTS if d.name != "CONTRIBUTING.md"]
+    found = [f"{d.name}: {word}" for d in pages for word in pattern.findall(prose(d))]
+    found += [f"{p.relative_to(ROOT)}: {word}" for folder in ("case", "cli", "interactions", "model", "plot", "results",
+                                                             "solvers", "study", "view")
+              for p in sorted((ROOT / "ancf2d" / folder).rglob("*.py")) for text in texts(p)
+              for word in pattern.findall(text)]
+    assert found == []
 
 
 def headings(document: Path) -> set[str]:

@@ -189,7 +189,7 @@ def test_a_path_is_its_pieces_welded(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "ancf[3,3]"])
 def test_what_a_curved_body_weighs(name: str) -> None:
-    """Reactions under gravity: the weight of the arclength, and its moment about the support."""
+    """Reactions under gravity: the weight of the arc length, and its moment about the support."""
     ell = CANTILEVERS["curve"][0]
     axis = quarter(None)
     spec = helpers.element(name, 16)

@@ -38,7 +38,7 @@ def place(model, d, at):
 
 
 def elastica():
-    """Return y of the loaded point, the angle there and the arclength up to it: the load is normal to the beam."""
+    """Return y of the loaded point, the angle there and the arc length up to it: the load is normal to the beam."""
 
     def end_of(unknown, load):
         k, S, end = unknown

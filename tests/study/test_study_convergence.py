@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.case import Dynamic, LoadedCase, Static, load_case_text
 from ancf2d.errors import CaseError
-from ancf2d.study.convergence import Convergence, Steps, convergence
-from ancf2d.study.goal import error_scale, smallest_scale
+from ancf2d.study.convergence import Convergence, Row, Series, Steps, _explained, convergence
+from ancf2d.study.goal import Answer, error_scale, smallest_scale
+from ancf2d.study.order import estimate
 from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
 from ancf2d.study.variants import Variant, parse_variants
@@ -259,6 +260,20 @@ solver: {type: linear_static}
 goal: {probe: tip, quantity: uy}
 output: {probes: {tip: b@1}}
 """
+
+
+@pytest.mark.parametrize(("apart", "told"), [(1e-5, True), (1e-2, False)])
+def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(apart: float, told: bool) -> None:
+    """Differences that grow, below and above a hundred times the tolerance of the steps, 1e-5."""
+    values = [1.0, 1.0 + apart / 3, 1.0 - apart]
+    rows = [Row("reissner3", "", n, answer=Answer(x, 1.0)) for n, x in zip((2, 4, 8), values, strict=True)]
+    series = Series(rows, estimate([2.0, 4.0, 8.0], values, 1.0), None)
+    assert not series.estimate.asymptotic
+    note = _explained(series, Dynamic(t_end=1.0, tolerance=1e-5)).note
+    assert ("errors of the time steps" in note) == told
+    assert ("--set solver.tolerance=1e-08" in note) == told
+    assert ("finer meshes are needed" in note) != told
+    assert _explained(series, Static()).note == series.estimate.note
 
 
 def rigid(solver: str) -> LoadedCase:

@@ -101,7 +101,7 @@ class Spline:
 
 @record
 class CurveGeometry:
-    """A smooth reference axis: x and y as expressions in a parameter s from 0 to 1, which need not be arclength."""
+    """A smooth reference axis: x and y as expressions in a parameter s from 0 to 1, which need not be arc length."""
 
     tag = "curve"
     least = 1

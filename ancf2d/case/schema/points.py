@@ -16,7 +16,7 @@ from ..records import ByShape, Record
 
 @record
 class Point:
-    """A point of a body's axis: the body's name and S in [0, 1] along its arclength."""
+    """A point of a body's axis: the body's name and S in [0, 1] along its arc length."""
 
     body: str
     s: float

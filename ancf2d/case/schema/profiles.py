@@ -24,7 +24,7 @@ SAMPLES = 1000
 
 @record
 class ProfileExpression(Expression):
-    """A formula in s, which runs from 0 to 1 along a body's arclength."""
+    """A formula in s, which runs from 0 to 1 along a body's arc length."""
 
     variable = "s"
 
@@ -37,7 +37,7 @@ class ProfileExpression(Expression):
 class ProfileTable:
     """Values at places s along a body; before the first and after the last it stays constant."""
 
-    s: tuple[float, ...] = key(ListOf(Number(ge=0, le=1), "numbers", 1), "Places from 0 to 1 along the arclength, in "
+    s: tuple[float, ...] = key(ListOf(Number(ge=0, le=1), "numbers", 1), "Places from 0 to 1 along the arc length, in "
                                "order; a place given twice is a jump", example=[0, 0.4, 1])
     value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each place", example=[0.1, 0.1, 0.05])
     smooth: bool = key(Flag(), "Interpolate with monotone cubics of continuous slope instead of straight lines; "

@@ -1,4 +1,4 @@
-"""A case solved to a wanted accuracy of its goal: element types, steps in time, meshes, and what to say of them."""
+"""A case solved to a wanted accuracy of its goal: element types, time steps, meshes, and what to say of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .setting import Level, with_overrides, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
-# of the wanted error: what steps in time, what simpler models, and what points in the frequency may take
+# of the wanted error: what time steps, what simpler models, and what points in the frequency may take
 TIME, MODEL, POINTS = 0.2, 0.3, 0.1
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
@@ -105,7 +105,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
-    """Refine the mesh, and the steps in time where there are some; write the result and return its accuracy."""
+    """Refine the mesh, and the time steps where there are some; write the result and return its accuracy."""
     ladder = Ladder(pursuit, types, tolerance)
     left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
     level, error, found = ladder.climb(left if tolerance is None else (1.0 - TIME) * left)
@@ -165,7 +165,7 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
 
 
 def _tolerance_of(pursuit: Pursuit) -> float | None:
-    """Return the tolerance that steps in time are begun with, None where nothing moves."""
+    """Return the tolerance that time steps are begun with, None where nothing moves."""
     return pursuit.wanted if isinstance(pursuit.loaded.case.solver, Dynamic) else None
 
 

@@ -24,7 +24,7 @@ EVEN, SLIGHT = 4, 3
 SWING = 0.02
 # meshes in a row that do not make the error smaller: where it is given up
 STALLED = 4
-# of the difference between meshes: what steps in time may move before they are made smaller
+# of the difference between meshes: what time steps may move before they are made smaller
 NOISE = 0.25
 
 
@@ -91,7 +91,7 @@ class Ladder:
         return ""
 
     def _steps_matter(self) -> bool:
-        """Whether meshes differ because of the steps in time; the tolerance is smaller then, and levels begin again."""
+        """Whether meshes differ because of the time steps; the tolerance is smaller then, and levels begin again."""
         if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
             return False
         middle, last = self.levels[-2:]

@@ -1,4 +1,4 @@
-"""What accuracy control chooses: elements of each body, element types and the tolerance of steps in time."""
+"""What accuracy control chooses: elements of each body, element types and the tolerance of time steps."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...case.emit import flow
+from ...case.units import SI
 from .limits import RESOLVED, Limit, distance
 from .measure import Measured, Task
 from .plan import Series
@@ -141,6 +142,7 @@ class Study:
     continuum_q: list[int] = field(default_factory=list)
     dropped: list[Task] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    labels: tuple[str, str, str] = SI
 
     @property
     def converged(self) -> bool:

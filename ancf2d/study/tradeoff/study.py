@@ -34,7 +34,8 @@ def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
     dropped = _solve(todo, workers, budget, done)
     study = Study(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal),
                   "continuum" if choice.continuum else "limit" if choice.reference is None else "reference",
-                  choice.accuracies, choice.budget, budget.spent, dropped=dropped, warnings=list(planner.warnings))
+                  choice.accuracies, choice.budget, budget.spent, dropped=dropped, warnings=list(planner.warnings),
+                  labels=loaded.case.units.labels)
     found = {q: limit(s) for q, s in behind.items()}
     study.continuum, study.continuum_q = continuum(found), [q for q, f in found.items() if f.known]
     if choice.continuum and not study.continuum.known:
