@@ -225,7 +225,7 @@ class BodyMesh:
 
     @cached_property
     def starts(self) -> Array:
-        """Arclength at which each element starts (ne,)."""
+        """Arc length at which each element starts (ne,)."""
         return np.concatenate([p.s0 + p.l * np.arange(p.count) for p in self.plan.pieces])
 
     @cached_property
