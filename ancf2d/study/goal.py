@@ -180,12 +180,14 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
 
     Raises CaseError, and ComputationError where it fails or has no such value.
     """
+    # points are placed so densely that curves can be compared only where an accuracy is asked for
+    whole = loaded.case.accuracy is not None
     loaded = for_study(loaded)
     goal = loaded.case.goal
     if goal is None and not isinstance(loaded.case.solver, FrequencyResponse):
         raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to find the error of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
-    watch = _Watch(goal, loaded.case.solver)
+    watch = _Watch(goal, loaded.case.solver, whole)
     given = progress or Progress()
 
     def built(model: Model) -> None:
@@ -216,10 +218,10 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
 
 
 class _Watch:
-    """Follows the goal of a motion from state to state."""
+    """Follows the goal of a motion from state to state; ``whole`` compares responses over all frequencies."""
 
-    def __init__(self, goal: Goal | None, solver: Solver) -> None:
-        self.goal, self.solver, self.moves = goal, solver, isinstance(solver, Dynamic)
+    def __init__(self, goal: Goal | None, solver: Solver, whole: bool) -> None:
+        self.goal, self.solver, self.moves, self.whole = goal, solver, isinstance(solver, Dynamic), whole
         self.course: list[float] = []
         self.largest = 0.0
         self.last: Any = None
@@ -247,7 +249,8 @@ class _Watch:
 
     def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
         """Return the answer of a finished run, None where it has no such value."""
-        if isinstance(self.solver, FrequencyResponse) and (self.goal is None or self.goal.hz is None):
+        over_all = self.goal is None or (self.whole and self.goal.hz is None)
+        if isinstance(self.solver, FrequencyResponse) and over_all:
             curves = curves_of(self.goal, summary["response"], self.solver.scale == "log")
             if self.goal is None:
                 return Answer(1.0, 1.0, curves=curves)
