@@ -27,6 +27,8 @@ Index = NDArray[np.int64]
 STATIONS = np.array([0.0, 0.5, 1.0])
 # places along an element at which its section is compared: one that is the same there does not vary
 PLACES = np.linspace(0.0, 1.0, 9)
+# sections at so many sets of stations are kept for each element
+KNOWN = 8
 # points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
 MORE, RIGID_POINTS = 3, 20
 
@@ -143,11 +145,20 @@ class BodyMesh:
             return plan.section, None, (), ()
         a, l = (piece.s0 + piece.l * ie) / plan.length, piece.l / plan.length
 
+        known: dict[bytes, Section] = {}
+
         def profile(xi: Array) -> Section:
-            return varying.at(a + l * np.asarray(xi, dtype=float), a, a + l)
+            # the same few stations are asked for again and again
+            place = np.asarray(xi, dtype=float).tobytes()
+            if place not in known:
+                if len(known) >= KNOWN:
+                    known.clear()
+                known[place] = varying.at(a + l * np.asarray(xi, dtype=float), a, a + l)
+            return known[place]
 
         cuts = tuple((s - a) / l for s in plan.cuts if 1e-9 < (s - a) / l < 1.0 - 1e-9)
-        some = {f.name: getattr(profile(PLACES), f.name) for f in fields(Section)}
+        at = profile(PLACES)
+        some = {f.name: np.atleast_1d(getattr(at, f.name)) for f in fields(Section)}
         if not cuts and all(np.all(v == v[0]) for v in some.values()):
             return Section(**{name: float(v[0]) for name, v in some.items()}), None, (), ()
         return plan.section, profile, cuts, (plan.name, a)

@@ -102,14 +102,12 @@ class VaryingSection:
     resolve: Callable[[Body], Section]
 
     def at(self, s: Array, first: float = 0.0, last: float = 1.0) -> Section:
-        """Return the constants, arrays (n,), at places s (n,) of the stretch from ``first`` to ``last``.
+        """Return the constants at places s (n,) of the stretch from ``first`` to ``last``: arrays where they vary.
 
         Where the section jumps at an end of the stretch, they are those within.
         """
         inside = np.clip(s, first + SIDE, max(last - SIDE, first + SIDE))
-        found = self.resolve(with_numbers(self.body, lambda p: values(p, inside)))
-        arrays: dict[str, Any] = {f.name: np.broadcast_to(getattr(found, f.name), np.shape(s)) for f in fields(found)}
-        return replace(found, **arrays)
+        return self.resolve(with_numbers(self.body, lambda p: values(p, inside)))
 
     @property
     def mean(self) -> Section:

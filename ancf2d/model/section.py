@@ -151,7 +151,7 @@ def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> tuple[Section, Varyi
     s, w, r = _along(pieces, [at for at, _ in profile_breaks(body)])
     at, wanted = own.at(s), body.element
     heavy = wanted.mass is None or bool(np.any(at.rhoA))
-    density = at.rhoA if heavy else at.height * at.width
+    density = np.broadcast_to(at.rhoA if heavy else at.height * at.width, s.shape)
     factor = 1.0 if wanted.mass is None else wanted.mass / float(w @ density)
     m = factor * w * density
     if wanted.inertia is not None:

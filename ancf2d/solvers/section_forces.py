@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..kernels.elements import natural_slope, tangent_action, viscous_force
 from ..kernels.natural import memory_of_some, of_some
 from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
-from ..model.mesh import BodyMesh, Index, mass_matrix, over_body
+from ..model.mesh import BodyMesh, Index, Volume, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.profiles import load_breaks
@@ -89,12 +90,24 @@ class SectionForces:
         self.is_r = np.array([name == "r" for _, name in element.functionals])
         self.first_node = np.array([node == 0 for node, _ in element.functionals])
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
-        self.masses = [mass_matrix(c.sampler) for c in mesh.classes]
-        self.volumes = [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in mesh.classes]
+        # elements that differ in section alone are looked at together
+        kinds: dict[Any, int] = {}
+        kind = [kinds.setdefault((id(c.shape), c.sampler.cuts), len(kinds)) for c in mesh.classes]
+        self.kind = np.array(kind)[mesh.cls]
         points = [(item, model.point(item.at)) for item in model.case.masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
         self.along = gauss(POINTS)
+
+    @cached_property
+    def masses(self) -> list[Array]:
+        """The mass matrix of each class."""
+        return [mass_matrix(c.sampler) for c in self.mesh.classes]
+
+    @cached_property
+    def volumes(self) -> list[list[Volume]]:
+        """What integrates over the mass of each class before each station, and of all of it."""
+        return [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in self.mesh.classes]
 
     def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
@@ -103,17 +116,19 @@ class SectionForces:
         out = np.empty((last - first, len(self.xi), 3))
         for start in range(first, last, BLOCK):
             some = slice(start, min(start + BLOCK, last))
-            for k in np.unique(self.mesh.cls[some]):
-                chosen = np.arange(some.start, some.stop)[self.mesh.cls[some] == k]
-                out[chosen - first] = _Part(self, state, int(k), chosen).forces()
+            for k in np.unique(self.kind[some]):
+                chosen = np.arange(some.start, some.stop)[self.kind[some] == k]
+                out[chosen - first] = _Part(self, state, chosen).forces()
         return out
 
 
 class _Part:
-    """Some elements of one class in one state; wrenches are (fx, fy, moment) about each element's first node."""
+    """Some elements of the same shape in one state; wrenches are (fx, fy, moment) about each element's first node."""
 
-    def __init__(self, body: SectionForces, state: State, k: int, chosen: Index) -> None:
-        self.body, self.state, self.k, self.chosen = body, state, k, chosen
+    def __init__(self, body: SectionForces, state: State, chosen: Index) -> None:
+        self.body, self.state, self.chosen = body, state, chosen
+        cls = body.mesh.cls[chosen]
+        self.k, self.classes = int(cls[0]), cls if np.any(cls != cls[0]) else None
         model, n_q = body.model, body.model.n_q
         self.dofs = body.mesh.dofs[chosen]
         d = np.zeros(n_q) if state.linear else state.d[:n_q]
@@ -124,6 +139,10 @@ class _Part:
         self.rates = self._accelerations()
         self.lines = list(self._line_loads())
         self.inner = list(self._inner_forces())
+
+    def _each(self, of_classes: list[Array]) -> Array:
+        """Return an array of the elements' class, or those of all elements (m, ...) where their classes differ."""
+        return of_classes[self.k] if self.classes is None else np.array([of_classes[k] for k in self.classes])
 
     # ------------------------------------------------------------------ what acts on the elements
 
@@ -225,8 +244,8 @@ class _Part:
         for xi, force in self._line_samples(1.0):
             out[..., :2] += np.einsum("mgk,mgc->mkc", self._rows(xi), force)
         if self.rates is not None:
-            M = self.body.masses[self.k]
-            out += (self.rates.reshape(len(self.dofs), -1) @ M).reshape(out.shape)
+            M = self._each(self.body.masses)
+            out += (self.rates.reshape(len(self.dofs), 1, -1) @ M).reshape(out.shape)
         for m, _, force in self.inner:
             out[m] += force
         return out
@@ -253,13 +272,13 @@ class _Part:
                 total[m] += self._node_wrench(force[None], np.ones(len(force), bool), m)[0]
         if self.rates is None:
             return total
-        S, dm, dI = self.body.volumes[self.k][station]
+        S, dm, dI = (self._each([v[station][j] for v in self.body.volumes]) for j in range(3))
         b = S @ self.rates
-        f = dm[:, None] * b[..., :2]
+        f = dm[..., None] * b[..., :2]
         total[:, :2] += f.sum(axis=1)
         total[:, 2] += _cross(S @ self.local, f).sum(axis=1)
         if self.body.nc == 3:
-            total[:, 2] += b[..., 2] @ dI
+            total[:, 2] += (b[..., 2] * dI).sum(axis=1)
         return total
 
     def forces(self) -> Array:
