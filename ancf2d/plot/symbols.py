@@ -63,5 +63,7 @@ def draw_symbols(axes: Axes, symbols: list[Symbol]) -> None:
     for symbol in symbols:
         if symbol.kind == "spring":
             axes.plot(*_zigzag(symbol.points).T, color=INK, linewidth=1.0, zorder=3.4)
+        elif symbol.kind == "tendon":
+            axes.plot(*symbol.points.T, color=LOAD, linewidth=1.0, zorder=3.4)
         elif symbol.kind != "gravity":
             _mark(axes, symbol, symbol.points, axes.transData)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,8 @@ STEP = 1e-3  # of the arc length: what the direction of an axis is read from
 
 @dataclass(frozen=True)
 class Symbol:
-    """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring joins its two points.
+    """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring or a stretch of a tendon
+    joins its two points.
 
     ``on`` holds the body and S of each point, None for a point of the ground. A symbol that ``turns`` keeps its angle
     with the axis at its first point. ``gravity`` has no points: it acts everywhere.
@@ -149,6 +151,8 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
         for end, sign in zip(entry.get("between") or [], (-1.0, 1.0), strict=False):
             if isinstance(end, str):
                 yield from scene.symbol("moment" if sign * value > 0 else "moment back", [end])
+    elif kind == "tendon":
+        yield from _tendon(scene, entry)
     elif not vector or not any(vector):
         return
     elif kind == "gravity":
@@ -158,6 +162,22 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
     elif kind in ("force", "follower_force"):
         follower = kind == "follower_force"
         yield from scene.symbol("force", [at], angle + (scene.direction(at)[0] if follower else 0.0), follower)
+
+
+def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
+    """Yield the straight ways from eyelet to eyelet, or along the guide of a body at a constant distance."""
+    eyelets = [(e.get("at"), e.get("y") or 0.0) if isinstance(e, dict) else (e, 0.0)
+               for e in entry.get("through") or []]
+    if entry.get("on") in scene.results.bodies:
+        start, end = entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"]
+        eyelets = [(f"{entry['on']}@{s}", entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)]
+    if not all(isinstance(y, int | float) for _, y in eyelets):
+        return
+    for ends in pairwise(eyelets):
+        for symbol in scene.symbol("tendon", [at for at, _ in ends]):
+            turns = [scene.direction(at)[0] for at, _ in ends]
+            off = [[-y * math.sin(turn), y * math.cos(turn)] for (_, y), turn in zip(ends, turns, strict=True)]
+            yield replace(symbol, points=symbol.points + off)
 
 
 def _distributed(scene: _Scene, entry: dict[str, Any], angle: float) -> Iterator[Symbol]:
@@ -222,7 +242,7 @@ def _box(x: float, y: float) -> Line:
 
 @cache
 def outlines() -> dict[str, Outline]:
-    """Return the outline of each kind of symbol but springs, which reach from point to point."""
+    """Return the outline of each kind of symbol but springs and tendons, which reach from point to point."""
     triangle = [(0.0, 0.0), (0.75, -1.2), (-0.75, -1.2), (0.0, 0.0)]
     # the wall of a clamp is left of what goes on to the right
     wall = tuple([(y, x) for x, y in line] for line in _hatched(0.0, 1.2))

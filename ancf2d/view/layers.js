@@ -180,6 +180,13 @@ function drawSymbols(X, Y, [, right, top]) {
       pen.strokeStyle = css("--ink");
       pen.lineWidth = 1.2;
       zigzag(X(points[i]), Y(points[i + 1]), X(points[i + 2]), Y(points[i + 3]));
+    } else if (symbol.kind === "tendon") {
+      pen.strokeStyle = css("--load");
+      pen.lineWidth = 1.2;
+      pen.beginPath();
+      pen.moveTo(X(points[i]), Y(points[i + 1]));
+      pen.lineTo(X(points[i + 2]), Y(points[i + 3]));
+      pen.stroke();
     } else mark(symbol.kind, X(points[i]), Y(points[i + 1]), turnedBy(symbol));
   }
 }

@@ -114,7 +114,7 @@ function box(values, found) {
   return found;
 }
 // the other ends of springs may be far from all bodies
-const ends = data.symbols.filter((s) => s.kind === "spring").flatMap((s) => [s.first, s.first + 1]);
+const ends = data.symbols.filter((s) => s.kind === "spring" || s.kind === "tendon").flatMap((s) => [s.first, s.first + 1]);
 function everything() {
   const found = box(reference, [Infinity, Infinity, -Infinity, -Infinity]);
   const kept = [state.at, state.phase];
