@@ -18,7 +18,8 @@ BASE = {"errors", "interrupts", "json_values", "pace", "processors", "__version_
 # what a room may import from, besides itself and the base
 BELOW = {
     "case": set(), "elements": set(), "results": set(),
-    "kernels": {"elements"},
+    # the machine that amplitudes run on
+    "kernels": {"case", "elements"},
     # interactions need meshes and points of the model, and the model is built of interactions: the test of cycles keeps
     # apart what they use from what uses them
     "interactions": {"case", "elements", "model"},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba.extending import register_jitable
 
-from ..elements import jets
+from ..case import jets
 from .jit import kernel
 
 for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet):
@@ -15,7 +15,7 @@ _run = kernel(jets.run)
 
 @kernel
 def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
-    """Fill out (n, 3) with every signal of ``model.signals.programs`` at t and its two derivatives by t.
+    """Fill out (n, 3) with every function of ``case.programs.programs`` at t and its two derivatives by t.
 
     At a corner or jump the values are those to its right, but never those of a time outside the programs' window.
     Where there is no finite value the entry is nan; the Python signal says why.

@@ -13,8 +13,8 @@ import llvmlite
 import numba
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-# whose sources are hashed as a whole
-ROOMS = ("kernels", "elements")
+# whose sources are hashed as a whole, and a file of another room that kernels compile
+ROOMS, MACHINE = ("kernels", "elements"), "case/jets.py"
 _KEEP_SECONDS = 30 * 24 * 3600
 _OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
 
@@ -22,8 +22,8 @@ _OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
 def source_hash() -> str:
     """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
-    for room in ROOMS:
-        for path in sorted((_PACKAGE / room).rglob("*.py")):
+    for paths in ([_PACKAGE / MACHINE], *(sorted((_PACKAGE / room).rglob("*.py")) for room in ROOMS)):
+        for path in paths:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..case import Constant, Expression, Ramp, Table, syntax
-from ..elements import jets
 from ..elements.shape import Array
-from .signals import Signal, programs
+from .signals import Signal
 
 # times that switches are looked for between, ten to a switch, and how many at most
 SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001
@@ -133,10 +132,7 @@ def _size(signal: Signal, t0: float, t1: float) -> float:
 
 def _order(signal: Signal, before: float, after: float, size: float, span: float) -> int:
     """Return the lowest derivative that differs between two times next to each other, SMOOTH where none does."""
-    program, sides = programs([signal]), np.empty((2, 3))
-    with np.errstate(all="ignore"):
-        for row, t in enumerate((before, after)):
-            jets.run(program, 0, t, sides, row)
+    sides = np.array([signal.derivatives(t) for t in (before, after)])
     change, largest = np.abs(sides[1] - sides[0]), np.max(np.abs(sides), axis=0)
     moved = 2.0 * (after - before) * largest[1] if math.isfinite(largest[1]) else 0.0
     for order in range(SMOOTH):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..case.programs import programs
 from ..elements.shape import Array
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
@@ -22,7 +23,7 @@ from ..model.groups import with_states
 from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
-from ..model.signals import Signal, programs
+from ..model.signals import Signal
 from .energy import is_constant
 from .mass import full_mass, unknowns_to_coordinates
 from .schemes import DEFAULT, INTEGRATORS, Integrator
@@ -188,7 +189,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
-    p = Record(Problem(programs=programs(signals.all), patched=patched, **data))
+    followed = programs((s.amplitude, s.factor, s.offset) for s in signals.all)
+    p = Record(Problem(programs=followed, patched=patched, **data))
     if p.layout != nothing().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
     return p, signals.all

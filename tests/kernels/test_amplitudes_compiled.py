@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
-from ancf2d.elements import jets
+from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table, jets
+from ancf2d.case.programs import programs as programs_of
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.amplitudes import evaluate
-from ancf2d.model.signals import Signal, programs
+from ancf2d.model.signals import Signal
 
 TIMES, VALUES = (-0.5, 0.25, 1.0, 1.5, 4.0), (1.0, 2.0, 2.5, -1.0, 0.5)
 AMPLITUDES: list[Amplitude | None] = [
@@ -33,6 +33,10 @@ AMPLITUDES: list[Amplitude | None] = [
 ]
 INSIDE = (0.1, 0.35, 0.55, 0.8, 1.2, 1.45, 2.2, 3.7)
 CORNERS = (-0.5, 0.0, 0.25, 1.0, 1.5, 4.0, 5.0)
+
+
+def programs(signals: list[Signal]) -> jets.Programs:
+    return programs_of((s.amplitude, s.factor, s.offset) for s in signals)
 
 
 def compiled(signals: list[Signal], t: float) -> np.ndarray:

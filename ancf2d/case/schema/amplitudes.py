@@ -3,40 +3,35 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-from ...errors import ComputationError
+from .. import jets
 from ..binder import INVALID, Binder, Issue, Path, dotted
 from ..declare import key, record
-from ..expression import Dual, closure
 from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
+from ..programs import Assembler, Function
 from ..syntax import ExpressionError, Tree, syntax
 
 SCALE_DOC = "Factor by which the amplitude is multiplied"
 
 
 @record
-class Constant:
+class Constant(Function):
     """The same value at all times."""
 
     tag = "constant"
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
-    def value(self, t: float) -> float:
-        """Return the amplitude at t."""
-        return self.scale
-
-    def rate(self, t: float) -> float:
-        """Return the derivative by t at t."""
-        return 0.0
+    def emit(self, out: Assembler) -> None:
+        """Put it on the stack, without its scale."""
+        out.emit(jets.NUMBER, 1, 1.0)
 
 
 @record
-class Ramp:
+class Ramp(Function):
     """Rises from 0 at t0 to 1 at t1 and stays there."""
 
     tag = "ramp"
@@ -50,17 +45,13 @@ class Ramp:
             yield Issue(("t1",), f"{{}}: t0 must be less than t1, got t0 {self.t0:g} "
                         f"and t1 {self.t1:g}")
 
-    def value(self, t: float) -> float:
-        """Return the amplitude at t."""
-        return self.scale * min(1.0, max(0.0, (t - self.t0) / (self.t1 - self.t0)))
-
-    def rate(self, t: float) -> float:
-        """Return the derivative by t at t, at a corner the one to its right."""
-        return self.scale / (self.t1 - self.t0) if self.t0 <= t < self.t1 else 0.0
+    def emit(self, out: Assembler) -> None:
+        """Put it on the stack, without its scale."""
+        out.emit(jets.RAMP, 1, self.t0, self.t1)
 
 
 @record
-class Table:
+class Table(Function):
     """Values at times; before the first and after the last it stays constant."""
 
     tag = "table"
@@ -97,33 +88,14 @@ class Table:
                 slopes[i] = (w0 + w1) / (w0 / d0 + w1 / d1)
         return tuple(slopes)
 
-    def value(self, t: float) -> float:
-        """Return the amplitude at t."""
-        return self._at(t)[0]
-
-    def rate(self, t: float) -> float:
-        """Return the derivative by t at t, at a corner the one to its right."""
-        return self._at(t)[1]
-
-    def _at(self, t: float) -> tuple[float, float]:
-        i = bisect_right(self.t, t) - 1
-        if i < 0:
-            return self.scale * self.value_[0], 0.0
-        if i >= len(self.t) - 1:
-            return self.scale * self.value_[-1], 0.0
-        h = self.t[i + 1] - self.t[i]
-        a, d = self.value_[i], self.value_[i + 1] - self.value_[i]
-        x = (t - self.t[i]) / h
-        if not self.smooth:
-            return self.scale * (a + d * x), self.scale * d / h
-        m0, m1 = h * self.slopes[i], h * self.slopes[i + 1]
-        c2, c3 = 3 * d - 2 * m0 - m1, m0 + m1 - 2 * d
-        return (self.scale * (a + x * (m0 + x * (c2 + x * c3))),
-                self.scale * (m0 + x * (2 * c2 + x * 3 * c3)) / h)
+    def emit(self, out: Assembler) -> None:
+        """Put it on the stack, without its scale."""
+        out.emit(jets.SMOOTH_TABLE if self.smooth else jets.TABLE, 1, len(self.t), *self.t, *self.value_,
+                 *self.slopes)
 
 
 @record
-class Sine:
+class Sine(Function):
     """sin(2 pi frequency t + phase)."""
 
     tag = "sine"
@@ -131,14 +103,9 @@ class Sine:
     phase: float = key(Number("rad"), "Phase", default=0.0)
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
-    def value(self, t: float) -> float:
-        """Return the amplitude at t."""
-        return self.scale * math.sin(2 * math.pi * self.frequency * t + self.phase)
-
-    def rate(self, t: float) -> float:
-        """Return the derivative by t at t."""
-        omega = 2 * math.pi * self.frequency
-        return self.scale * omega * math.cos(omega * t + self.phase)
+    def emit(self, out: Assembler) -> None:
+        """Put it on the stack, without its scale."""
+        out.emit(jets.SINE, 1, 2 * math.pi * self.frequency, self.phase)
 
 
 class ExpressionText(Text):
@@ -170,7 +137,7 @@ def place_inside(node: Node, column: int) -> Mark:
 
 
 @record
-class Expression:
+class Expression(Function):
     """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``."""
 
     tag = "expression"
@@ -184,37 +151,13 @@ class Expression:
         """The formula as a tree, parsed once."""
         return syntax(self.value_, self.variable)
 
-    @cached_property
-    def function(self) -> Callable[[Any], Any]:
-        """The formula as a function of its variable; takes a float or a Dual."""
-        return closure(self.tree)
+    def emit(self, out: Assembler) -> None:
+        """Put it on the stack, without its scale."""
+        out.tree(self.tree)
 
-    def value(self, t: float) -> float:
-        """Return the amplitude at t; ComputationError where the formula has no value there."""
-        return self.scale * self._finite(float(t), "value", t)
-
-    def rate(self, t: float) -> float:
-        """Return the derivative by t at t, exact; ComputationError where there is none."""
-        return self.scale * self._finite(Dual(float(t), 1.0), "rate", t)
-
-    def _finite(self, argument: Any, what: str, t: float) -> float:
-        try:
-            result = self.function(argument)
-        except ZeroDivisionError:
-            reason = "it divides by zero"
-        except OverflowError:
-            reason = "it is too large"
-        except ValueError:
-            reason = "a square root or a power is not real"
-        else:
-            value = (result.d if isinstance(result, Dual) else
-                     0.0 if what == "rate" else float(result))
-            if math.isfinite(value):
-                return value
-            reason = f"it is {value}"
-        raise ComputationError(f"the expression '{self.value_}' has no {what} at "
-                               f"{self.variable} = {t:g}: {reason}", at={self.variable: t},
-                               advice="guard the expression with 'a if c else b'")
+    def described(self) -> str:
+        """Return what messages call it."""
+        return f"the expression '{self.value_}'"
 
 
 Amplitude = Constant | Ramp | Table | Sine | Expression

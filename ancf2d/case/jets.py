@@ -1,6 +1,6 @@
 """Functions of time as programs of a small stack machine that carries values with two time derivatives.
 
-Plain Python that kernels compile and the model runs as it is; whatever the functions are, the arrays have the
+Plain Python that kernels compile and the case runs as it is; whatever the functions are, the arrays have the
 same types, so that kernels are compiled once.
 """
 
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
-
-import numpy as np
 
 (NUMBER, TIME, NEGATE, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, SIN, COS, EXP, SQRT, ABS,
  LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, UNEQUAL, KEEP, UNLESS, JUMP, BRANCH,
@@ -212,4 +210,4 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
                 stack[0, top + 1], stack[1, top + 1], stack[2, top + 1])
     for i in range(3):
         good = math.isfinite(stack[0, top]) and math.isfinite(stack[i, top])
-        out[row, i] = stack[i, top] if good else np.nan
+        out[row, i] = stack[i, top] if good else math.nan

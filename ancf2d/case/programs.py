@@ -1,0 +1,198 @@
+"""Functions of a case, such as amplitudes, as programs of a small machine (``jets``), which also tell their values."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+from ..errors import ComputationError
+from . import jets
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Time, Tree
+
+
+class Assembler:
+    """Writes programs of the stack machine."""
+
+    def __init__(self) -> None:
+        self.code: list[int] = []
+        self.arg: list[int] = []
+        self.data: list[float] = []
+        # of the stack after each instruction
+        self.heights: list[int] = []
+        self.depth = self.height = 0
+
+    def emit(self, op: int, grows: int, *numbers: float) -> int:
+        """Append an instruction with its numbers and by how much the stack grows; return where it is."""
+        self.code.append(op)
+        self.arg.append(len(self.data))
+        self.data += numbers
+        self.height += grows
+        self.depth = max(self.depth, self.height)
+        self.heights.append(self.height)
+        return len(self.code) - 1
+
+    def land(self, jumps: list[int]) -> None:
+        """Let jumps go to what follows."""
+        for at in jumps:
+            self.arg[at] = len(self.code)
+
+    def tree(self, tree: Tree) -> None:
+        """Put an expression on the stack."""
+        match tree:
+            case Constant(value):
+                self.emit(jets.NUMBER, 1, value)
+            case Time():
+                self.emit(jets.TIME, 1)
+            case Negative(operand):
+                self.tree(operand)
+                self.emit(jets.NEGATE, 0)
+            case Power(base, exponent):
+                self.tree(base)
+                self.tree(exponent)
+                self.emit(jets.POWER, -1)
+            case Chain(first, rest):
+                self.tree(first)
+                for op, operand in rest:
+                    self.tree(operand)
+                    self.emit(_BINARY[op], -1)
+            case Call(name, argument):
+                self.tree(argument)
+                self.emit(_FUNCTIONS[name], 0)
+            case Comparison(first, rest):
+                self.comparison(first, rest)
+            case Choice(condition, chosen, other):
+                self.choice(condition, chosen, other)
+
+    def comparison(self, first: Tree, rest: tuple[tuple[str, Tree], ...]) -> None:
+        """Compare from left to right; what fails jumps over the rest."""
+        self.tree(first)
+        failed = []
+        for op, operand in rest[:-1]:
+            self.tree(operand)
+            self.emit(jets.KEEP, 1)
+            self.emit(_COMPARE[op], -1)
+            failed.append(self.emit(jets.UNLESS, -1))
+        op, operand = rest[-1]
+        self.tree(operand)
+        self.emit(_COMPARE[op], -1)
+        self.land(failed)
+
+    def choice(self, condition: Tree, chosen: Tree, other: Tree) -> None:
+        """Evaluate one of two."""
+        self.tree(condition)
+        otherwise = self.emit(jets.BRANCH, -1)
+        self.tree(chosen)
+        done = self.emit(jets.JUMP, -1)
+        self.land([otherwise])
+        self.tree(other)
+        self.land([done])
+
+
+_BINARY = {"+": jets.ADD, "-": jets.SUBTRACT, "*": jets.MULTIPLY, "/": jets.DIVIDE}
+_COMPARE = {"<": jets.LESS, "<=": jets.LESS_EQUAL, ">": jets.GREATER, ">=": jets.GREATER_EQUAL, "==": jets.EQUAL,
+            "!=": jets.UNEQUAL}
+_FUNCTIONS = {"sin": jets.SIN, "cos": jets.COS, "exp": jets.EXP, "sqrt": jets.SQRT, "abs": jets.ABS}
+
+
+class Function:
+    """A function of one variable that a case holds: ``scale`` times what ``emit`` writes."""
+
+    variable = "t"
+    scale = 1.0
+
+    def emit(self, out: Assembler) -> None:
+        """Put the function on the stack, without its scale."""
+        raise NotImplementedError
+
+    def value(self, t: float) -> float:
+        """Return the value at t. Raises ComputationError where there is none."""
+        return self._finite(0, t)
+
+    def rate(self, t: float) -> float:
+        """Return the derivative at t, at a corner the one to its right. Raises ComputationError where there is none."""
+        return self._finite(1, t)
+
+    def jet(self, t: float) -> tuple[float, float, float]:
+        """Return the value at t and two derivatives, nan where there is none."""
+        return _run(self._program, t)
+
+    @cached_property
+    def _program(self) -> Assembler:
+        out = Assembler()
+        self.emit(out)
+        out.emit(jets.SCALE, 0, self.scale, 0.0)
+        return out
+
+    def _finite(self, order: int, t: float) -> float:
+        found = self.jet(t)[order]
+        if math.isfinite(found):
+            return found
+        raise ComputationError(f"{self.described()} has no {('value', 'rate')[order]} at {self.variable} = {t:g}: "
+                               f"{_trouble(self._program, t)}", at={self.variable: t},
+                               advice="guard the expression with 'a if c else b'")
+
+    def described(self) -> str:
+        """Return what messages call it."""
+        return f"the {type(self).__name__.lower()}"
+
+
+def _run(program: Assembler, t: float, length: int | None = None, stack: Any = None) -> tuple[float, float, float]:
+    """Return what the first instructions of a program, or all of them, leave on the stack, with two derivatives."""
+    n = len(program.code) if length is None else length
+    # the first instructions may end in a jump beyond them: then nothing is on the stack
+    stack = defaultdict(float) if stack is None else stack
+    made = jets.Programs((0, n), program.code, program.arg, program.data, None, stack)
+    out: dict[Any, float] = {}
+    try:
+        jets.run(made, 0, float(t), out, 0)
+    except OverflowError:
+        import numpy as np
+
+        # numbers of numpy, which take longer, go on with infinity
+        with np.errstate(all="ignore"):
+            jets.run(made._replace(data=np.array(program.data)), 0, np.float64(t), out, 0)
+    return float(out[0, 0]), float(out[0, 1]), float(out[0, 2])
+
+
+def _trouble(program: Assembler, t: float) -> str:
+    """Return why a program has no value or rate at t: what the first instruction does that has none."""
+    for n, op in enumerate(program.code):
+        stack: Any = defaultdict(float)
+        if all(map(math.isfinite, _run(program, t, n + 1, stack)[:2])):
+            continue
+        top = program.heights[n] - 1
+        if op == jets.DIVIDE:
+            return "it divides by zero"
+        if op == jets.EXP:
+            return "it is too large"
+        if op == jets.POWER:
+            before: Any = defaultdict(float)
+            _run(program, t, n, before)
+            base, exponent = float(before[0, top]), float(before[0, top + 1])
+            return "it is too large" if abs(base) > 1.0 and exponent > 0.0 else "a square root or a power is not real"
+        return "a square root or a power is not real" if op == jets.SQRT else f"it is {stack[0, top]}"
+    return "it is nan"
+
+
+def programs(functions: Iterable[tuple[Function | None, float, float]]) -> jets.Programs:
+    """Return (function, factor, offset) each as programs for kernels, offset + factor * function(t).
+
+    Without a function, 1 stands in its place. There may be none.
+    """
+    import numpy as np
+
+    out, first = Assembler(), [0]
+    for function, factor, offset in functions:
+        out.height = 0
+        if function is None:
+            out.emit(jets.NUMBER, 1, 1.0)
+        else:
+            function.emit(out)
+        out.emit(jets.SCALE, 0, factor * (1.0 if function is None else function.scale), offset)
+        first.append(len(out.code))
+    return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
+                         np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
+                         np.array([-np.inf, np.inf]), np.zeros((3, max(out.depth, 1))))
