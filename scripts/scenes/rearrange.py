@@ -12,7 +12,7 @@ import numpy as np
 from ancf2d.elements.definition import ElementType
 
 from .bodies import type_of
-from .shapes import Data, at, is_rigid, position, split_point
+from .shapes import Data, at, is_rigid, part_of, position, split_point, turned_round
 from .similar import UnfitError
 
 
@@ -93,6 +93,7 @@ def reversed_body(case: Data, name: str) -> Data:
         geometry["points"] = geometry["points"][::-1]
     else:
         geometry[first], geometry[last] = geometry[last], geometry[first]
+    change_profiles(out["bodies"][name], turned_round)
     for load in out.get("loads", ()):
         own = load.get("on") == name or split_point(load.get("at", "@0"))[0] == name
         if own and (load["type"] == "follower_force" or load.get("follower")):
@@ -103,6 +104,13 @@ def reversed_body(case: Data, name: str) -> Data:
         if isinstance(p, dict) and split_point(p["at"])[0] == name:
             p["y"] = -p["y"]
     return out
+
+
+def change_profiles(body: Data, change: Callable[[Any], Any]) -> None:
+    """Change the numbers of section and material of a body, which may be tables over s."""
+    for key in ("section", "material"):
+        if key in body:
+            body[key] = {k: v if k == "damping" else change(v) for k, v in body[key].items()}
 
 
 # ---------------------------------------------------------------------- split
@@ -155,6 +163,8 @@ def split_body(case: Data, name: str, s: float, k: int) -> Data:
         if key == name:
             out["bodies"][other] = copy.deepcopy(value)
     first, last = out["bodies"][name], out["bodies"][other]
+    change_profiles(first, lambda v: part_of(v, 0.0, s))
+    change_profiles(last, lambda v: part_of(v, s, 1.0))
     geometry = body["geometry"]
     if geometry["type"] == "arc":
         cut = geometry["from"] + s * (geometry["to"] - geometry["from"])

@@ -66,16 +66,43 @@ def stiffness(body: Data) -> tuple[float, float]:
     if section is None:
         return 1.0, 1.0
     if "EA" in section:
-        return section["EA"], section["EI"]
+        return number(section["EA"]), number(section["EI"])
     A, I = area(section)
-    return material["E"] * A, material["E"] * I
+    return number(material["E"]) * A, number(material["E"]) * I
+
+
+def number(value: Any) -> float:
+    """Return a number, or the mean of a table of straight lines over s."""
+    if not isinstance(value, dict):
+        return float(value)
+    return float(np.trapezoid(value["value"], value["s"]))
+
+
+def turned_round(value: Any) -> Any:
+    """Return a number, or a table over s as it is seen from the other end."""
+    if not isinstance(value, dict):
+        return value
+    return {**value, "s": [1.0 - s for s in value["s"][::-1]], "value": value["value"][::-1]}
+
+
+def part_of(value: Any, a: float, b: float) -> Any:
+    """Return a number, or the stretch from s = a to b of a table of straight lines over s, as one from 0 to 1."""
+    if not isinstance(value, dict):
+        return value
+    s, v = np.array(value["s"]), np.array(value["value"])
+    inside = (s > a) & (s < b)
+    side = 1e-13
+    ends = np.interp([a + side, b - side], s, v)
+    return {**value, "s": [0.0, *((s[inside] - a) / (b - a)).tolist(), 1.0],
+            "value": [float(ends[0]), *v[inside].tolist(), float(ends[1])]}
 
 
 def area(section: Data) -> tuple[float, float]:
-    """Return A and I of a section with dimensions."""
+    """Return A and I of a section with dimensions, of mean ones where they vary."""
     if "A" in section:
-        return section["A"], section["I"]
-    return section["height"] * section["width"], section["width"] * section["height"] ** 3 / 12.0
+        return number(section["A"]), number(section["I"])
+    h, w = number(section["height"]), number(section["width"])
+    return h * w, w * h**3 / 12.0
 
 
 def mass_per_length(body: Data) -> float:
@@ -83,7 +110,7 @@ def mass_per_length(body: Data) -> float:
     if "mass" in body["element"]:
         return float(body["element"]["mass"] / length(body["geometry"]))
     section = body["section"]
-    return float(section["rhoA"] if "EA" in section else area(section)[0] * body["material"]["rho"])
+    return number(section["rhoA"]) if "EA" in section else area(section)[0] * number(body["material"]["rho"])
 
 
 def has_mass(body: Data) -> bool:

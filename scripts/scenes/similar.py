@@ -105,6 +105,8 @@ class _Case:
     def general(self, value: Any, key: str = "") -> Any:
         """Return anything whose keys say what it is."""
         to = self.to
+        if key in DIMENSIONS and isinstance(value, dict):
+            return {**value, "value": [v * to.unit(DIMENSIONS[key]) for v in value["value"]]}
         if isinstance(value, dict):
             return {k: self.general(v, k) for k, v in value.items()}
         if key in PLACES and isinstance(value, list):

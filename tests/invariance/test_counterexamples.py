@@ -1,4 +1,4 @@
-"""Small scenes that once violated an invariance, as ``scripts/invariance.py`` wrote them."""
+"""Small scenes that once violated an invariance, as ``scripts/invariance.py`` wrote them, and ones that vary."""
 
 from __future__ import annotations
 
@@ -44,6 +44,11 @@ def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(chec
 @pytest.mark.parametrize("name", ["pinned_bar", "turned_bar", "held_bar"])
 def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
     assert violations(name, "forces and moments balance", *MOVED) == {}
+
+
+@pytest.mark.parametrize("name", ["tapered_frame", "tapered_modes"])
+def test_bodies_that_vary_are_the_same_elsewhere_and_in_other_words(name: str) -> None:
+    assert violations(name, *MOVED, "a body reversed", "a body split and welded") == {}
 
 
 def test_what_no_load_reaches_stands_still() -> None:
