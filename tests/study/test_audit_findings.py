@@ -1,9 +1,11 @@
 """What the examination must find by itself: of listed types, and of their bases under a neutral name."""
 
 import audits
+import numpy as np
 import pytest
 
 from ancf2d.elements.registry import ELEMENTS
+from ancf2d.solvers.linearised import RateForces
 from ancf2d.study.audit.subject import subject
 
 
@@ -119,3 +121,34 @@ def test_the_strain_that_takes_the_deflection_is_named():
     assert found["shear_locking"].meaning.endswith("to shear")
     assert found["thickness_locking"].meaning.endswith("to strain of the axis")
     assert found["thickness_locking"].verdict == "note"
+
+
+@pytest.mark.parametrize("kind", ["vallejo", "2d2n", "cable", "reissner3"])
+def test_damping_is_that_of_the_stiffness_and_leaves_rigid_motion_alone(kind):
+    found = audits.find(kind, "damping")["damping"]
+    assert found.verdict == "pass"
+    assert found.value < 1e-9
+
+
+def test_a_damping_matrix_that_is_not_of_the_stiffness_is_found_out(monkeypatch):
+    """One entry of its diagonal is 1 % too large."""
+    sound = RateForces.viscous_matrix
+
+    def broken(self, d):
+        C = sound(self, d).tolil()
+        C[-1, -1] *= 1.01
+        return C.tocsc()
+
+    monkeypatch.setattr(RateForces, "viscous_matrix", broken)
+    found = audits.find("vallejo", "damping")["damping"]
+    assert found.verdict == "fail"
+    assert "damping ratios differ" in found.meaning
+
+
+def test_viscous_forces_that_do_not_turn_with_the_body_are_found_out(monkeypatch):
+    """Those of the reference damp small motions as they should, but resist a body that spins once it has turned."""
+    sound = RateForces.viscous_forces
+    monkeypatch.setattr(RateForces, "viscous_forces", lambda self, d, v: sound(self, np.zeros_like(d), v))
+    found = audits.find("vallejo", "damping")["damping"]
+    assert found.verdict == "fail"
+    assert "rigid motion" in found.meaning
