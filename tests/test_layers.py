@@ -53,6 +53,12 @@ def imported(path: Path, tree: ast.AST) -> Iterator[str]:
         yield from (name.split(".")[1] for name in names if name.startswith("ancf2d."))
 
 
+def test_inner_parts_of_numba_are_used_in_one_folder() -> None:
+    inner = re.compile(r"^\s*(?:from|import) (?:llvmlite|numba\.(?:core|np|_\w+)|numba import _)", re.M)
+    users = {path.relative_to(PACKAGE).parent.as_posix() for path in SOURCES() if inner.search(path.read_text("utf-8"))}
+    assert users == {"kernels/lowlevel"}
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_rooms_import_from_those_below(room: str) -> None:
     wrong = [f"{path.relative_to(PACKAGE)} imports {other}"

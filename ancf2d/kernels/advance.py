@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from . import calls
 from .amplitudes import evaluate
-from .arrays import copy, copy_rows
 from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
-from .jit import addressed, inner, kernel
+from .lowlevel.arrays import copy, copy_rows
+from .lowlevel.jit import addressed, inner, kernel
 from .motion import (
     CONTRACTION,
     COUNT,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba.extending import register_jitable
 
 from ..case import jets
-from .jit import kernel
+from .lowlevel.jit import kernel
 
 for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet):
     register_jitable(_function)

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .blas import multiply, multiply_transposed
 from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
-from .jit import inlined, inner
-from .lanes import STRIDE, Plan, array_at, matrices_at, places, row, slots, vectors_of
+from .lanes import Plan, matrices_at, places, slots, vectors_of
+from .lowlevel.blas import multiply, multiply_transposed
+from .lowlevel.jit import inlined, inner
+from .lowlevel.pointers import STRIDE, array_at, row
 from .natural import Memory, Natural, natural_strain, no_memory, no_natural
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from . import calls
 from .elements import commit, force, force_noise, force_tangent, natural_power, viscous_force
 from .forces import GROUP
-from .jit import addressed, inner, named
+from .lowlevel.jit import addressed, inner, named
+from .lowlevel.records import Record, at
 from .mean_stress import mean_force, mean_force_tangent, natural_work
-from .records import Record, at
 from .symmetric import in_band, in_fronts
 
 

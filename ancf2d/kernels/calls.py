@@ -11,14 +11,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from .forces import GROUP
+from .lowlevel.pointers import address_of, call_entry
+from .lowlevel.records import type_of
 from .motion import method_of, motion, scratch
-from .pointers import address_of, call_at
-from .records import type_of
 
 _f, _i, _b = types.float64, types.int64, types.boolean
 _x, _xx, _z = types.float64[::1], types.float64[:, ::1], types.complex128[::1]
@@ -42,9 +41,7 @@ def _call(result: Any, *declared: Any) -> Callable[..., Any]:
         signature = _signature(number, [a for a, d in zip(arguments, declared, strict=True) if d is None])
 
         def generate(context: Any, builder: Any, own: Any, args: Any) -> Any:
-            data = context.make_array(own.args[0])(context, builder, args[0]).data
-            address = builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), number)]))
-            return call_at(context, builder, signature, address, args[1])
+            return call_entry(context, builder, signature, own, number, args)
 
         return result(table, types.Tuple(signature.args)), generate
 

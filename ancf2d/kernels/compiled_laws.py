@@ -15,9 +15,9 @@ from numba.extending import register_jitable
 from ..elements import point_laws
 from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
-from .jit import addressed, inlined
-from .lanes import rows, slots, table
-from .pointers import address_of, caller
+from .lanes import slots
+from .lowlevel.jit import addressed, inlined
+from .lowlevel.pointers import address_of, caller, rows, table
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)

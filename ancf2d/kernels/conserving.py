@@ -24,10 +24,10 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .jit import addressed, inner
+from .lowlevel.jit import addressed, inner
+from .lowlevel.records import whole
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 from .newmark import SLOW
-from .records import whole
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import calls
-from .arrays import rank, ranked
 from .bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
-from .jit import addressed, inner, kernel
-from .lanes import array_at
+from .lowlevel.arrays import rank, ranked
+from .lowlevel.jit import addressed, inner, kernel
+from .lowlevel.pointers import array_at
 from .patches import add_patch_tangent, patch_forces, patch_noise, violation
 
 # constraints hold where they are off by no more than this share of their scale

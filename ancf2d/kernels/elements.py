@@ -22,12 +22,13 @@ from .batch import (
     turned,
 )
 from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
-from .jit import inner, kernel, shared
-from .lanes import array_at, row, vectors_of
+from .lanes import vectors_of
+from .lowlevel.jit import inner, kernel, shared
+from .lowlevel.pointers import array_at, row
+from .lowlevel.records import whole
+from .lowlevel.stack_arrays import vector
 from .matrix import scatter_packed
 from .natural import NOW
-from .records import whole
-from .stack_arrays import vector
 
 
 @shared

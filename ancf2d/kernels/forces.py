@@ -30,11 +30,11 @@ from .batch import (
     to_lanes,
 )
 from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN
-from .jit import addressed, inner
-from .lanes import Slots, array_at, row, vectors_of
+from .lanes import Slots, vectors_of
+from .lowlevel.jit import addressed, inner
+from .lowlevel.pointers import address_of, array_at, caller, row
+from .lowlevel.records import type_of, whole
 from .natural import BEFORE, CHANGE, NOW, RATES
-from .pointers import address_of, caller
-from .records import type_of, whole
 from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by

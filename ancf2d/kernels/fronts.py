@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from .band import solve_lower, solve_upper, take_out
-from .blocks import inverse, room, size
-from .jit import inner, kernel
-from .lanes import array_at
-from .stack_arrays import numbers, vector
+from .lowlevel.blocks import inverse, room, size
+from .lowlevel.jit import inner, kernel
+from .lowlevel.pointers import array_at
+from .lowlevel.stack_arrays import numbers, vector
 
 
 @inner

@@ -9,17 +9,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, register_jitable
-from numba.np import arrayobj
+from numba.extending import register_jitable
 
-from .jit import inner
-from .pointers import array_over
+from .lowlevel.jit import inner
+from .lowlevel.pointers import STRIDE
 
-# lanes of a batch; rows lie further apart, so that they do not fall on the same lines of the cache
+# lanes of a batch; rows lie further apart (STRIDE)
 LANES = 64
-STRIDE = 72
 # lanes are rounded up to full vectors
 VECTOR = 8
 
@@ -126,48 +122,6 @@ def places(fields, strains, references, state, points):  # type: ignore[no-untyp
         H = D + points * points * strains * strains
         turn = H + points * points * fields * fields
     return Places(at.rows, D, H, turn, turn + 2)
-
-
-def _view(buffer: Any, places: list[Any], dimensions: int, parts: Any) -> Any:
-    """Return signature and code of an array over a buffer: ``parts`` makes (first entry, shape) of ``places``."""
-    result = types.Array(buffer.dtype, dimensions, "C")
-
-    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        first, dims = parts(builder, *args[1:])
-        data = builder.gep(arrayobj.make_array(buffer)(context, builder, args[0]).data, [first])
-        return array_over(context, builder, result, data, dims)
-
-    return result(buffer, *places), generate
-
-
-@intrinsic
-def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
-    """Return an array of a shape over a buffer from entry ``first`` on, of which no references are counted."""
-    n = len(shape)
-    return _view(buffer, [types.intp, types.UniTuple(types.intp, n)], n,
-                 lambda builder, first, shape: (first, cgutils.unpack_tuple(builder, shape, n)))
-
-
-def _stride(builder: Any, k: Any, *shape: Any) -> Any:
-    return builder.mul(k, k.type(STRIDE)), [*shape, k.type(STRIDE)]
-
-
-@intrinsic
-def row(_, work, k):  # type: ignore[no-untyped-def]
-    """Return row k of the work buffer."""
-    return _view(work, [types.intp], 1, _stride)
-
-
-@intrinsic
-def rows(_, work, k, m):  # type: ignore[no-untyped-def]
-    """Return rows k, k + 1, ... as (m, lanes)."""
-    return _view(work, [types.intp] * 2, 2, _stride)
-
-
-@intrinsic
-def table(_, work, k, m, n):  # type: ignore[no-untyped-def]
-    """Return rows k, k + 1, ... as (m, n, lanes)."""
-    return _view(work, [types.intp] * 3, 3, _stride)
 
 
 @inner

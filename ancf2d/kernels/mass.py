@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .jit import inner, kernel
-from .lanes import array_at
+from .lowlevel.jit import inner, kernel
+from .lowlevel.pointers import array_at
 from .matrix import scatter
 
 # rows of a product that are made diagonal by diagonal, so that they stay in the cache

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from .fronts import entry, fill_rows
-from .jit import inner, kernel
-from .lanes import array_at
-from .stack_arrays import array, numbers
+from .lowlevel.jit import inner, kernel
+from .lowlevel.pointers import array_at
+from .lowlevel.stack_arrays import array, numbers
 
 
 class SymBand(NamedTuple):

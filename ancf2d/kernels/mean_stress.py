@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from .batch import add_forces, batch_length
 from .forces import STEP, STEP_TANGENT, WORK, call_batch, results
-from .jit import kernel
+from .lowlevel.jit import kernel
 from .matrix import scatter_packed
 
 

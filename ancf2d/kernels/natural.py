@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .jit import inner
+from .lowlevel.jit import inner
 
 # of natural strains: what they are now, their rates, what they were before a step, and how they change in it
 NOW, RATES, BEFORE, CHANGE = range(4)

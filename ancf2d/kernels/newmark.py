@@ -8,9 +8,9 @@ import numpy as np
 
 from . import calls
 from .amplitudes import evaluate
-from .arrays import copy
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
-from .jit import addressed, inner
+from .lowlevel.arrays import copy
+from .lowlevel.jit import addressed, inner
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own

@@ -8,10 +8,10 @@ import numpy as np
 
 from . import calls
 from .amplitudes import evaluate
-from .arrays import copy
 from .consistent import _by_motion, constraint_matrix, onto_constraints
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
-from .jit import kernel, kernel_with_memory
+from .lowlevel.arrays import copy
+from .lowlevel.jit import kernel, kernel_with_memory
 from .patches import accept_patches, rates_of_constraints, violation
 
 

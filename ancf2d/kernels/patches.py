@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from . import calls
-from .jit import addressed, inner, named
+from .lowlevel.jit import addressed, inner, named
+from .lowlevel.records import whole
 from .points import (
     point_accept,
     point_constraint_rates,
@@ -15,7 +16,6 @@ from .points import (
     point_tangent,
     point_violation,
 )
-from .records import whole
 from .sliding import (
     sliding_accept,
     sliding_constraint_rates,

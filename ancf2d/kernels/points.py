@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from ..elements.point_laws import turn
 from .compiled_laws import call_accept, call_forces, call_mean
-from .jit import inlined, inner, kernel
-from .lanes import array_at
+from .lowlevel.jit import inlined, inner, kernel
+from .lowlevel.pointers import array_at
+from .lowlevel.stack_arrays import array, vector
 from .matrix import scatter
-from .stack_arrays import array, vector
 
 
 class Points(NamedTuple):

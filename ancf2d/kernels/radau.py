@@ -15,10 +15,10 @@ import numpy as np
 
 from . import calls
 from .amplitudes import evaluate
-from .arrays import copy, copy_rows
 from .dynamics import MET, norm, remember, residual, solve_with, to_full, weighed
-from .jit import addressed, inner
-from .lanes import array_at
+from .lowlevel.arrays import copy, copy_rows
+from .lowlevel.jit import addressed, inner
+from .lowlevel.pointers import array_at
 from .motion import CONTRACTION, DONE, HELD_STEP, HELD_TIME, NOT_CONVERGED, NOT_FINITE, OLD_STEP, SINGULAR, SIZE
 from .patches import violation
 from .reused_tangent import count, place, tangent, turn, turns

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from . import calls
 from .amplitudes import evaluate
-from .arrays import copy, copy_rows
 from .dynamics import FACTORS, directions, factor, to_full, turned
-from .jit import inner
+from .lowlevel.arrays import copy, copy_rows
+from .lowlevel.jit import inner
 from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
 
 # what a tangent and its factors cost, in iterations

@@ -11,9 +11,9 @@ import math
 from numba.extending import register_jitable
 
 from ..elements import sliding
-from .jit import inner, kernel
+from .lowlevel.jit import inner, kernel
+from .lowlevel.stack_arrays import array, matrices, numbers, vector
 from .matrix import scatter
-from .stack_arrays import array, matrices, numbers, vector
 
 for _helper in sliding.HELPERS:
     register_jitable(_helper)

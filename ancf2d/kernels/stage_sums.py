@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .jit import inner
-from .lanes import array_at
+from .lowlevel.jit import inner
+from .lowlevel.pointers import array_at
 
 # unknowns that are worked on at a time
 TILE = 128

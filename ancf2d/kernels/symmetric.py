@@ -10,8 +10,8 @@ from typing import Any
 from . import calls
 from .band import ldl_factor, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
-from .jit import addressed, inlined
-from .lanes import array_at
+from .lowlevel.jit import addressed, inlined
+from .lowlevel.pointers import array_at
 from .mass import band_product, product_by_diagonals
 from .matrix import Nested, SymBand
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from .batch import copy_rows, layout, matrices, points_of, turn_rows, turned
-from .blas import multiply
-from .jit import inner, kernel
-from .lanes import STRIDE, array_at, vectors_of
+from .lanes import vectors_of
+from .lowlevel.blas import multiply
+from .lowlevel.jit import inner, kernel
+from .lowlevel.pointers import STRIDE, array_at
 
 # of the 53 bits of a number, those that leave room for the sums of a few
 ROUNDED_BITS = 51

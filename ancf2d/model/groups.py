@@ -6,12 +6,12 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.batch import Group, Law
-from ..kernels.blas import dgemm_address
 from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
+from ..kernels.lowlevel.blas import dgemm_address
+from ..kernels.lowlevel.records import Record
 from ..kernels.natural import Memory, Natural, no_memory, no_natural
-from ..kernels.records import Record
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .mesh import Index

@@ -23,9 +23,9 @@ from ..kernels.compiled_laws import law_address
 from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import to_full
 from ..kernels.forces import batch_address
+from ..kernels.lowlevel.records import type_of
 from ..kernels.motion import method_of, motion, scratch
 from ..kernels.points import turn_on
-from ..kernels.records import type_of
 from ..kernels.sliding import sliding_check
 from ..kernels.tangents import fill_products
 from ..model.model import Model

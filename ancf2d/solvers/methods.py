@@ -20,10 +20,10 @@ from ..kernels.conserving import (
     conserving_step,
     conserving_work,
 )
+from ..kernels.lowlevel.records import Record
 from ..kernels.motion import Step, method_of
 from ..kernels.newmark import Newmark, newmark_accept, newmark_restart, newmark_step
 from ..kernels.radau import Radau, radau_accept, radau_restart, radau_step
-from ..kernels.records import Record
 from ..kernels.stage_sums import TILE
 from .schemes import Integrator, spectral_radius
 

@@ -11,9 +11,9 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
+from ..kernels.lowlevel.records import Record
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
-from ..kernels.records import Record
 from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping

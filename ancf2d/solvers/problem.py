@@ -13,10 +13,10 @@ from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
+from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
 from ..kernels.patches import patch_functions
 from ..kernels.points import Turning
-from ..kernels.records import Record
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
 from ..model.groups import with_states

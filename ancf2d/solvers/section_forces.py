@@ -14,8 +14,8 @@ from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
+from ..kernels.lowlevel.records import Record
 from ..kernels.natural import memory_of_some, of_some
-from ..kernels.records import Record
 from ..model.body_groups import damping_time, place_of
 from ..model.mesh import BodyMesh, Index, Volume, mass_matrix, over_body
 from ..model.model import Model

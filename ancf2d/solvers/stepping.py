@@ -15,6 +15,7 @@ from ..kernels import advance as kernels
 from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import forces, to_full
+from ..kernels.lowlevel.records import Record
 from ..kernels.motion import (
     COUNT,
     GRID,
@@ -30,7 +31,6 @@ from ..kernels.motion import (
     scratch,
 )
 from ..kernels.points import turn_on
-from ..kernels.records import Record
 from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model

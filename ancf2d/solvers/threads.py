@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
+from ..kernels.lowlevel.records import Record
 from ..kernels.natural import memory_of_some, of_some
-from ..kernels.records import Record
 from ..model.model import Model, Numbering
 from ..processors import threads
 

@@ -11,7 +11,7 @@ from typing import Any
 from ..case import load_case_text
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
-from ..kernels.jit import CACHE, REFUSED
+from ..kernels.lowlevel.jit import CACHE, REFUSED
 from ..solvers.schemes import INTEGRATORS
 from .run import run_case, vocabulary
 

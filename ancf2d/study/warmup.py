@@ -50,7 +50,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     1.5 s. Of several processes that need the same kernels, one compiles them and the others wait. Nothing is done
     where this process has solved a case of the same kind before.
     """
-    from ..kernels.jit import CACHE, REFUSED, cache_is_cold
+    from ..kernels.lowlevel.jit import CACHE, REFUSED, cache_is_cold
 
     kernels = kernels_of(model.case)
     if kernels in _READY:
@@ -194,8 +194,8 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     """Return the calls, on empty work, of what goes through elements and patches."""
     from ..kernels.batch import no_group
     from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
+    from ..kernels.lowlevel.records import Record
     from ..kernels.matrix import scatter_patches
-    from ..kernels.records import Record
 
     num, none, out = model.numbering, Record(no_group()), list[Callable[[], object]]()
     tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)

@@ -61,7 +61,7 @@ print(json.dumps({"compiled": compiled, "warm": warm, "modules": sorted(sys.modu
 # commands one after another; every kernel that they take, from the cache or compiled, is noted, in forked processes too
 EACH = """
 import json, os, sys
-from ancf2d.kernels import jit
+from ancf2d.kernels.lowlevel import jit
 
 notes = os.open("taken", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
 load = jit.KernelCache.load_overload

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from ancf2d.kernels import cache
-from ancf2d.kernels.arrays import copy_rows
-from ancf2d.kernels.jit import kernel, kernel_with_memory
+from ancf2d.kernels.lowlevel import cache
+from ancf2d.kernels.lowlevel.arrays import copy_rows
+from ancf2d.kernels.lowlevel.jit import kernel, kernel_with_memory
 
 SOURCE = """
 import numpy as np
-from ancf2d.kernels.jit import kernel_with_memory
+from ancf2d.kernels.lowlevel.jit import kernel_with_memory
 
 @kernel_with_memory
 def filled(n, x):
@@ -120,6 +120,8 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for room in ("kernels", "elements"):
         (tmp_path / "sources" / room).mkdir(parents=True)
         (tmp_path / "sources" / room / "a.py").write_text("x = 1\n")
+    (tmp_path / "sources" / "case").mkdir()
+    (tmp_path / "sources" / cache.MACHINE).write_text("x = 1\n")
     monkeypatch.setattr(cache, "_PACKAGE", tmp_path / "sources")
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
@@ -128,7 +130,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("variable", "below"), [("HOME", ".cache"), ("XDG_CACHE_HOME", ""), ("NUMBA_CACHE_DIR", "")])
-@pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py"])
+@pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py", cache.MACHINE])
 def test_changed_sources_have_another_folder_wherever_it_is(places: Path, monkeypatch: pytest.MonkeyPatch,
                                                             variable: str, below: str, changed: str) -> None:
     monkeypatch.setenv(variable, str(places / "chosen"))
@@ -174,7 +176,7 @@ def test_nothing_is_kept_without_a_home(places: Path, monkeypatch: pytest.Monkey
 
 
 PARTS = """
-from ancf2d.kernels.jit import inner, kernel
+from ancf2d.kernels.lowlevel.jit import inner, kernel
 
 @inner
 def doubled(x):
@@ -215,7 +217,7 @@ def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
 
 LONG = """
 import numpy as np
-from ancf2d.kernels.jit import inner, kernel, kernel_with_memory
+from ancf2d.kernels.lowlevel.jit import inner, kernel, kernel_with_memory
 
 @inner
 def turned(x):
@@ -251,7 +253,7 @@ def test_kernels_have_their_own_copies_of_what_they_call(tmp_path: Path, monkeyp
 
 WITH_MEMORY = """
 import numpy as np
-from ancf2d.kernels.jit import inner_with_memory, kernel
+from ancf2d.kernels.lowlevel.jit import inner_with_memory, kernel
 
 @inner_with_memory
 def total(n):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from ancf2d.kernels.records import Record, whole
+from ancf2d.kernels.lowlevel.records import Record, whole
 
 
 class Inner(NamedTuple):

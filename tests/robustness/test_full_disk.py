@@ -103,7 +103,7 @@ def test_what_earlier_commits_hold_outlives_errors_of_the_disk_within_hdf5(tmp_p
 
 
 KERNEL = """
-from ancf2d.kernels.jit import kernel
+from ancf2d.kernels.lowlevel.jit import kernel
 
 @kernel
 def twice(x):

@@ -12,7 +12,7 @@ import pytest
 from jobs import compile_alone
 
 from ancf2d.case import load_case_text
-from ancf2d.kernels import jit
+from ancf2d.kernels.lowlevel import jit
 from ancf2d.study import warmup
 from ancf2d.study.pool import Workers, run_jobs
 from ancf2d.study.run import prepare, vocabulary

@@ -57,3 +57,59 @@ def array_over(context: Any, builder: Any, kind: Any, data: Any, dims: Any) -> A
     out = arrayobj.make_array(kind)(context, builder)
     arrayobj.populate_array(out, data=data, shape=dims, strides=strides, itemsize=size, meminfo=None, parent=None)
     return out._getvalue()
+
+
+# rows of a work buffer lie so far apart: further than lanes, so that they do not fall on the same lines of the cache
+STRIDE = 72
+
+
+def _view(buffer: Any, places: list[Any], dimensions: int, parts: Any) -> Any:
+    """Return signature and code of an array over a buffer: ``parts`` makes (first entry, shape) of ``places``."""
+    result = types.Array(buffer.dtype, dimensions, "C")
+
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        first, dims = parts(builder, *args[1:])
+        data = builder.gep(arrayobj.make_array(buffer)(context, builder, args[0]).data, [first])
+        return array_over(context, builder, result, data, dims)
+
+    return result(buffer, *places), generate
+
+
+@intrinsic
+def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
+    """Return an array of a shape over a buffer from entry ``first`` on, of which no references are counted."""
+    n = len(shape)
+    return _view(buffer, [types.intp, types.UniTuple(types.intp, n)], n,
+                 lambda builder, first, shape: (first, cgutils.unpack_tuple(builder, shape, n)))
+
+
+def _stride(builder: Any, k: Any, *shape: Any) -> Any:
+    return builder.mul(k, k.type(STRIDE)), [*shape, k.type(STRIDE)]
+
+
+@intrinsic
+def row(_, work, k):  # type: ignore[no-untyped-def]
+    """Return row k of the work buffer."""
+    return _view(work, [types.intp], 1, _stride)
+
+
+@intrinsic
+def rows(_, work, k, m):  # type: ignore[no-untyped-def]
+    """Return rows k, k + 1, ... as (m, lanes)."""
+    return _view(work, [types.intp] * 2, 2, _stride)
+
+
+@intrinsic
+def table(_, work, k, m, n):  # type: ignore[no-untyped-def]
+    """Return rows k, k + 1, ... as (m, n, lanes)."""
+    return _view(work, [types.intp] * 3, 3, _stride)
+
+
+def call_entry(context: Any, builder: Any, signature: Any, own: Any, number: int, args: Any) -> Any:
+    """Generate the call of the address at an entry of a table; ``args`` are the table and a tuple of arguments.
+
+    ``own`` are their types.
+    """
+    data = context.make_array(own.args[0])(context, builder, args[0]).data
+    address = builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), number)]))
+    return call_at(context, builder, signature, address, args[1])

@@ -12,7 +12,7 @@ from typing import Any
 import llvmlite
 import numba
 
-_PACKAGE = Path(__file__).resolve().parent.parent
+_PACKAGE = Path(__file__).resolve().parents[2]
 # whose sources are hashed as a whole, and a file of another room that kernels compile
 ROOMS, MACHINE = ("kernels", "elements"), "case/jets.py"
 _KEEP_SECONDS = 30 * 24 * 3600
