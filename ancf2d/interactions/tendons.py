@@ -28,7 +28,9 @@ from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadErr
 from .tendon_laws import ELASTIC, TENSION, piece
 
 # fields of an elastic tendon: the stiffness between all of them is one matrix
-MOST = 480
+MOST = 504
+# points along an element beside those of line loads; of elastic tendons they are few
+FEW = -2
 # of the body's length: the step by which the slope of a profile is found
 STEP = 1e-6
 
@@ -98,14 +100,14 @@ def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[list[
     return out
 
 
-def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile) -> list[list[Field]]:
+def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[list[Field]]:
     """Return the pieces of a tendon guided at y off the axis of a body: what stretches at quadrature points have of it.
 
-    Its direction there is d(r + y n)/dx.
+    Its direction there is d(r + y n)/dx; ``more`` points along each element beside those of line loads.
     """
     length, kind, out = mesh.plan.length, mesh.plan.element.section_kind, []
     for a, b in pairwise([s0, *(s for s, _ in _breaks(y) if s0 < s < s1), s1]):
-        for elements, xi, w in covered(mesh, a, b, VARYING if _breaks(y) or not isinstance(y, float) else 0):
+        for elements, xi, w in covered(mesh, a, b, more):
             for ie in elements.tolist():
                 begin, l = float(mesh.starts[ie]), float(mesh.lengths[ie])
                 for x, weight in zip(xi.tolist(), w.tolist(), strict=True):
@@ -120,7 +122,7 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile) -> list[lis
                     elif kind == "theta":
                         turned = [*_raw(at, 0, 0, [2]), NOTHING, *_scaled(_raw(at, 1, 0, [2]), -weight * off),
                                   _number(weight * slope), _number(THETA)]
-                        out.append([*_scaled(along, weight), *turned, *_NO_ARM])
+                        out.append([*_scaled(along, weight), *turned])
                     else:
                         out.append(_scaled(along, weight))
     return out
@@ -210,7 +212,8 @@ class Tendon:
                 not isinstance(self.y, float) or self.stiffness is not None):
             raise LoadError(("y",), f"{plan.element.name} guides off its axis only tendons of given tension at a "
                             "constant distance", "reissner3, an ANCF type, or through")
-        return guided(context.meshes[self.on], self.from_, self.to, self.y)
+        more = FEW if self.stiffness is not None else 0 if isinstance(self.y, float) else VARYING
+        return guided(context.meshes[self.on], self.from_, self.to, self.y, more)
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the tendon: each piece by itself where its tension is given, all together where it is elastic.
