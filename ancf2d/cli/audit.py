@@ -43,10 +43,10 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
 @click.pass_obj
 def command(session: Session, element: str, preset: str | None, formulation: str | None,
             quadrature: list[int] | str | None) -> int:
-    """Put an element type through the examination: basis, forces, patch tests, locking, convergence, cost.
+    """Examine an element type: basis, forces, patch tests, locking, convergence, cost.
 
-    ELEMENT is a type as 'ancf2d elements' lists them, or a file that describes an element of your own. Every check
-    gives a number, a verdict (pass, fail or note) and what it means; whatever the verdicts, the exit code is 0.
+    ELEMENT is a type listed by 'ancf2d elements', or a file that defines your own element. Every check gives a number,
+    a verdict (pass, fail or note) and its meaning. The exit code is 0 even if checks fail.
     """
     session.subject = {"element": element}
     from ..study.pool import THREADS

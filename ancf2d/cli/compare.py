@@ -17,7 +17,7 @@ from .session import Session
               help="Allowed difference, relative to the largest value of the same kind.")
 @click.option("--atol", type=click.FloatRange(min=0), default=0.0, show_default=True,
               help="Allowed difference, absolute.")
-@click.option("--all", "everything", is_flag=True, help="Compare the numbers of steps and iterations too, and demand "
+@click.option("--all", "everything", is_flag=True, help="Also compare the numbers of steps and iterations, and require "
               "the same stored states.")
 @json_option
 @quiet_option
@@ -26,9 +26,9 @@ from .session import Session
 def command(session: Session, a: str, b: str, rtol: float, atol: float, everything: bool) -> int:
     """Compare two result files as numbers.
 
-    Compared are mesh, states, probes, tables, modes and the summary; not wall times, versions, dates or
-    names, nor (without --all) the numbers of steps and iterations. If the files hold different numbers of states,
-    those at common times are compared. Exits with 1 where the files differ beyond the tolerance.
+    Compares mesh, states, probes, tables, modes and the summary. Ignores wall times, versions, dates and names and,
+    without --all, the numbers of steps and iterations. If the files have different numbers of states, compares those
+    at common times. Exits with 1 if the files differ by more than the tolerance.
     """
     session.subject = {"a": a, "b": b}
     from ..results import compare_results, comparison_text, differences_json, left_out, open_results

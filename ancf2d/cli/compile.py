@@ -16,10 +16,10 @@ from .session import Session
 @debug_option
 @click.pass_obj
 def command(session: Session) -> int:
-    """Compile everything that runs can need, once for this machine.
+    """Compile all kernels that runs can need, once for this machine.
 
-    Runs compile what they need and keep it, so that this is never necessary. It spares the first users of an image or
-    a classroom the wait.
+    This is optional: runs compile the kernels that they need and keep them. It saves the first users of an image or a
+    classroom the wait.
     """
     from ..study.everything import compile_everything
 

@@ -21,9 +21,9 @@ VARIABLE = "_ANCF2D_COMPLETE"
 @debug_option
 @click.pass_context
 def command(context: click.Context, shell: str) -> int:
-    """Print the lines by which a shell completes commands, options, element types and files.
+    """Print the shell code that completes commands, options, element types and files.
 
-    SHELL is bash (4.4 or newer), zsh or fish; the lines belong into its start file.
+    SHELL is bash (4.4 or newer), zsh or fish. Append the output to the start file of the shell.
     """
     found = get_completion_class(shell)
     assert found is not None, "click knows the shells that are offered"

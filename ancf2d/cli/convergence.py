@@ -100,10 +100,10 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
             reference: float | None, jobs: int | None, scheduler: str | None, output: str | None,
             overrides: tuple[str, ...], force: bool, dts: tuple[float, ...] | None,
             tolerances: tuple[float, ...] | None) -> int:
-    """Refine the mesh, or time steps, and see the goal of a case converge.
+    """Refine the mesh or the time steps and show how the goal of a case converges.
 
-    Prints value, error and observed order for each level, and the limit of each element type with an error
-    bar after the grid convergence index. Errors of a motion are the largest over its stored times.
+    Prints value, error and observed order for each level, and the limit of each element type with an error bar by the
+    grid convergence index. The error of a motion is the largest over its stored times.
     """
     session.subject = {"case": case}
     from ..results import check_output

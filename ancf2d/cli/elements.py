@@ -21,9 +21,9 @@ from .text import many, table
 @debug_option
 @click.pass_obj
 def command(session: Session, name: str | None) -> int:
-    """List element types, or tell all about one, listed or described in a file.
+    """List element types, or describe one type, listed or defined in a file.
 
-    The formulation that a type has by default is marked with *.
+    The default formulation of each type is marked with *.
     """
     from ..elements import registry
     from ..elements.rigid import RIGID_TYPE

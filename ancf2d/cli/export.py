@@ -21,11 +21,11 @@ from .session import Session
 @debug_option
 @click.pass_obj
 def command(session: Session, source: str, file: str, force: bool) -> int:
-    """Write results in the format that FILE's suffix names.
+    """Write results in another format, selected by the suffix of FILE.
 
-    .vtkhdf: the bodies with their sections over time, for ParaView. .csv: the probes, a line per stored value. .npz and
-    .mat: the matrices A, B, C, D of solver state_space, for NumPy and MATLAB. .json: everything small: origin, summary,
-    probes, steps, tables.
+    .vtkhdf: the bodies with their sections over time, for ParaView. .csv: the probes, one line per stored value.
+    .npz and .mat: the matrices A, B, C, D of solver state_space, for NumPy and MATLAB. .json: all small data: origin,
+    summary, probes, steps, tables.
     """
     session.subject = {"file": source, "output": file}
     from ..results.export import export

@@ -15,9 +15,9 @@ from .session import Session
 @debug_option
 @click.pass_obj
 def command(session: Session, file: str) -> int:
-    """Tell what is in a result file and where it came from.
+    """Describe the contents and origin of a result file.
 
-    An unfinished file (NAME.h5.part) is read as well.
+    Also reads unfinished files (NAME.h5.part).
     """
     session.subject = {"file": file}
     from ..results import describe, describe_text

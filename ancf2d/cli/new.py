@@ -28,8 +28,8 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     """Start a commented case NAME.yaml.
 
-    The schema of case files is put beside it if there is none, so that editors complete and check what
-    is typed.
+    Also writes the schema of case files beside it, unless there is one, so that editors can complete and check
+    the case.
     """
     if not os.path.basename(name):
         raise ResultsError(f"'{name}' is not a valid case name; expected for example bridge")

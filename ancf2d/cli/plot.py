@@ -93,10 +93,10 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
             list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, force: bool,
             size: tuple[float, float] | None, font_size: float | None, dpi: float | None, sheet: str | None,
             **options: Any) -> int:
-    """Draw result files; several are overlaid.
+    """Draw result files; several are drawn in one figure.
 
-    KIND is shape, load_deflection, history, convergence, modes, ...; --list names those that fit a file. Without
-    KIND, what tells most about the first file is drawn.
+    KIND is shape, load_deflection, history, convergence, modes, ...; --list lists those available for a file.
+    Default: the most informative figure for the first file.
     """
     from ..plot import KINDS, Look, default_animated, default_kind
     from ..results import check_output

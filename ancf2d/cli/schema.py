@@ -17,9 +17,11 @@ from .text import write
 @click.command(epilog=examples("ancf2d schema -o ancf2d.schema.json", "ancf2d schema --markdown",
                                "ancf2d schema --of run"))
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
-@click.option("--markdown", is_flag=True, help="The reference of all keys as Markdown, instead of the JSON Schema.")
-@click.option("--definition", is_flag=True, help="The schema of files that define your own elements.")
-@click.option("--of", "of", type=click.Choice(list(OUTPUTS)), help="The schema of what a command prints with --json.")
+@click.option("--markdown", is_flag=True,
+              help="Print the reference of all keys as Markdown, in place of the JSON Schema.")
+@click.option("--definition", is_flag=True, help="Print the schema of files that define your own elements.")
+@click.option("--of", "of", type=click.Choice(list(OUTPUTS)),
+              help="Print the schema of what a command prints with --json.")
 @force_option
 @quiet_option
 @debug_option

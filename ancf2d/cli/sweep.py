@@ -52,9 +52,9 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
             scheduler: str | None, out: str | None, csv_file: str | None, force: bool) -> int:
     """Run all combinations of some values of a case.
 
-    Every combination has a result file, named by its content: what was computed before, by the same version of
-    ancf2d, is used again, so that an interrupted sweep goes on where it was. One that fails is a row that says why.
-    Exits with 1 where there is any.
+    Each combination has its own result file, named by a digest of the case. Results that the same version of ancf2d
+    has computed before are reused, so an interrupted sweep continues where it stopped. The row of a combination that
+    failed gives the reason. Exits with 1 if any combination fails.
     """
     session.subject = {"case": case}
     from ..case.axes import read_axes

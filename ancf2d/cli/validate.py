@@ -23,8 +23,8 @@ from .text import many, say
 def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]) -> int:
     """Check cases without solving them.
 
-    Every problem is printed with file, line and column, what is wrong, what was expected and the
-    nearest valid name; then one line for each case that is right. Exits with 2 where any is wrong.
+    Prints every problem with file, line and column, what was expected and the nearest valid name, then one line for
+    each valid case. Exits with 2 if any case is invalid.
     """
     found = [_check(case, overrides, session) for case in cases]
     session.print_json({"status": "ok" if all(f["status"] == "ok" for f in found) else "failed", "cases": found})

@@ -23,10 +23,9 @@ from .session import Session
 @click.pass_obj
 def command(session: Session, file: str, save: str | None, fields: tuple[str, ...], port: int, no_browser: bool,
             force: bool) -> int:
-    """Look at a result: bodies in motion, fields, modes, probes, in the browser.
+    """Show a result in the browser: bodies in motion, fields, modes, probes.
 
-    The page needs nothing from the network. Long runs are thinned so that it stays below 5 MB; the file itself
-    keeps everything.
+    The page needs no network. Long runs are thinned to keep it below 5 MB; the result file does not change.
     """
     from ..results import check_output, open_results
     from ..results.replace import replacing

@@ -129,7 +129,7 @@ def position_law(name: str, force: Callable[..., Any], potential: bool) -> Point
 @load
 @record
 class Force:
-    """A force whose direction stays."""
+    """A force of constant direction."""
 
     tag = "force"
     at: Point = key(POINT, "Where it acts", example="beam@1")
@@ -253,7 +253,7 @@ class Moment:
 @load
 @record
 class Torque:
-    """A moment between two sections: on the second, and opposite on the first."""
+    """A pair of opposite moments on two sections."""
 
     tag = "torque"
     between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two sections; [x, y] is the ground",

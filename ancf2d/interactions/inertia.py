@@ -18,7 +18,7 @@ from ..model.rotation import Rotation
 
 @record
 class Mass:
-    """A point mass, with moment of inertia where it has one."""
+    """A point mass, with an optional moment of inertia."""
 
     at: Point = key(POINT, "Point at which the mass is attached", example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)

@@ -211,7 +211,7 @@ def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
 @joint
 @record
 class PinJoint:
-    """Keeps points together; the bodies turn freely."""
+    """Keeps points together; the bodies can rotate freely."""
 
     tag = "pin"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["crank@1", "rod@0"])
@@ -231,7 +231,7 @@ class PinJoint:
 @joint
 @record
 class WeldJoint:
-    """Keeps points together and the angle between the bodies; two alike that go on smoothly become one body."""
+    """Keeps points together and the angle between the bodies; two equal beams in line become one."""
 
     tag = "weld"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])

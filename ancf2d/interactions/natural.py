@@ -43,10 +43,10 @@ def _issues(load: Eigenstrain | Temperature, empty: str) -> Iterator[Issue]:
 @load
 @record
 class Eigenstrain:
-    """Strains that a body would take if it were free, as an actuator, growth or a bend in its making gives them."""
+    """Strains that a body would take if it were free, caused by actuators, growth or an initial curvature."""
 
     tag = "eigenstrain"
-    on: str = key(Name("the name of a body"), "Body that it strains", refers="bodies", example="strip")
+    on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     axial: float | Profile = key(ProfileOf(), "Strain of the axis", default=0.0, example=1e-3)
     curvature: float | Profile = key(ProfileOf("1/m"), "Change of the angle per length of the reference, "
                                      "counter-clockwise", default=0.0, example=0.2)
@@ -72,10 +72,10 @@ class Eigenstrain:
 @load
 @record
 class Temperature:
-    """A change of temperature; the material's alpha makes it a strain, alike in all directions."""
+    """A change of temperature, which strains the body by the material's alpha, the same in all directions."""
 
     tag = "temperature"
-    on: str = key(Name("the name of a body"), "Body that it heats", refers="bodies", example="strip")
+    on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     value: float | Profile = key(ProfileOf("K"), "Change of temperature on the axis", default=0.0, example=60)
     gradient: float | Profile = key(ProfileOf("K/m"), "Change per metre across, along the section's y axis",
                                     default=0.0)

@@ -32,8 +32,8 @@ from .spring_laws import spring_law
 R = TypeVar("R", bound=type)
 NAME = Name()
 ONLY = Choice("tension", "compression")
-ONLY_DOC = ("Acts against elongation (for angles: a relative rotation counter-clockwise) or against shortening alone "
-            "(default: both)")
+ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
+            "acts only against shortening (default: acts both ways)")
 End = PointRef | GroundPoint
 
 
@@ -191,7 +191,7 @@ def _acting(only: str | None, gap: float) -> list[float]:
 @spring(linear, over_step=linear_mean)
 @record
 class TranslationalSpring:
-    """A spring and damper along the line between two points; with ``only`` or ``gap`` it acts on one side, or late."""
+    """A spring and damper along the line between two points; one-sided with ``only``, a stop with ``gap``."""
 
     tag = "translational"
     between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends",
@@ -201,7 +201,7 @@ class TranslationalSpring:
     length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "
                                "in the reference)", default=None)
     only: str | None = key(ONLY, ONLY_DOC, default=None)
-    gap: float = key(Number("m", ge=0), "Elongation or shortening from which on it acts: a stop", default=0.0)
+    gap: float = key(Number("m", ge=0), "Elongation or shortening beyond which it acts, as a stop", default=0.0)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -241,7 +241,7 @@ class RotationalSpring:
     angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
                        default=0.0)
     only: str | None = key(ONLY, ONLY_DOC, default=None)
-    gap: float = key(Number("rad", ge=0), "Angle, either way, from which on it acts: a stop", default=0.0)
+    gap: float = key(Number("rad", ge=0), "Relative rotation, either way, beyond which it acts, as a stop", default=0.0)
     name: str | None = key(NAME, "Name", default=None)
 
     @property

@@ -25,7 +25,7 @@ from ..model.timing import Timing
 R = TypeVar("R", bound=type)
 NAME = Name()
 SPREAD = Choice("uniform", "parabolic")
-SPREAD_DOC = ("Hold the mean of the section with this weight instead of the axis (makes a difference from q = 2 on)")
+SPREAD_DOC = "Hold the mean of the section with this weight, in place of the axis (matters from q = 2 on)"
 
 
 class SupportError(ValueError):
@@ -162,8 +162,8 @@ class Clamp:
     hold: str | None = key(
         Choice("all", "section", "breathe"),
         "all: every nodal coordinate; section: position and section rotation; breathe: mean position and direction of "
-        "the section, which stays straight but may stretch (default: position, r_y and warping for types "
-        "with such coordinates, leaving strains free; section for other types; all with preset paper)",
+        "the section, which stays straight but may stretch (default: for types with r_y, position, r_y and warping, "
+        "with strains left free; for other types, section; with preset paper, all)",
         default=None)
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
 
@@ -226,7 +226,7 @@ class Fix:
 @support
 @record
 class Prescribed:
-    """Moves a point, or turns its section, as told."""
+    """Prescribes the motion of a point or the rotation of its section."""
 
     tag = "prescribed"
     at: Point = key(POINT, "Point that is moved", example="beam@1")
@@ -254,7 +254,7 @@ class Prescribed:
         return {k: v for k in ("x", "y", "ux", "uy", "angle") if (v := getattr(self, k)) is not None}
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
-        """Move the point, and turn its section, as told."""
+        """Prescribe the motion of the point and the rotation of its section."""
         columns = point.position()
         reference = point.mesh.plan.position(point.s)[0]
         for k, axis in enumerate("xy"):

@@ -148,7 +148,7 @@ EYELET = ByShape(text=POINT, map=Record(Probe), list=Vector(POSITION, "x, y", Gr
 @load
 @record(kw_only=True)
 class Tendon:
-    """A tendon, guided along a body or through eyelets without friction; elastic where it has a stiffness."""
+    """A frictionless tendon, guided along a body or through eyelets; elastic if it has a stiffness."""
 
     tag = "tendon"
     on: str | None = key(Name("the name of a body"), "Body along which it is guided", refers="bodies", default=None,
@@ -163,9 +163,9 @@ class Tendon:
     tension: float | None = key(Number("N", ge=0), "Tension", default=None, example=10)
     stiffness: float | None = key(Number("N", gt=0), "EA of an elastic tendon: tension EA (l - l0)/l0, never a push",
                                   default=None, example=1e5)
-    slack: float = key(Number("m"), "Unstretched length less that of the reference; negative pretensions. The "
+    slack: float = key(Number("m"), "Unstretched length minus length in the reference; negative pretensions it. The "
                        "amplitude multiplies it", default=0.0)
-    friction: float = key(Number("", ge=0), "Coefficient of friction at the guides; 0 is what there is", default=0.0)
+    friction: float = key(Number("", ge=0), "Coefficient of friction at the guides; only 0 is supported", default=0.0)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 

@@ -52,10 +52,10 @@ class Ramp(Function):
 
 @record
 class Table(Function):
-    """Values at times; before the first and after the last it stays constant."""
+    """Values at times, constant before the first and after the last."""
 
     tag = "table"
-    t: tuple[float, ...] = key(ListOf(Number("s"), "numbers", 1), "Times, increasing",
+    t: tuple[float, ...] = key(ListOf(Number("s"), "numbers", 1), "Times, in ascending order",
                                example=[0, 1, 2])
     value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each time",
                                     example=[0, 1, 0])

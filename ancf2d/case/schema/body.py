@@ -25,16 +25,16 @@ class Rectangle:
 
 @record
 class AreaSection:
-    """A section of any form, by its area and second moment of area."""
+    """A section of any shape, given by its area and second moment of area."""
 
     A: float | Profile = key(ProfileOf("m^2", gt=0), "Area", example=6)
     I: float | Profile = key(ProfileOf("m^4", gt=0), "Second moment of area", example=2)
-    height: float | Profile = key(ProfileOf("m", gt=0), "Height in the plane of the actual section", example=2)
+    height: float | Profile = key(ProfileOf("m", gt=0), "Actual height of the section, in the plane", example=2)
 
 
 @record(kw_only=True)
 class Stiffness:
-    """A section by its stiffnesses, in place of section and material."""
+    """A section given by its stiffnesses, in place of dimensions and material."""
 
     EA: float | Profile = key(ProfileOf("N", gt=0), "Axial stiffness", example=2.8e7)
     kGA: float | Profile | None = key(ProfileOf("N", gt=0), "Shear stiffness, shear factor included",
@@ -66,8 +66,8 @@ class Material:
                                       "gravity and steady_rotation",
                             default=None,
                             example=7850)
-    alpha: float | None = key(Number("1/K"), "Thermal expansion, alike in all directions; needed for load temperature",
-                              default=None, example=1.2e-5)
+    alpha: float | None = key(Number("1/K"), "Coefficient of thermal expansion, the same in all directions; needed for "
+                              "load temperature", default=None, example=1.2e-5)
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
 
 
@@ -91,7 +91,7 @@ ORDER = Vector(Integer(1, 8), "p, q")
 
 @record
 class Element:
-    """The element type of a body; ``element: auto`` leaves the choice to the tool."""
+    """The element type and mesh of a body; with ``element: auto``, ancf2d chooses both."""
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
@@ -112,13 +112,13 @@ class Element:
     definition: str | None = key(Text("the name of a file"), "File that defines an element of your own, relative to "
                                  "the case", default=None)
     nodes: str | None = key(Choice("acting", "regular"), "Where nodes are placed. acting: wherever a support, joint, "
-                            "spring, mass or load acts, and at the ends of line loads; elements between two such "
-                            "places are equally long, and count is divided among these stretches in proportion to "
-                            "their lengths, at least one each. regular: "
+                            "spring, mass or load acts, and at the ends of line loads; count is divided among the "
+                            "stretches between these points in proportion to their lengths, with at least one "
+                            "element each, all of equal length. regular: "
                             "all elements of a straight piece or arc are equally long (default: acting; "
                             "regular with preset paper)", default=None)
-    refine: int | None = key(Integer(), "Divides each of the 'count' elements into this many, so that all nodes of the "
-                             "coarser mesh remain nodes (default: 1)", default=None)
+    refine: int | None = key(Integer(), "Divide each of the 'count' elements into this many; all nodes of the coarser "
+                             "mesh remain nodes (default: 1)", default=None)
     mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body (default: that of its section)", default=None)
     inertia: float | None = key(Number("kg m^2", gt=0), "Moment of inertia of a rigid body about its centre of mass "
                                 "(default: that of its section)", default=None)

@@ -45,7 +45,7 @@ VELOCITY = Vector(Number("m/s"), "vx, vy")
 
 @record
 class BodyInitial:
-    """How one body starts, in place of what is said for all."""
+    """Initial velocities of one body, in place of those of the whole model."""
 
     velocity: tuple[float, float] | None = key(VELOCITY, "Velocity", default=None)
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation", default=None)
@@ -67,7 +67,7 @@ class Initial:
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of all bodies about a point, added to the "
                                              "velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),
-                                         "Velocities of single bodies, instead of the above", default={})
+                                         "Velocities of single bodies, in place of the above", default={})
 
 
 @record
@@ -90,7 +90,7 @@ class Damping:
 
 @record
 class SteadyRotation:
-    """A frame that turns steadily; supports and dead loads stand in it."""
+    """A frame that rotates at constant speed, with the supports and dead loads fixed in it."""
 
     omega: float = key(Number("rad/s"), "Angular velocity", example=5)
     about: tuple[float, float] = key(PLACE, "Centre", default=(0.0, 0.0), example=[0, 0])
@@ -111,7 +111,7 @@ class FormatNumber(Integer):
 
 @record(kw_only=True)
 class Case:
-    """A case: what is modelled, what is computed, what is wanted of it."""
+    """A case: the model, the solver, and the results that are wanted."""
 
     format: int = key(FormatNumber(), "Version of this format", default=1)
     title: str = key(Text(number=True), "Title of the case", default="")

@@ -14,7 +14,7 @@ from .amplitudes import ExpressionText
 
 Vec2 = tuple[float, float]
 PLACE = Vector(Number("m"))
-CLOSED_DOC = "Whether the axis ends where it starts, and goes on there smoothly"
+CLOSED_DOC = "Whether the axis closes on its start, without a kink"
 
 
 @record
@@ -56,7 +56,7 @@ class Arc:
 
 @record
 class Polyline:
-    """A reference axis of straight pieces; its corners are welds, with a node of each piece."""
+    """A reference axis of straight pieces that are welded at the corners, where each piece has its own node."""
 
     tag = "polyline"
     points: tuple[Vec2, ...] = key(ListOf(PLACE, "points [x, y]", 2), "Corners in order",
@@ -78,12 +78,12 @@ class Polyline:
 
 @record
 class Spline:
-    """A smooth reference axis through points: cubics in the length of the chords, of continuous curvature."""
+    """A smooth reference axis through points: a cubic spline over the chord length, with continuous curvature."""
 
     tag = "spline"
     least = 1
-    points: tuple[Vec2, ...] = key(ListOf(PLACE, "points [x, y]", 2), "Points in order; the first is not repeated "
-                                   "where the curve is closed", example=[[0, 0], [1, 0.4], [2, 0]])
+    points: tuple[Vec2, ...] = key(ListOf(PLACE, "points [x, y]", 2), "Points in order; do not repeat the first "
+                                   "one if the curve is closed", example=[[0, 0], [1, 0.4], [2, 0]])
     closed: bool = key(Flag(), CLOSED_DOC, default=False)
 
     def check(self) -> Iterator[Issue]:
@@ -122,7 +122,7 @@ class ArcPiece:
     """A circular piece of a path."""
 
     arc: float = key(Number("m", gt=0), "Radius", example=0.05)
-    angle: float = key(Number("rad"), "Angle by which the path turns, counter-clockwise where positive",
+    angle: float = key(Number("rad"), "Angle through which the path turns, positive counter-clockwise",
                        example=3.14159265)
 
     def check(self) -> Iterator[Issue]:
@@ -136,7 +136,7 @@ class ArcPiece:
 
 @record(kw_only=True)
 class PathGeometry:
-    """A reference axis of lines and arcs, each of which begins in the direction in which the one before ends."""
+    """A reference axis of lines and arcs, each tangent to the one before."""
 
     tag = "path"
     start: Vec2 = key(PLACE, "Point at S = 0", example=[0, 0])

@@ -43,30 +43,30 @@ def _kind() -> Any:
 
 
 def _number() -> Any:
-    return key(Integer(), "Which mode of that kind, counted from 1", default=None)
+    return key(Integer(), "Number of the mode within its kind, counted from 1", default=None)
 
 
 def _load_factor() -> Any:
-    return key(Integer(), "Which buckling load factor, counted from 1", default=None)
+    return key(Integer(), "Number of the buckling load factor, counted from 1", default=None)
 
 
 def _limit_point() -> Any:
-    return key(Integer(), "Which limit point of the path, counted from 1: its load factor or, with probe and quantity, "
-               "that value of the probe there", default=None)
+    return key(Integer(), "Number of the limit point along the path, counted from 1; the goal is its load factor or, "
+               "with probe and quantity, that quantity of the probe there", default=None)
 
 
 def _input() -> Any:
-    return key(Name("the name of an input"), "Input (solver.inputs) that the probe's response is to "
+    return key(Name("the name of an input"), "Input, one of solver.inputs, whose response is the goal "
                "(frequency_response)", default=None, example="shaker")
 
 
 def _hz() -> Any:
-    return key(Number("Hz", ge=0), "Frequency of the response (without: where its amplitude is largest)", default=None,
+    return key(Number("Hz", ge=0), "Frequency of the response (default: that of the largest amplitude)", default=None,
                example=10)
 
 
 def _part() -> Any:
-    return key(Choice(*PARTS), "What of the complex amplitude: abs (default), re, im, or phase [rad], by which it "
+    return key(Choice(*PARTS), "Part of the complex amplitude: abs (default), re, im, or phase [rad], by which it "
                "leads the input", default=None, example="abs")
 
 
@@ -131,9 +131,9 @@ class Goal:
     input: str | None = _input()
     hz: float | None = _hz()
     part: str | None = _part()
-    model: str | None = key(Choice("beam", "continuum"), "With element: auto, what the error is "
-                            "measured against: the geometrically exact beam (default), or the "
-                            "plane-stress continuum", default=None)
+    model: str | None = key(Choice("beam", "continuum"), "With element: auto, the reference for the "
+                            "error: the geometrically exact beam (default), or the plane-stress continuum",
+                            default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield where this is no goal."""
@@ -142,7 +142,7 @@ class Goal:
 
 @record(kw_only=True)
 class Expected:
-    """A value that is known, for checking the result."""
+    """A known value, for checking the result."""
 
     probe: str | None = _probe()
     quantity: str | None = _quantity()

@@ -35,13 +35,13 @@ class ProfileExpression(Expression):
 
 @record
 class ProfileTable:
-    """Values at places s along a body; before the first and after the last it stays constant."""
+    """Values at positions s along a body, constant before the first and after the last."""
 
-    s: tuple[float, ...] = key(ListOf(Number(ge=0, le=1), "numbers", 1), "Places from 0 to 1 along the arc length, in "
-                               "order; a place given twice is a jump", example=[0, 0.4, 1])
-    value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each place", example=[0.1, 0.1, 0.05])
+    s: tuple[float, ...] = key(ListOf(Number(ge=0, le=1), "numbers", 1), "Positions from 0 to 1 along the arc length, "
+                               "in ascending order; a position given twice is a jump", example=[0, 0.4, 1])
+    value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each position", example=[0.1, 0.1, 0.05])
     smooth: bool = key(Flag(), "Interpolate with monotone cubics of continuous slope instead of straight lines; "
-                       "between two places the curve stays between their values", default=False)
+                       "between two positions the curve stays between their values", default=False)
 
     def check(self) -> Iterator[Issue]:
         """Yield lists of different lengths, and places that are not in order or given more than twice."""

@@ -16,8 +16,8 @@ SHORTEST = 1e-12
 RESOLUTION = 1e-3
 # relative error of adaptive steps where the case says nothing of steps
 STEP_TOLERANCE = 1e-6
-INPUTS_DOC = ("Loads and prescribed motions, by name, that oscillate: the value that the case gives is the amplitude; "
-              "amplitudes over time are ignored, and inputs are absent from the static state")
+INPUTS_DOC = ("Names of the loads and prescribed motions that oscillate. Their values are the amplitudes; their "
+              "amplitudes over time are ignored, and they do not act on the static state")
 MOTIONS = ("x", "y", "ux", "uy", "theta")
 RATES = ("vx", "vy", "omega")
 
@@ -29,24 +29,24 @@ def _about() -> Any:
 
 @record
 class LoadFactor:
-    """Go until the load factor is reached."""
+    """Follow the path up to a load factor."""
 
     value: float = key(Number(), "Load factor", name="load_factor", example=1)
 
 
 @record
 class LimitPoints:
-    """Go until so many limit points have been passed."""
+    """Follow the path through a number of limit points."""
 
     count: int = key(Integer(), "Number of limit points", name="limit_points", example=2)
 
 
 @record
 class ProbeReaches:
-    """Go until a probe has come so far."""
+    """Follow the path until a probe reaches a value."""
 
     probe: str = key(Name("the name of a probe"), "Probe", refers="probes", example="tip")
-    quantity: str = key(Choice(*MOTIONS), "What of it", example="uy")
+    quantity: str = key(Choice(*MOTIONS), "Quantity of the probe", example="uy")
     reaches: float = key(Number(), "Value at which to stop", example=-80)
 
 
@@ -54,9 +54,9 @@ class ProbeReaches:
 class BranchAt:
     """Leave the path at a bifurcation, without an imperfection."""
 
-    at: int = key(Integer(), "Number of the bifurcation along the path, from 1", default=1)
-    direction: int = key(Sign(), "Sign of the mode that the branch begins along; with 1, the point that moves "
-                         "most moves towards positive x or y", default=1)
+    at: int = key(Integer(), "Number of the bifurcation along the path, counted from 1", default=1)
+    direction: int = key(Sign(), "Direction of the branch along its mode; with 1, the point that moves most "
+                         "moves towards positive x or y", default=1)
 
 
 @record
@@ -107,32 +107,31 @@ class Eigen:
     """Natural frequencies, damping and modes."""
 
     tag = "eigen"
-    modes: int = key(Integer(), "Number of modes, from the lowest; where damping makes them complex, of pairs: real "
-                     "eigenvalues come in addition", default=10)
+    modes: int = key(Integer(), "Number of modes, from the lowest; if damping makes them complex, the number of "
+                     "complex pairs, to which real eigenvalues are added", default=10)
     about: str = _about()
-    damped: bool = key(Flag(), "Whether dashpots and damping act", default=True)
+    damped: bool = key(Flag(), "Whether dampers and damping act", default=True)
     verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
-                       "spurious",
-                       default=False)
+                       "spurious", default=False)
 
 
 @record
 class FrequencyResponse:
-    """Response of the probes to loads and motions that oscillate, over the frequency."""
+    """Response of the probes to oscillating loads and motions, as a function of the frequency."""
 
     tag = "frequency_response"
     inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), INPUTS_DOC,
                                   example=["shaker"])
     from_: float | None = key(Number("Hz", gt=0), "Lowest frequency", default=None, example=1)
     to: float | None = key(Number("Hz", gt=0), "Highest frequency", default=None, example=500)
-    points: int = key(Integer(2), "Number of frequencies from the lowest to the highest, at least: where responses "
-                      "bend there are more", default=400)
-    scale: str = key(Choice("log", "linear"), "How the frequencies are spaced: evenly in their logarithm, or "
-                     "evenly", default="log")
-    frequencies: tuple[float, ...] | None = key(ListOf(Number("Hz", ge=0), "frequencies", 1), "The frequencies, "
-                                                "instead of from and to", default=None, example=[1, 10, 100])
-    tolerance: float | None = key(Number("", gt=0, lt=1), "Error of a cubic through neighbouring points, beside the "
-                                  f"response there: where it is larger, there are more points (default {RESOLUTION:g})",
+    points: int = key(Integer(2), "Minimum number of frequencies from the lowest to the highest; more are added where "
+                      "a response curve bends", default=400)
+    scale: str = key(Choice("log", "linear"), "Spacing of the frequencies: logarithmic or linear", default="log")
+    frequencies: tuple[float, ...] | None = key(ListOf(Number("Hz", ge=0), "frequencies", 1), "Frequencies, "
+                                                "in place of from and to", default=None, example=[1, 10, 100])
+    tolerance: float | None = key(Number("", gt=0, lt=1), "Interpolation error allowed between the frequencies, "
+                                  "relative to the response there; frequencies are added until a cubic through "
+                                  f"neighbouring points is as accurate (default {RESOLUTION:g})",
                                   default=None, example=1e-4)
     about: str = _about()
 
@@ -169,15 +168,16 @@ class FrequencyResponse:
 
 @record
 class StateSpace:
-    """Linear model x' = A x + B u, y = C x + D u of small motions, for the design of controllers."""
+    """Linear model x' = A x + B u, y = C x + D u of small motions, for controller design."""
 
     tag = "state_space"
-    inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), "Loads and "
-                                  "prescribed motions, by name: u = 1 is the value that the case gives; amplitudes "
-                                  "over time are ignored, and inputs are absent from the static state",
+    inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), "Names of "
+                                  "the loads and prescribed motions that are the inputs; u = 1 stands for the value in "
+                                  "the case. Their amplitudes over time are ignored, and they do not act on the "
+                                  "static state",
                                   example=["push"])
     outputs: tuple[str, ...] = key(ListOf(ProbeQuantity(*MOTIONS, *RATES), "PROBE.QUANTITY", 1),
-                                   "What y is: changes of these quantities of probes", example=["tip.uy"])
+                                   "Outputs y: the changes of these quantities of probes", example=["tip.uy"])
     modes: int = key(Integer(), "Number of modes, from the lowest; the static response of all others is in D",
                      default=20)
     about: str = _about()
@@ -215,10 +215,10 @@ class Dynamic:
         "far too fast for it, from 1 (no damping) to 0 (removed at once) (generalized_alpha; hht from 0.5; default "
         "0.8)",
         default=None)
-    newton: str = key(Choice("reuse", "full"), "A new tangent in every Newton iteration (full), or the last one for as "
-                      "long as it works (reuse)", default="reuse")
-    estimate: bool = key(Flag(), "Error estimate, from additional runs with steps of 2 dt and 4 dt, or with 10 and 100 "
-                         "times the tolerance", default=True)
+    newton: str = key(Choice("reuse", "full"), "full: a new tangent in every Newton iteration; reuse: keep a tangent "
+                      "as long as it converges", default="reuse")
+    estimate: bool = key(Flag(), "Estimate the error by additional runs with steps of 2 dt and 4 dt, or with "
+                         "10 and 100 times the tolerance", default=True)
 
     @property
     def local_error(self) -> float:
