@@ -217,3 +217,66 @@ def test_what_is_no_smooth_axis_is_refused_in_words(geometry: dict[str, Any], sa
         helpers.build({"a": body(geometry, "cable", 8)}, bc=[{"type": "clamp", "at": "a@0"}])
     assert said in str(caught.value)
     assert "bodies.a.geometry" in str(caught.value)
+
+
+def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: bool = False) -> dict[str, Any]:
+    """A clamped spline with a tendon along it, one to the ground and a force, in another place, size or handedness.
+
+    Lengths grow with ``size``, stresses stay.
+    """
+    def at(x: float, y: float) -> complex:
+        return complex(turn * size * complex(x, -y if mirror else y) + shift)
+
+    side, (fx, fy) = -1.0 if mirror else 1.0, (2.0, -1.0)
+    force = turn * size**2 * complex(fx, -fy if mirror else fy)
+    ground = at(1.0, 1.5)
+    points = [[p.real, p.imag] for p in (at(*p) for p in POINTS)]
+    return {"bodies": {"a": {**body({"type": "spline", "points": points}, "reissner3", 12),
+                             "section": {"height": H * size, "width": B * size}}},
+            "bc": [{"type": "clamp", "at": "a@0"}],
+            "loads": [{"type": "force", "at": "a@1", "value": [force.real, force.imag]},
+                      {"type": "tendon", "on": "a", "y": 0.03 * side * size, "to": 0.8, "tension": 900.0 * size**2},
+                      {"type": "tendon", "through": [{"at": "a@0.6", "y": -0.04 * side * size}, "a@1",
+                                                     [ground.real, ground.imag]],
+                       "stiffness": 4e3 * size**2, "slack": -0.3 * size}]}
+
+
+@pytest.mark.parametrize("change", [
+    {"turn": np.exp(2.1j)}, {"shift": 30 - 7j}, {"size": 1e-3}, {"mirror": True},
+    {"turn": np.exp(-1j), "shift": 2 + 1j, "size": 10.0, "mirror": True}])
+def test_a_spline_with_tendons_is_the_same_elsewhere(change: dict[str, Any]) -> None:
+    """Turned, shifted, scaled, mirrored."""
+    def found(**change: Any) -> complex:
+        data = scene(**change)
+        u = helpers.solved(data.pop("bodies"), "static", **data).u("a@1")
+        return complex(*u) / complex(change.get("turn", 1.0)) / change.get("size", 1.0)
+
+    expected = found()
+    assert abs(expected) > 0.1
+    there = found(**change)
+    assert (there.conjugate() if change.get("mirror") else there) == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_spline_with_a_tendon_is_the_same_from_its_other_end() -> None:
+    """Reversed: the section's y axis points the other way."""
+    def tip(points: list[list[float]], y: float, root: int) -> Any:
+        return helpers.solved({"a": body({"type": "spline", "points": points}, "reissner3", 12)}, "static",
+                              bc=[{"type": "clamp", "at": f"a@{root}"}],
+                              loads=[{"type": "tendon", "on": "a", "y": y, "tension": 900.0}]).u(f"a@{1 - root}")
+
+    forth = tip(POINTS, 0.03, 0)
+    assert np.linalg.norm(forth) > 0.1
+    np.testing.assert_allclose(tip(POINTS[::-1], -0.03, 1), forth, rtol=1e-8)
+
+
+def test_a_tendon_along_welded_halves_is_one_along_the_whole() -> None:
+    whole = helpers.solved({"a": body(PATH, "reissner3", 8)}, "static", bc=[{"type": "clamp", "at": "a@0"}],
+                           loads=[{"type": "tendon", "on": "a", "y": 0.03, "tension": 900.0}])
+    counts = [p.count for p in whole.model.meshes["a"].plan.pieces]
+    c, s = np.cos(0.3), np.sin(0.3)
+    line = {"type": "line", "start": [0, 0], "end": [c, s]}
+    arc = {"type": "path", "start": [c, s], "heading": 0.3, "pieces": [{"arc": 0.5, "angle": -1.2}]}
+    halves = helpers.solved({"a": body(line, "reissner3", counts[0]), "b": body(arc, "reissner3", counts[1])}, "static",
+                            bc=[{"type": "clamp", "at": "a@0"}], joints=[{"type": "weld", "between": ["a@1", "b@0"]}],
+                            loads=[{"type": "tendon", "on": n, "y": 0.03, "tension": 900.0} for n in "ab"])
+    np.testing.assert_allclose(whole.u("a@1"), halves.u("b@1"), rtol=1e-10)
