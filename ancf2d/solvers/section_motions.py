@@ -119,15 +119,6 @@ def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) 
     return out
 
 
-def section_motions(mesh: BodyMesh, classes: list[ClassMotions], v: Array, elements: slice = slice(None)) -> Array:
-    """Return the section motions (4, ne, nx) of a velocity (n_q,) at the stations of the elements."""
-    local, cls = element_velocities(mesh, v, elements), mesh.cls[elements]
-    out = np.empty((4, len(local), classes[0].rows.shape[1]))
-    for k, c in enumerate(classes):
-        out[:, cls == k] = np.einsum("pxa,ea->pex", c.rows, local[cls == k])
-    return out
-
-
 @dataclass
 class Energies:
     """Twice the kinetic energy of one velocity field of a body, by its parts.

@@ -10,7 +10,7 @@ import numpy as np
 from ancf2d.elements.section import Section
 from ancf2d.elements.shape import Array
 from ancf2d.model.mesh import BodyMesh
-from ancf2d.solvers.section_motions import class_motions, section_motions
+from ancf2d.solvers.section_motions import ClassMotions, class_motions, element_velocities
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,15 @@ class ExactMode:
         """Return the section motions (4, ...) at x."""
         s, c = np.sin(self.wave * x), np.cos(self.wave * x)
         return np.array([a * f for a, f in zip(self.amplitudes, (s, s, c, c), strict=True)])
+
+
+def section_motions(mesh: BodyMesh, classes: list[ClassMotions], v: np.ndarray) -> np.ndarray:
+    """Return the section motions (4, ne, nx) of a velocity (n_q,) at the stations of the elements."""
+    local, cls = element_velocities(mesh, v, slice(None)), mesh.cls
+    out = np.empty((4, len(local), classes[0].rows.shape[1]))
+    for k, c in enumerate(classes):
+        out[:, cls == k] = np.einsum("pxa,ea->pex", c.rows, local[cls == k])
+    return out
 
 
 def _bending_and_shear(section: Section, k: float) -> list[tuple[float, float, float]]:

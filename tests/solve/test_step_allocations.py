@@ -10,6 +10,7 @@ from motions import GRAVITY, OWN, RUBBER, THIN, Ride, rigid, rod
 from numba.core.runtime import _nrt_python, rtsys
 
 from ancf2d.case import schema
+from ancf2d.case.records import keys_of
 from ancf2d.elements.formulations import FORMULATIONS
 
 pytestmark = pytest.mark.slow
@@ -105,6 +106,7 @@ def types_in(part: Any) -> set[str]:
 
 def test_the_scenes_hold_every_kind_that_a_motion_can_hold() -> None:
     tags = {kind.tag for kind in get_args(schema.Amplitude)}
-    tags = tags.union(*(schema.kinds_of(key) for key in ("boundary_conditions", "joints", "springs", "loads")))
+    keys = keys_of(schema.Case)
+    tags = tags.union(*(keys[k].kind.item.options for k in ("boundary_conditions", "joints", "springs", "loads")))
     assert not tags - set().union(*map(types_in, SCENES.values()))
     assert any(scene.get("masses") for scene in SCENES.values())

@@ -24,7 +24,6 @@ from .case import (
     Rayleigh,
     RotationRate,
     SteadyRotation,
-    kinds_of,
     register,
 )
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
@@ -53,5 +52,5 @@ __all__ = [
     "Material", "MaterialDamping", "Output", "PathGeometry", "Point", "Polyline", "Probe", "ProbeReaches",
     "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
     "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
-    "SteadyRotation", "Stiffness", "Table", "Units", "kinds_of", "register",
+    "SteadyRotation", "Stiffness", "Table", "Units", "register",
 ]

@@ -188,10 +188,5 @@ def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: t
     return cls
 
 
-def kinds_of(where: str) -> dict[str, type]:
-    """Return the records of a list of the case by their types; that of the masses has none."""
-    return dict(_kind(where).registered.options if where == "masses" else _kind(where).options)
-
-
 def _kind(where: str) -> Any:
     return keys_of(Case)[where].kind.item  # type: ignore[attr-defined]
