@@ -157,13 +157,21 @@ def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> No
     """
     kink = kink or _bends(a, b)
     element = a.point.mesh.plan.element
+    _share_coordinates(a, b, lambda i, j: not (kink and i > 0), owner, out)
+    if kink and element.section_kind == "tangent":
+        align(a.point, b.point, owner, out)
+
+
+def _share_coordinates(a: _End, b: _End, chosen: Callable[[int, int], bool], owner: str, out: Equations) -> None:
+    """Share those coordinates d^(i+j) r/dx^i dy^j of two nodes that are chosen by i and j."""
+    element = a.point.mesh.plan.element
     nc, beta = element.components, math.remainder(a.angle - b.angle, 2 * math.pi)
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
     da, db = a.point.dofs(), b.point.dofs()
     assert a.point.node is not None
     names = [n for n in element.nodes[a.point.node].coordinates if n != "theta"]
     for k, name in enumerate(names):
-        if kink and derivative_order(name)[0] > 0:
+        if not chosen(*derivative_order(name)):
             continue
         x, y = db[nc * k], db[nc * k + 1]
         sense = float(a.way * b.way) ** sum(derivative_order(name))
@@ -174,8 +182,6 @@ def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> No
             out.rows.append(Row(coords, coefs, owner, "xy"[m] if name == "r" else f"{name.replace('_', '')}_{'xy'[m]}"))
         if nc == 3:
             out.rows.append(Row(np.array([da[nc * k + 2], db[nc * k + 2]]), np.array([1.0, -1.0]), owner, "theta"))
-    if kink and element.section_kind == "tangent":
-        align(a.point, b.point, owner, out)
 
 
 def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
@@ -185,6 +191,16 @@ def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
         share_direction(a, b, owner, out)
     else:
         align(a, b, owner, out)
+
+
+def _weld_in_line(a: _End, b: _End, owner: str, out: Equations) -> None:
+    """Weld two unlike ends; where they are of one type and in line, their sections also warp alike.
+
+    Left free to warp, a section would turn in the mean beside its direction on the axis, as if there were a hinge.
+    """
+    _weld_points(a.point, b.point, owner, out)
+    if a.point.mesh.plan.element == b.point.mesh.plan.element and not _turns(a, b):
+        _share_coordinates(a, b, lambda i, j: i == 0 and j > 1, owner, out)
 
 
 def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
@@ -205,7 +221,7 @@ def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
             corners += 1
             _weld_points(a, b, f"corner {corners} of {mesh.plan.name}", out)
         else:
-            _weld_points(a, b, f"the step of the section at {a.label}", out)
+            _weld_in_line(_End(a, 1), _End(b, 1), f"the step of the section at {a.label}", out)
 
 
 @joint
@@ -245,8 +261,11 @@ class WeldJoint:
         """Ask that all points have the position and rotation of the first, or that two ends share their nodes."""
         points = context.together(self.between)
         a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
-        if a is not None and b is not None and _goes_on(a, b):
-            _share_nodes(a, b, any(context.acting[p] > 1 for p in self.between), owner, out)
+        if a is not None and b is not None:
+            if _goes_on(a, b):
+                _share_nodes(a, b, any(context.acting[p] > 1 for p in self.between), owner, out)
+            else:
+                _weld_in_line(a, b, owner, out)
             return
         for point in points[1:]:
             _weld_points(points[0], point, owner, out)

@@ -125,6 +125,16 @@ def test_a_step_between_nodes_is_two_welded_bodies(spec):
     assert one.theta("b@1") == pytest.approx(two.theta("c@1"), rel=1e-10)
 
 
+def test_a_step_is_no_hinge_of_sections_that_warp():
+    """Free to warp at the step, sections of third degree would make the beam 11 % too soft."""
+    step = {"height": {"s": [0, 0.37, 0.37, 1], "value": [H, H, H / 2, H / 2]}, "width": B}
+    load = {"type": "force", "at": "b@1", "value": [0, -1000.0]}
+    exact = beam(step, {"type": "reissner3"}, 10, solver="linear_static", loads=[load]).u("b@1")[1]
+    found = beam(step, {"type": "ancf", "order": [3, 3], "formulation": "continuum"}, 10, solver="linear_static",
+                 loads=[{**load, "spread": "uniform"}]).u("b@1")[1]
+    assert found == pytest.approx(exact, rel=0.02)
+
+
 def test_uniform_stretches_of_a_stepped_body_have_one_class_each():
     body = {"geometry": helpers.line(L), "section": {"height": {"s": [0, 0.5, 0.5, 1], "value": [H, H, 0.05, 0.05]},
                                                      "width": B}, "material": {"E": E, "nu": NU},
