@@ -11,7 +11,7 @@ from typing import Any
 from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import quoted
 from .records import walk
-from .schema import Case, LimitPoints, Point, Stiffness
+from .schema import Case, Layers, LimitPoints, Point, Stiffness
 from .source import Source
 
 STATIC = ("linear_static", "static")
@@ -281,6 +281,13 @@ class _Checker:
                 self.fail((*path, "section"), f"{dotted(path)}.section.rhoA is missing: mass per "
                           f"length, needed because {why}",
                           f"a number > 0 {self.binder.unit('kg/m')}")
+            return
+        if isinstance(body.section, Layers):
+            for k, layer in enumerate(body.section.layers):
+                if layer.material.rho is None:
+                    place = (*path, "section", "layers", k, "material")
+                    self.fail(place, f"{dotted(place)}.rho is missing: density, needed because {why}",
+                              f"a number > 0 {self.binder.unit('kg/m^3')}")
             return
         if body.material is None or body.material.rho is None:
             self.fail((*path, "material"), f"{dotted(path)}.material.rho is missing: density, "

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
 
 
 def timoshenko(nu: float) -> float:
@@ -11,12 +15,34 @@ def timoshenko(nu: float) -> float:
 
 
 @dataclass(frozen=True)
+class Layer:
+    """A layer of a section, from y = ``bottom`` to ``top`` [m]: E [Pa], nu, rho [kg/m^3], alpha [1/K]."""
+
+    bottom: float
+    top: float
+    E: float
+    nu: float
+    rho: float
+    alpha: float
+
+    @property
+    def G(self) -> float:
+        """Shear modulus [Pa]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    def moment(self, n: int) -> float:
+        """Return int y^n dy over the layer."""
+        return float(self.top ** (n + 1) - self.bottom ** (n + 1)) / (n + 1)
+
+
+@dataclass(frozen=True)
 class Section:
     """Section constants: height and width [m], E, k_s mu [Pa], and the stiffnesses and inertias.
 
     EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m], thermal expansion alpha [1/K]; the rectangle height x
     width stands for the section where a formulation integrates over the body. Each is a number, or, of a section
-    that varies, an array (stations,) at the stations that were asked for.
+    that varies, an array (stations,) at the stations that were asked for. Of ``layers``, ES [N m] couples stretch
+    and bending (N = EA eps - ES kappa, M = EI kappa - ES eps), and rhoS [kg] is the first moment of the mass.
     """
 
     height: float
@@ -30,6 +56,9 @@ class Section:
     rhoA: float = 0.0
     rhoI: float = 0.0
     alpha: float = 0.0
+    ES: float = 0.0
+    rhoS: float = 0.0
+    layers: tuple[Layer, ...] = ()
 
     @property
     def mu_k(self) -> float:
@@ -40,3 +69,74 @@ class Section:
     def rho(self) -> float:
         """Mass density of the rectangle [kg/m^3]."""
         return self.rhoA / (self.height * self.width)
+
+    @property
+    def height_of_axis(self) -> float:
+        """Height of the axis above the lower face [m]."""
+        return -self.layers[0].bottom if self.layers else 0.5 * self.height
+
+    def free(self, axial: Any, curvature: Any, value: Any, gradient: Any) -> tuple[Any, Any, Any]:
+        """Return axial strain, curvature and mean strain across that a section has without force and moment.
+
+        It is strained by ``axial`` and ``curvature``, and its temperature changes by ``value`` + ``gradient`` y. A body
+        that grows alike in all directions keeps its angles, and so the curvature per length of its reference.
+        """
+        if not self.layers:
+            return axial + self.alpha * value, curvature - self.alpha * gradient, self.alpha * value
+        b, across = self.width, sum(l.alpha * (l.top - l.bottom) for l in self.layers) / self.height
+        T = [sum(l.E * l.alpha * b * l.moment(n) for l in self.layers) for n in range(3)]
+        N, M = T[0] * value + T[1] * gradient, -(T[1] * value + T[2] * gradient)
+        det = self.EA * self.EI - self.ES**2
+        return (axial + (self.EI * N + self.ES * M) / det, curvature + (self.ES * N + self.EA * M) / det,
+                across * value)
+
+    def of_layer(self, y: Any, value: Callable[[Layer], float], otherwise: Any) -> Any:
+        """Return a value of the layer at heights y (n,); of a section without layers what is given."""
+        if not self.layers:
+            return otherwise
+        tops = np.array([l.top for l in self.layers[:-1]])
+        return np.array([value(l) for l in self.layers])[np.searchsorted(tops, y)]
+
+
+# the constants that may vary along a body; layers do not
+CONSTANTS = tuple(f.name for f in fields(Section) if f.name != "layers")
+
+
+def laminate(width: float, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:
+    """Return the section of layers; the shear stiffness is that of equilibrium, times ``factor``.
+
+    nu and E are means by stiffness, and alpha the mean over the height.
+    """
+    E, rho = ([width * sum(getattr(l, name) * l.moment(n) for l in layers) for n in range(3)] for name in ("E", "rho"))
+    height = layers[-1].top - layers[0].bottom
+    kGA = factor / shear_compliance(width, layers, (E[0], E[1], E[2]))
+    area = width * sum(l.G * (l.top - l.bottom) for l in layers)
+    nu = sum(l.nu * l.E * (l.top - l.bottom) for l in layers) * width / E[0]
+    alpha = sum(l.alpha * (l.top - l.bottom) for l in layers) / height
+    return Section(height, width, E[0] / (width * height), nu, kGA / area, EA=E[0], kGA=kGA, EI=E[2], rhoA=rho[0],
+                   rhoI=rho[2], alpha=alpha, ES=E[1], rhoS=rho[1], layers=layers)
+
+
+def shear_flow(layers: tuple[Layer, ...], E: tuple[float, float, float], y: Any) -> Any:
+    """Return the shear stress (n,) [Pa] at heights y (n,) per unit of Q, by the equilibrium of what is below.
+
+    Without axial force, M' = -Q strains the fibres by (a - c y) Q per length. ``E`` are EA, ES and EI.
+    """
+    det = E[0] * E[2] - E[1] ** 2
+    a, c = -E[1] / det, -E[0] / det
+    out = np.zeros(np.shape(y))
+    for l in layers:
+        top = np.clip(y, l.bottom, l.top)
+        out -= l.E * (a * (top - l.bottom) - 0.5 * c * (top**2 - l.bottom**2))
+    return out
+
+
+def shear_compliance(width: float, layers: tuple[Layer, ...], E: tuple[float, float, float]) -> float:
+    """Return 1/kGA [1/N] by the energy of the shear stress that equilibrium asks for: b int tau^2/G dy."""
+    x, w = np.polynomial.legendre.leggauss(5)
+    total = 0.0
+    for l in layers:
+        half = 0.5 * (l.top - l.bottom)
+        y = 0.5 * (l.top + l.bottom) + half * x
+        total += width * half * float(w @ shear_flow(layers, E, y) ** 2) / l.G
+    return total

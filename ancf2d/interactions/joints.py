@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..case.kinds import ListOf, Name, Number, Vector
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point, named_twice
 from ..elements.definition import derivative_order
+from ..elements.section import CONSTANTS
 from ..elements.shape import Array
 from ..model.constraints import Equations, Row, align, along, combine, share_direction
 from ..model.mesh import BodyMesh
@@ -95,14 +96,15 @@ def same_kind(a: PointRef, b: PointRef) -> bool:
     """Whether bodies can share all coordinates of a node: same type and form, section and material the same there."""
     pa, pb = a.mesh.plan, b.mesh.plan
     return (not pa.rigid and pa.element == pb.element and pa.formulation is pb.formulation
+            and len(_stiffness(a)) == len(_stiffness(b))
             and all(math.isclose(va, vb, rel_tol=ALIKE) for va, vb in zip(_stiffness(a), _stiffness(b), strict=True)))
 
 
 def _stiffness(point: PointRef) -> list[float]:
     """Return what makes the stiffness of the section at a point, seen from its own element."""
     section = point.mesh.classes[point.mesh.cls[point.ie]].sampler.at(np.array([point.xi]))
-    found = (getattr(section, f.name) for f in fields(section) if f.name not in ("rhoA", "rhoI"))
-    return [float(np.atleast_1d(v)[0]) for v in found]
+    found = [float(np.atleast_1d(getattr(section, k))[0]) for k in CONSTANTS if k not in ("rhoA", "rhoI", "rhoS")]
+    return found + [v for l in section.layers for v in (l.bottom, l.top, l.E, l.nu, l.alpha)]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import factorial
@@ -16,7 +16,7 @@ from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross, product_points
 from ..elements.rigid import RIGID_TYPE
-from ..elements.section import Section
+from ..elements.section import CONSTANTS, Section
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
 from .axis import Bend
 from .curve import AT_NODE, Piece
@@ -158,9 +158,10 @@ class BodyMesh:
 
         cuts = tuple((s - a) / l for s in plan.cuts if 1e-9 < (s - a) / l < 1.0 - 1e-9)
         at = profile(PLACES)
-        some = {f.name: np.atleast_1d(getattr(at, f.name)) for f in fields(Section)}
+        some = {name: np.atleast_1d(getattr(at, name)) for name in CONSTANTS}
         if not cuts and all(np.all(v == v[0]) for v in some.values()):
-            return Section(**{name: float(v[0]) for name, v in some.items()}), None, (), ()
+            numbers: dict[str, Any] = {name: float(v[0]) for name, v in some.items()}
+            return replace(plan.section, **numbers), None, (), ()
         return plan.section, profile, cuts, (plan.name, a)
 
     def _samplers_of(self, piece: Piece) -> list[Sampler]:
@@ -269,8 +270,8 @@ class BodyMesh:
             return self.plan.section
         found = [one.sampler.at(xi) for one in self.classes]
         arrays: dict[str, Any] = {}
-        for f in fields(Section):
-            arrays[f.name] = np.array([np.broadcast_to(getattr(s, f.name), len(xi)) for s in found])[self.cls]
+        for name in CONSTANTS:
+            arrays[name] = np.array([np.broadcast_to(getattr(s, name), len(xi)) for s in found])[self.cls]
         return Section(**arrays)
 
     @cached_property
@@ -337,7 +338,7 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
     """
     element = sampler.shape.element
     along = lobatto(element.degree_x + 1) if ends else _along(sampler, upto)
-    xi, eta, w = product_points(along, gauss(element.degree_y + 2))
+    xi, eta, w = product_points(along, _across(sampler))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
     if element.degree_y == 0:
         density = np.hypot(rx[:, 0], rx[:, 1])
@@ -345,6 +346,18 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
         density = cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
     dv, section = w * density * sampler.shape.l, sampler.at(xi)
     return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
+
+
+def _across(sampler: Sampler) -> tuple[Array, Array]:
+    """Return points in [0, 1] from face to face and weights that integrate over the mass across."""
+    y, w = gauss(sampler.shape.element.degree_y + 2)
+    section = sampler.section
+    if not section.layers or not section.rhoA or sampler.shape.element.degree_y == 0:
+        return y, w
+    thick = [layer.top - layer.bottom for layer in section.layers]
+    points = [0.5 + (layer.bottom + t * y) / section.height for layer, t in zip(section.layers, thick, strict=True)]
+    mass = [layer.rho * t * section.width / section.rhoA * w for layer, t in zip(section.layers, thick, strict=True)]
+    return np.concatenate(points), np.concatenate(mass)
 
 
 def _along(sampler: Sampler, upto: float) -> tuple[Array, Array]:

@@ -16,11 +16,13 @@ from ..case import (
     Dynamic,
     Element,
     ElementDefinition,
+    Layers,
     Line,
     LoadedCase,
     Point,
     Polyline,
     Selective,
+    SmallMotions,
 )
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
@@ -223,6 +225,13 @@ def _with_kinks(element: ElementType, moving: bool) -> bool:
     return shared and not (moving and element.section_kind == "tangent")
 
 
+def _of_layers(element: ElementType) -> str:
+    """Return the formulation of a type whose section has layers: its own, if it integrates over them or the axis."""
+    if is_axis_type(element) or element.formulation in ("continuum", "structural"):
+        return element.formulation
+    return "structural" if FORMULATIONS["structural"].refuse(element) is None else "continuum"
+
+
 def knows_curvature(element: ElementType) -> bool:
     """Whether nodal coordinates have to do with the curvature of the axis, so that they jump where it does."""
     return any(i > 0 and i + j > 1 for i, j in (derivative_order(name) for _, name in element.functionals))
@@ -242,7 +251,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     if spec.preset == "paper" and not preset:
         offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
         raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
-    formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", element.formulation)))
+    usual = _of_layers(element) if isinstance(body.section, Layers) else element.formulation
+    formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", usual)))
     # a flexible body without one is refused
     assert spec.count is not None
     refine = spec.refine or 1
@@ -292,10 +302,14 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, Bod
     if len(loaded.case.bodies) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
                                           f"at most {MAX_BODIES}")]
+    weighed = isinstance(loaded.case.solver, Dynamic | SmallMotions) or loaded.case.steady_rotation is not None or any(
+        load.acceleration is not None for load in loaded.case.loads)
     for name, body in loaded.case.bodies.items():
         try:
             plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name), acting[name],
                                                  [p.s for p in points if p.body == name], moving))
+            if weighed and isinstance(body.section, Layers):
+                _check_mass(plans[name])
         except ArithmeticError:
             problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
         except AxisError as error:
@@ -313,6 +327,16 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, Bod
             ("bodies", largest, "element", "count"), f"bodies.{largest}.element.count: all bodies together have "
             f"{count} nodal coordinates", f"at most {MAX_COORDINATES}"))
     return plans, problems
+
+
+def _check_mass(plan: BodyPlan) -> None:
+    """Raise SectionError where the mass lies off an axis whose type has its mass there."""
+    section = plan.section
+    if is_axis_type(plan.element) and abs(section.rhoS) > 1e-9 * section.rhoA * section.height:
+        off = section.rhoS / section.rhoA
+        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the mass lies {off:g} off the axis, on which "
+                           f"{plan.element.name} has its mass",
+                           f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
 
 
 def _computable(plan: BodyPlan) -> BodyPlan:

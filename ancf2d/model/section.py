@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Body, Rectangle, Stiffness
+from ..case import Body, Layers, Rectangle, Stiffness
 from ..elements.definition import ElementType
 from ..elements.formulations import Formulation
-from ..elements.section import Section, timoshenko
+from ..elements.section import Layer, Section, laminate, timoshenko
 from ..elements.shape import Array, gauss
 from .curve import Piece
 from .profiles import VaryingSection, profile_breaks, profiles_of
@@ -80,6 +80,8 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
     if isinstance(body.section, Stiffness):
         alpha = (body.material.alpha if body.material else None) or 0.0
         return _from_stiffness(body.section, element, formulation, alpha)
+    if isinstance(body.section, Layers):
+        return _from_layers(body.section, element, formulation, k)
     material = body.material
     # a case without them is refused
     assert material is not None
@@ -100,6 +102,30 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
     G = E / (2.0 * (1.0 + nu))
     return Section(h, b, E, nu, k_s, EA=E * A, kGA=k_s * G * A, EI=E * I, rhoA=rho * A, rhoI=rho * I,
                    alpha=material.alpha or 0.0)
+
+
+def _from_layers(given: Layers, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
+    """Return the section of layers. Sections that warp by themselves have their own shear factor, 1."""
+    if element.common_coefficients or formulation.name in ("enhanced", "strain_split"):
+        what = "ties y^2 to x^2" if element.common_coefficients else f"has no layers in formulation {formulation.name}"
+        raise SectionError(("section", "layers"), f"{element.name} {what}",
+                           "formulation continuum or structural, or a type of cable, reissner3, vallejo, ancf")
+    heights = [layer.height for layer in given.layers]
+    E, total = [float(layer.material.E) for layer in given.layers], sum(heights)  # type: ignore[arg-type]
+    ends = np.concatenate([[0.0], np.cumsum(heights)])
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    stiff = np.array(E) * heights
+    axis = {"middle": 0.5 * total, "centroid": float(stiff @ middles) / float(stiff.sum())}.get(
+        str(given.axis), given.axis)
+    layers = []
+    for layer, (low, high), e in zip(given.layers, pairwise((ends - axis).tolist()), E, strict=True):
+        m = layer.material
+        layers.append(Layer(low, high, e, m.nu or 0.0, float(m.rho or 0.0), m.alpha or 0.0))  # type: ignore[arg-type]
+    section = laminate(given.width, tuple(layers), k if isinstance(k, float) else 1.0)
+    if given.axis == "centroid":
+        section = replace(section, ES=0.0)
+    warps = not is_axis_type(element) and formulation.name == "continuum" and element.degree_y > 2
+    return replace(section, k_s=k if isinstance(k, float) else 1.0) if warps else section
 
 
 def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alpha: float) -> Section:

@@ -17,6 +17,8 @@ from ..model.model import Model
 if TYPE_CHECKING:
     from .state import State
 
+# of half the height: how far from an interface of layers its two sides are told
+SIDE = 1e-9
 ALONG, ACROSS = 5, 5  # least stations along and across an element, its ends and faces included
 
 
@@ -92,7 +94,13 @@ class FieldReader:
 
 def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
     across = max(ACROSS, 2 * mesh.plan.element.degree_y + 1)
-    return np.linspace(0.0, 1.0, ALONG), np.linspace(-1.0, 1.0, across)
+    section, along = mesh.plan.section, np.linspace(0.0, 1.0, ALONG)
+    if section.layers:
+        # both sides of each interface
+        half = 0.5 * section.height
+        sides = [(layer.bottom + SIDE * half, layer.top - SIDE * half) for layer in section.layers]
+        return along, np.concatenate([np.linspace(low, high, ACROSS) for low, high in sides]) / half
+    return along, np.linspace(-1.0, 1.0, across)
 
 
 def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,

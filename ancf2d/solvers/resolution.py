@@ -103,7 +103,8 @@ class _Body:
 
 def _bodies(model: Model) -> dict[str, _Body]:
     return {name: _Body(model, mesh) for name, mesh in model.meshes.items()
-            if has_section_forces(mesh) and mesh.plan.length > SHORT * mesh.plan.section.height}
+            # layers that strain each other store energy without section forces
+            if has_section_forces(mesh) and not mesh.plan.section.layers and mesh.plan.length > SHORT * mesh.plan.section.height}
 
 
 class Resolution:

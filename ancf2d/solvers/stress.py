@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..elements.formulations.base import Sampler, cross
+from ..elements.formulations.base import Sampler, cross, of_section
 from ..elements.formulations.green import elasticity, natural_at
-from ..elements.section import Section
+from ..elements.section import CONSTANTS, Section, shear_flow
 from ..elements.shape import Array, gauss
 from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
@@ -147,7 +147,7 @@ class StressByEquilibrium:
         self.natural = NaturalPoints(model, mesh, xi, eta)
         sections = mesh.sections(xi)
         # over elements, along and across
-        arrays: dict[str, Any] = {f.name: np.asarray(getattr(sections, f.name))[..., None] for f in fields(Section)}
+        arrays: dict[str, Any] = {name: np.asarray(getattr(sections, name))[..., None] for name in CONSTANTS}
         self.section = Section(**arrays)
 
     def __call__(self, state: State) -> OverBody:
@@ -166,6 +166,53 @@ class StressByEquilibrium:
         return OverBody(stress, strain, 0.5 * (axial**2 / section.E + shear * gamma)[..., None])
 
 
+class StressOverLayers:
+    """Stress of a body of layers: its section forces strain all fibres, each layer is stressed by its own stiffness.
+
+    What the layers would strain by if they were free is taken off in each; the shear stress is that of equilibrium.
+    """
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
+        self.forces, self.eta, self.section = SectionForces(model, mesh, xi), eta, mesh.plan.section
+        self.natural = NaturalPoints(model, mesh, xi, eta)
+        self.middle = NaturalSections(model, mesh, xi)
+
+    def __call__(self, state: State) -> OverBody:
+        """Return the fields of a state."""
+        s = self.section
+        y = 0.5 * s.height * self.eta
+        E, G, nu = (s.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: l.G, lambda l: l.nu))
+        N, Q, M = np.moveaxis(self.forces(state), -1, 0)[..., None]
+        det = s.EA * s.EI - s.ES**2
+        axial, curvature = (s.EI * N + s.ES * M) / det, (s.ES * N + s.EA * M) / det
+        free = self.middle(state)
+        whole = axial + free[..., :1] - (curvature + free[..., 1:]) * y
+        natural = np.broadcast_to(self.natural(replace(state, linear=True), np.full(len(N), True)), (*whole.shape, 3))
+        beyond = whole - natural[..., 0]
+        tau = Q * shear_flow(s.layers, (s.EA, s.ES, s.EI), y)
+        stress = np.stack([E * beyond, np.zeros_like(beyond), tau], axis=-1)
+        strain = np.stack([whole, natural[..., 1] - nu * beyond, tau / G], axis=-1)
+        return OverBody(stress, strain, 0.5 * (E * beyond**2 + tau**2 / G)[..., None])
+
+
+class NaturalSections:
+    """Axial strain and curvature that the sections of a body at stations xi (nx,) would have if they were free."""
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
+        self.model, self.count = model, (len(mesh.dofs), len(xi))
+        self.loads = [k for k, load in enumerate(model.loads.natural) if load.mesh is mesh]
+        self.free = np.array([[of_section(mesh.classes[c].sampler, partial(model.loads.natural[k].along, e), xi)[:2]
+                               for e, c in enumerate(mesh.cls)] for k in self.loads])
+
+    def __call__(self, state: State) -> Array:
+        """Return axial strain and curvature (ne, nx, 2) in a state."""
+        out = np.zeros((*self.count, 2))
+        amounts = natural_rates(self.model, state)
+        for k, free in zip(self.loads, self.free, strict=True):
+            out += amounts[k] * np.moveaxis(free, 1, -1)
+        return out
+
+
 def is_rectangle(section: Section) -> Any:
     """Whether height and width are those of a rectangle with the section's area and second moment, at each station."""
     area = section.height * section.width
@@ -177,5 +224,7 @@ def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[
 
     ``eta`` holds an odd number of points with 0 in the middle.
     """
+    if mesh.plan.section.layers:
+        return StressOverLayers(model, mesh, xi, eta)
     own = mesh.plan.formulation.stress is not None
     return (StressByLaw if own else StressByEquilibrium)(model, mesh, xi, eta)

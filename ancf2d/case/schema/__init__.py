@@ -9,6 +9,7 @@ from .body import (
     AreaSection,
     Body,
     Element,
+    Layers,
     Material,
     MaterialDamping,
     Rectangle,
@@ -48,8 +49,8 @@ from .solvers import (
 __all__ = [
     "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
     "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse",
-    "Geometry", "Goal", "GroundPoint", "Initial", "LimitPoints", "Line", "LinePiece", "LinearStatic", "LoadFactor",
-    "Material", "MaterialDamping", "Output", "PathGeometry", "Point", "Polyline", "Probe", "ProbeReaches",
+    "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece", "LinearStatic",
+    "LoadFactor", "Material", "MaterialDamping", "Output", "PathGeometry", "Point", "Polyline", "Probe", "ProbeReaches",
     "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
     "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
     "SteadyRotation", "Stiffness", "Table", "Units", "register",

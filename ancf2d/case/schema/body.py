@@ -7,7 +7,7 @@ from typing import Any
 
 from ..binder import Issue
 from ..declare import key, record
-from ..kinds import Choice, Integer, Known, Number, Text, Vector
+from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
 from ..records import ByKeys, ByShape, OneOf, Record
 from .geometry import Geometry
 from .profiles import Profile, ProfileOf
@@ -45,7 +45,6 @@ class Stiffness:
     rhoI: float | Profile | None = key(ProfileOf("kg m", ge=0), "Rotary inertia per length", default=None)
 
 
-Section = Rectangle | AreaSection | Stiffness
 
 
 @record
@@ -69,6 +68,43 @@ class Material:
     alpha: float | None = key(Number("1/K"), "Coefficient of thermal expansion, the same in all directions; needed for "
                               "load temperature", default=None, example=1.2e-5)
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
+
+
+@record
+class LayerOf:
+    """A layer of a section."""
+
+    height: float = key(Number("m", gt=0), "Height, in the plane", example=1e-3)
+    material: Material = key(Record(Material), "Material")
+
+
+@record
+class Layers:
+    """A section of layers, each of a material; the body has none."""
+
+    width: float = key(Number("m", gt=0), "Width, out of the plane", example=0.01)
+    layers: tuple[LayerOf, ...] = key(ListOf(Record(LayerOf), "layers", 1), "Layers, from below (negative y) to above")
+    axis: float | str = key(ByShape(number=Number("m", ge=0), text=Choice("middle", "centroid")),
+                            "Where the axis lies: in the middle of the height, in the centroid of stiffness, or a "
+                            "distance above the lower face", default="middle")
+
+    def check(self) -> Iterator[Issue]:
+        """Yield an axis that is not within the section, and materials that lack what layers need."""
+        if isinstance(self.axis, float) and self.axis > sum(layer.height for layer in self.layers):
+            yield Issue(("axis",), f"{{}}.axis must be within the height, got {self.axis:g}")
+        for k, layer in enumerate(self.layers):
+            for name in ("E", "nu"):
+                if getattr(layer.material, name) is None:
+                    yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material.{name} is missing")
+            if not isinstance(layer.material.E, float | None) or not isinstance(layer.material.rho, float | None):
+                yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material varies along the body",
+                            "numbers: materials of layers do not vary")
+            if layer.material.damping is not None:
+                yield Issue(("layers", k, "material", "damping"), f"{{}}.layers.{k}.material.damping: layers cannot "
+                            "damp by themselves", "damping.rayleigh of the case")
+
+
+Section = Rectangle | AreaSection | Stiffness | Layers
 
 
 POINTS_RULE = Vector(Integer(1, 20), "nx, ny")
@@ -159,7 +195,7 @@ class Body:
 
     geometry: Geometry = key(OneOf(Geometry), "Reference axis")
     section: Section | None = key(
-        ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Rectangle, ())),
+        ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Layers, ("layers",)), (Rectangle, ())),
         "Cross-section", default=None)
     material: Material | None = key(Record(Material), "Material", default=None)
     element: Element = key(Record(Element, short="type", what="auto"), "Element type and mesh")
@@ -176,13 +212,19 @@ class Body:
                 if self.material is not None and getattr(self.material, k) is not None:
                     yield Issue(("material", k), f"{{}}.material.{k} cannot be given: the section "
                                 "gives the stiffnesses")
+        elif isinstance(self.section, Layers):
+            if self.material is not None:
+                yield Issue(("material",), "{}.material cannot be given: each layer has one")
+            if rigid:
+                yield Issue(("section",), "{}.section: a rigid body has no layers",
+                            "{height, width}, or mass and inertia")
         elif not rigid:
             yield from self._stiffness()
 
     def _stiffness(self) -> Iterator[Issue]:
         if self.section is None:
             yield Issue((), "{}.section is missing", "{height, width}, "
-                        "{A, I, height} or {EA, kGA, EI, rhoA, rhoI}")
+                        "{A, I, height}, {width, layers} or {EA, kGA, EI, rhoA, rhoI}")
         if self.material is None:
             yield Issue((), "{}.material is missing", "{E, nu} and rho where mass "
                         "matters")

@@ -114,13 +114,9 @@ Free = Callable[[Array], Array]
 
 
 def of_section(sampler: Sampler, free: Free, xi: Array) -> tuple[Array, Array, Array]:
-    """Return axial strain, curvature and strain across (n,) that sections at xi would have if they were free.
-
-    A body that grows alike in all directions keeps its angles, and so the curvature per length of its reference.
-    """
+    """Return axial strain, curvature and strain across (n,) that sections at xi would have if they were free."""
     axial, curvature, value, gradient = free(xi)
-    alpha = sampler.at(xi).alpha
-    return axial + alpha * value, curvature - alpha * gradient, alpha * value
+    return sampler.at(xi).free(axial, curvature, value, gradient)
 
 
 # from strains (..., 3) at points and on the axis below them, and D and D0 of ``green.elasticity``: stress (..., 3) and
@@ -188,6 +184,12 @@ def diagonal(ds: Array, *stiffness: float) -> Array:
     D = np.zeros((len(ds), len(stiffness), len(stiffness)))
     for k, value in enumerate(stiffness):
         D[:, k, k] = ds * value
+    return D
+
+
+def coupled(D: Array, ds: Array, ES: Any, stretch: int, bend: int) -> Array:
+    """Return D with the coupling -ES of a stretch and a curvature, per length ds (stations,)."""
+    D[:, stretch, bend] = D[:, bend, stretch] = -ds * ES
     return D
 
 

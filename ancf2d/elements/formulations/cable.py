@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, diagonal, join, of_section
+from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, cross, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -134,7 +134,9 @@ def _stations(sampler: Sampler, points: tuple[Array, Array], parts: tuple[float,
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)
-    return B, ref, diagonal(ds, parts[0] * s.EA, parts[1] * s.EI)
+    # EA (eps - e kappa)^2 with e = ES/EA, and what is left of EI
+    EI = parts[1] * s.EI + (parts[0] - parts[1]) * s.ES**2 / s.EA
+    return B, ref, coupled(diagonal(ds, parts[0] * s.EA, EI), ds, parts[0] * s.ES, 0, 1)
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:

@@ -99,6 +99,8 @@ def _stations(sampler: Sampler, rule: tuple[int, int], choose: Callable[[Array, 
 
 def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has points of its own."""
+    if sampler.section.layers:
+        return sample_layers(sampler, rule)
     if rule.uniform:
         return _stations(sampler, rule.normal, lambda D, D0: D)
     return join(_stations(sampler, rule.normal, lambda D, D0: D * _NORMAL),
@@ -152,7 +154,8 @@ def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array) -> Array:
     """
     axial, curvature, value, gradient = free(xi)
     section, element = sampler.at(xi), sampler.shape.element
-    y, alpha = 0.5 * section.height * eta, section.alpha
+    y = 0.5 * section.height * eta
+    alpha = section.of_layer(y, lambda layer: layer.alpha, section.alpha)
     length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0[:, :2], axis=1)
                     for at in (eta, 0.0 * eta))
     along = (axial - curvature * y) * axis / length + alpha * (value + gradient * y)
@@ -173,8 +176,69 @@ def _tied(sampler: Sampler) -> float:
     return 0.0
 
 
+def _layer_points(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Return xi, eta and weights across [m] of the points of all layers at each place along, place by place."""
+    half = 0.5 * sampler.section.height
+    (x, _), (y, wy) = gauss(rule.normal[0]), gauss(rule.normal[1])
+    layers = sampler.section.layers
+    eta = np.concatenate([(l.bottom + (l.top - l.bottom) * y) / half for l in layers])
+    w = np.concatenate([(l.top - l.bottom) * wy for l in layers])
+    return np.repeat(x, len(eta)), np.tile(eta, len(x)), np.tile(w, len(x))
+
+
+def _jumps(sampler: Sampler, eta: Array, w: Array) -> Array:
+    """Return strains (points, m) that jump from layer to layer, and that no section of the type can follow.
+
+    In each layer they are polynomials as the strain across of the type is, without those of the whole section.
+    Neighbours of one stiffness and expansion are one layer.
+    """
+    layers, degree = sampler.section.layers, sampler.shape.element.degree_y - 1
+    kinds = np.cumsum([k > 0 and (l.E, l.nu, l.alpha) != (m.E, m.nu, m.alpha)
+                       for k, (l, m) in enumerate(zip(layers, (layers[0], *layers), strict=False))])
+    own = np.repeat(kinds, len(eta) // len(layers))
+    powers = np.stack([eta**k for k in range(degree + 1)], axis=1)
+    parts = np.concatenate([powers * (own == kind)[:, None] for kind in range(own.max() + 1)], axis=1)
+    root = np.sqrt(w)[:, None]
+    whole, _ = np.linalg.qr(root * powers)
+    left = root * parts
+    left = left - whole @ (whole.T @ left)
+    return np.linalg.svd(left, full_matrices=False)[0][:, :own.max() * (degree + 1)] / root
+
+
+def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+    """Sample a section of layers: the points at one place along are one station.
+
+    Across, each layer stretches and shears as its own stiffness asks, not as polynomials over the whole section can:
+    strains that jump at the interfaces (``_jumps``) are added, and eliminated by their own equilibrium (enhanced
+    assumed strains; Simo & Rifai 1990). Their mean over the section is zero.
+    """
+    nx, section = rule.normal[0], sampler.section
+    xi, eta, across = _layer_points(sampler, rule)
+    B, ref, det = _points(sampler, xi, eta)
+    P, y = len(xi) // nx, 0.5 * section.height * eta
+    E, nu, G = (section.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: l.nu, lambda l: l.G))
+    volume = (np.repeat(gauss(nx)[1], P) * across * det * sampler.shape.l * section.width).reshape(nx, P)
+    D = np.zeros((len(xi), 3, 3))
+    D[:, 0, 0] = D[:, 1, 1] = E / (1.0 - nu**2)
+    D[:, 0, 1] = D[:, 1, 0] = nu * D[:, 0, 0]
+    D[:, 2, 2] = section.k_s * G
+    stiffness = (volume.reshape(-1, 1, 1) * D).reshape(nx, P, 3, 3)
+    out = np.zeros((nx, 3 * P, 3 * P))
+    modes = _jumps(sampler, eta[:P], across[:P])
+    for i in range(nx):
+        for p in range(P):
+            out[i, 3 * p:3 * p + 3, 3 * p:3 * p + 3] = stiffness[i, p]
+        free = np.zeros((3 * P, 2 * modes.shape[1]))
+        free[1::3, :modes.shape[1]] = free[2::3, modes.shape[1]:] = modes
+        K = out[i] @ free
+        out[i] -= K @ np.linalg.solve(free.T @ K, K.T) if modes.shape[1] else 0.0
+    return B.reshape(nx, 4 * P, -1), ref.reshape(nx, 4 * P), 0.5 * (out + out.transpose(0, 2, 1))
+
+
 def natural_continuum(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return the natural strains at the points of the rule, or of the two rules."""
+    if sampler.section.layers:
+        return natural_at(sampler, free, *_layer_points(sampler, rule)[:2]).reshape(rule.normal[0], -1)
     rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
     return np.concatenate([natural_at(sampler, free, *rule_points(r)[:2]) for r in rules])
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, diagonal, join, of_section, rule_points
+from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section, rule_points
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -54,7 +54,8 @@ def _stations(sampler: Sampler, n: int, parts: tuple[float, ...]) -> tuple[Array
     ref = np.hstack([rx / j0, np.cos(theta), np.sin(theta)])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)
-    return B, ref, diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI), strict=True)))
+    D = diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI), strict=True)))
+    return B, ref, coupled(D, ds, parts[0] * s.ES, 0, 2)
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:

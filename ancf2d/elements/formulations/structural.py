@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, Free, PointLaw, Rule, Sampler, diagonal, join, of_section
+from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -114,7 +114,8 @@ def _stations(sampler: Sampler, points: tuple[Array, Array],
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)
-    return B, ref, diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI, s.EA), strict=True)))
+    D = diagonal(ds, *(p * k for p, k in zip(parts, (s.EA, s.kGA, s.EI, s.EA), strict=True)))
+    return B, ref, coupled(D, ds, parts[0] * s.ES, 0, 2)
 
 
 def _terms(sampler: Sampler) -> int:

@@ -1,0 +1,157 @@
+"""Bodies of layers: coupling of stretch and bending, shear by equilibrium, stresses, and bimetal strips."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.elements.section import Layer, laminate
+
+L, WIDTH, T, F = 0.1, 0.01, 50.0, -2.0
+LINEAR = {"type": "linear_static"}
+
+
+def layer(height: float, E: float, alpha: float = 0.0, nu: float = 0.3, rho: float = 1000) -> dict[str, Any]:
+    return {"height": height, "material": {"E": E, "nu": nu, "alpha": alpha, "rho": rho}}
+
+
+def strip(kind: Any, layers: list[dict[str, Any]], loads: list[dict[str, Any]], axis: Any = "middle", count: int = 4,
+          formulation: str | None = None, **more: Any) -> dict[str, Any]:
+    element: dict[str, Any] = {"type": kind} if isinstance(kind, str) else {"type": "ancf", "order": kind}
+    element |= {"count": count, **({"formulation": formulation} if formulation else {})}
+    section = {"width": WIDTH, "layers": layers, "axis": axis}
+    return {"bodies": {"strip": {"geometry": {"type": "line", "start": [0, 0], "end": [L, 0]}, "section": section,
+                                 "element": element}},
+            "boundary_conditions": [{"name": "wall", "type": "clamp", "at": "strip@0"}], "loads": loads,
+            "solver": LINEAR, "output": {"probes": {"tip": "strip@1", "a": "strip@0.4", "b": "strip@0.6"}}, **more}
+
+
+def probes(case: dict[str, Any]) -> dict[str, Any]:
+    return ancf2d.solve(case, states=False).summary["probes"]
+
+
+def timoshenko(m: float, n: float, h: float, difference: float) -> float:
+    """Curvature of a bimetal strip: m = a1/a2, n = E1/E2 (Timoshenko 1925, Eq. 4)."""
+    return 6 * difference * T * (1 + m) ** 2 / (h * (3 * (1 + m) ** 2 + (1 + m * n) * (m * m + 1 / (m * n))))
+
+
+BIMETALS = [(1e-3, 1e-3, 2e11, 1e11), (0.5e-3, 1.5e-3, 7e10, 2.1e11), (2e-3, 0.5e-3, 1e11, 1e11)]
+HEAT = [{"type": "temperature", "on": "strip", "value": T}]
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
+@pytest.mark.parametrize("axis", ["middle", "centroid", 0.0])
+@pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
+def test_bimetal_strips_bend_as_timoshenko_says(kind: str, axis: Any, low: float, high: float, E1: float, E2: float,
+                                                ) -> None:
+    tip = probes(strip(kind, [layer(low, E1, 1e-5), layer(high, E2, 2.5e-5)], HEAT, axis))["tip"]
+    assert tip["theta"] == pytest.approx(-L * timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-9)
+
+
+@pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
+def test_a_bimetal_continuum_bends_so_away_from_its_ends(low: float, high: float, E1: float, E2: float) -> None:
+    case = strip([3, 3], [layer(low, E1, 1e-5, nu=0.2), layer(high, E2, 2.5e-5)], HEAT, count=80)
+    found = probes(case)
+    curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
+    assert curvature == pytest.approx(-timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["reissner3", [3, 3]])
+def test_layers_of_one_material_are_one_rectangle(kind: Any) -> None:
+    loads = [{"type": "force", "at": "strip@1", "value": [0, F]}]
+    layers = probes(strip(kind, [layer(0.4e-3, 7e10), layer(1.6e-3, 7e10)], loads))["tip"]
+    whole = strip(kind, [], loads)
+    whole["bodies"]["strip"] |= {"section": {"height": 2e-3, "width": WIDTH}, "material": {"E": 7e10, "nu": 0.3}}
+    if kind == "reissner3":
+        whole["bodies"]["strip"]["element"]["shear_factor"] = 5 / 6
+    assert layers["uy"] == pytest.approx(probes(whole)["tip"]["uy"], rel=1e-9)
+
+
+def moments(layers: list[tuple[float, float]], axis: float) -> tuple[float, float, float]:
+    """EA, ES, EI of layers (height, E) about an axis above the lower face."""
+    ends = np.cumsum([0.0, *(h for h, _ in layers)]) - axis
+    return tuple(WIDTH * sum(E * (b ** (n + 1) - a ** (n + 1)) / (n + 1) for (a, b), (_, E)  # type: ignore[return-value]
+                             in zip(pairwise(ends), layers, strict=True)) for n in range(3))
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
+@pytest.mark.parametrize("axis", ["centroid", 0.0, 2.5e-3])
+def test_a_laminated_cantilever_bends_by_what_couples(kind: str, axis: Any) -> None:
+    parts = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
+    EA, ES, EI = moments(parts, 2e-3)
+    bending = EI - ES**2 / EA
+    found = probes(strip(kind, [layer(h, E) for h, E in parts], [{"type": "force", "at": "strip@1", "value": [0, F]}],
+                         axis))["tip"]
+    ends = np.cumsum([0.0, *(h for h, _ in parts)]) - 2e-3
+    kGA = laminate(WIDTH, tuple(Layer(a, b, E, 0.3, 0, 0) for (a, b), (_, E) in zip(pairwise(ends), parts, strict=True))
+                   ).kGA
+    shear = 0.0 if kind == "cable" else F * L / kGA
+    assert found["uy"] == pytest.approx(F * L**3 / (3 * bending) + shear, rel=1e-9)
+
+
+def test_the_shear_stiffness_is_that_of_equilibrium() -> None:
+    one = laminate(0.3, (Layer(-1.0, 1.0, 2.6, 0.3, 0, 0),))
+    assert one.kGA == pytest.approx(5 / 6 * 0.6, rel=1e-12)
+    # thin stiff faces on a soft core: the core shears alone, over the distance between the faces
+    t, c, G = 1e-4, 1.0, 1e-3
+    sandwich = laminate(1.0, (Layer(-c / 2 - t, -c / 2, 1e6, 0.3, 0, 0), Layer(-c / 2, c / 2, 2 * G, 0.0, 0, 0),
+                              Layer(c / 2, c / 2 + t, 1e6, 0.3, 0, 0)))
+    assert sandwich.kGA == pytest.approx(G * (c + t) ** 2 / c, rel=1e-4)
+
+
+def test_each_layer_is_stressed_by_its_own_stiffness(tmp_path: Path) -> None:
+    parts = [(1e-3, 2e11), (2e-3, 7e10)]
+    case = strip("reissner3", [layer(h, E) for h, E in parts], [{"type": "force", "at": "strip@1", "value": [0, F]}])
+    case["output"]["fields"] = ["stress"]
+    held = ancf2d.solve(case, output=tmp_path / "held.h5")
+    stress, record = held.results.field("strip", "stress"), held.results.fields["strip"]["stress"]
+    y = 1.5e-3 * record.eta
+    E = np.where(y < -0.5e-3, 2e11, 7e10)
+    EA, ES, EI = moments(parts, 1.5e-3)
+    det = EA * EI - ES**2
+    M = F * L  # at the wall
+    assert stress[0, 0, :, 0] == pytest.approx(E * (ES - EA * y) * M / det, rel=1e-6)
+    # no shear at the faces; at the interface it is continuous, and what the layer below hands on
+    below = np.flatnonzero(y < -0.5e-3)
+    assert abs(stress[0, 0, [0, -1], 2]).max() < 1e-6 * abs(stress[0, 0, :, 2]).max()
+    assert stress[0, 0, below[-1], 2] == pytest.approx(stress[0, 0, below[-1] + 1, 2], rel=1e-6)
+    flow = -F * 2e11 * (-ES * 1e-3 + EA * 0.5 * (0.5e-3**2 - 1.5e-3**2)) / det
+    assert stress[0, 0, below[-1], 2] == pytest.approx(flow, rel=1e-6)
+
+
+def test_mirrored_layers_bend_the_other_way() -> None:
+    up, down = (probes(strip([3, 3], layers, HEAT))["tip"]["uy"] for layers in (
+        [layer(1e-3, 2e11, 1e-5), layer(2e-3, 1e11, 2e-5)], [layer(2e-3, 1e11, 2e-5), layer(1e-3, 2e11, 1e-5)]))
+    assert up == pytest.approx(-down, rel=1e-8)
+
+
+def test_frequencies_do_not_depend_on_where_the_axis_lies() -> None:
+    def first(axis: Any) -> float:
+        case = strip("vallejo", [layer(1e-3, 2e11, rho=7800), layer(3e-3, 1e10, rho=1000)], [], axis, 8,
+                     solver={"type": "eigen", "modes": 1})
+        return float(ancf2d.solve(case, states=False).summary["frequencies"][0]["omega"])
+
+    assert first(0.0) == pytest.approx(first("middle"), rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "changes", "says"), [
+    ("reissner3", {"solver": {"type": "eigen", "modes": 1}}, "the mass lies"),
+    ("2d2n", {}, "ties y\\^2 to x\\^2"),
+    ("vallejo", {"formulation": "enhanced"}, "has no layers in formulation enhanced"),
+])
+def test_what_layers_cannot_be_is_refused(kind: str, changes: dict[str, Any], says: str) -> None:
+    case = strip(kind, [layer(1e-3, 2e11, rho=7800), layer(2e-3, 1e11)], [], **changes)
+    with pytest.raises(ancf2d.CaseError, match=says):
+        ancf2d.solve(case)
+
+
+def test_a_body_of_layers_has_no_material_of_its_own() -> None:
+    case = strip("reissner3", [layer(1e-3, 2e11)], [])
+    case["bodies"]["strip"]["material"] = {"E": 1e9, "nu": 0.3}
+    with pytest.raises(ancf2d.CaseError, match="each layer has one"):
+        ancf2d.load(case)
