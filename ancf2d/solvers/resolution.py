@@ -102,9 +102,10 @@ class _Body:
 
 
 def _bodies(model: Model) -> dict[str, _Body]:
+    # layers that strain each other store energy without section forces
     return {name: _Body(model, mesh) for name, mesh in model.meshes.items()
-            # layers that strain each other store energy without section forces
-            if has_section_forces(mesh) and not mesh.plan.section.layers and mesh.plan.length > SHORT * mesh.plan.section.height}
+            if has_section_forces(mesh) and not mesh.plan.section.layers
+            and mesh.plan.length > SHORT * mesh.plan.section.height}
 
 
 class Resolution:
