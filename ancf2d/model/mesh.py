@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
-from ..elements.formulations.base import cross, product_points
+from ..elements.formulations.base import across_mass, cross, product_points
 from ..elements.rigid import RIGID_TYPE
 from ..elements.section import CONSTANTS, Section
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
@@ -338,7 +338,7 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
     """
     element = sampler.shape.element
     along = lobatto(element.degree_x + 1) if ends else _along(sampler, upto)
-    xi, eta, w = product_points(along, _across(sampler))
+    xi, eta, w = product_points(along, across_mass(sampler))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
     if element.degree_y == 0:
         density = np.hypot(rx[:, 0], rx[:, 1])
@@ -346,18 +346,6 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
         density = cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
     dv, section = w * density * sampler.shape.l, sampler.at(xi)
     return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
-
-
-def _across(sampler: Sampler) -> tuple[Array, Array]:
-    """Return points in [0, 1] from face to face and weights that integrate over the mass across."""
-    y, w = gauss(sampler.shape.element.degree_y + 2)
-    section = sampler.section
-    if not section.layers or not section.rhoA or sampler.shape.element.degree_y == 0:
-        return y, w
-    thick = [layer.top - layer.bottom for layer in section.layers]
-    points = [0.5 + (layer.bottom + t * y) / section.height for layer, t in zip(section.layers, thick, strict=True)]
-    mass = [layer.rho * t * section.width / section.rhoA * w for layer, t in zip(section.layers, thick, strict=True)]
-    return np.concatenate(points), np.concatenate(mass)
 
 
 def _along(sampler: Sampler, upto: float) -> tuple[Array, Array]:

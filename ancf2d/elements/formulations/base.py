@@ -179,6 +179,18 @@ def product_points(along: tuple[Array, Array], across: tuple[Array, Array]) -> t
     return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
 
 
+def across_mass(sampler: Sampler) -> tuple[Array, Array]:
+    """Return points in [0, 1] from face to face of a section, and weights that integrate over its mass."""
+    element, section = sampler.shape.element, sampler.section
+    y, w = gauss(element.degree_y + 2)
+    if not section.layers or not section.rhoA or element.degree_y == 0:
+        return y, w
+    thick = [layer.top - layer.bottom for layer in section.layers]
+    points = [0.5 + (layer.bottom + t * y) / section.height for layer, t in zip(section.layers, thick, strict=True)]
+    mass = [layer.rho * t * section.width / section.rhoA * w for layer, t in zip(section.layers, thick, strict=True)]
+    return np.concatenate(points), np.concatenate(mass)
+
+
 def diagonal(ds: Array, *stiffness: float) -> Array:
     """Return D (stations, n, n) = ds diag(stiffness); each stiffness is a number or an array (stations,)."""
     D = np.zeros((len(ds), len(stiffness), len(stiffness)))
