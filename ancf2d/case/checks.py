@@ -138,8 +138,8 @@ class _Checker:
                           f"with {listed(solvers)}", on_key=True)
         for i, spring in enumerate(self.case.springs or ()):
             if spring is not INVALID and self.solver == "linear_static" and spring.breaks:
-                self.fail(("springs", i), f"springs.{i} acts in a part of its elongations alone, which linear statics "
-                          "cannot express", "solver static")
+                self.fail(("springs", i), f"springs.{i} is one-sided or has a gap, which linear statics cannot "
+                          "express", "solver static")
         if self.case.steady_rotation is None:
             return
         for i, load in enumerate(self.case.loads or ()):

@@ -173,8 +173,8 @@ class Estimate:
             return [said + "Errors of single steps keep it and add up: use a smaller one" + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
         return [said + f"This is more than the errors of all {count} steps together: they grow, because the motion is "
-                "sensitive to its start, as chaotic motions are. A smaller tolerance moves the time from which on it "
-                "is not known; statistics of the motion may still be right"]
+                "sensitive to its start, as chaotic motions are. A smaller tolerance only delays the time after "
+                "which it is unknown; statistics of the motion may still be right"]
 
     def _jump(self) -> str:
         """Say that a prescribed motion starts a model at rest as an impact does, where one does."""

@@ -120,9 +120,9 @@ class _Relaxation:
                 self.pushed = result.negative_pivots
             self.left = result.d
             self._push()
-        raise ComputationError("what its weight is to hold does not come to rest", at={"steps": self.steps},
-                               advice="supports or joints that hold what can move without end, or gravity that acts "
-                                      "on everything that can move")
+        raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
+                               advice="supports or joints for every part that could move without end, or gravity "
+                                      "that acts on every part that can move")
 
     def _close(self, d: Array | None, share: float) -> bool:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent

@@ -140,7 +140,7 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
     """
     problem, pairs = pairs_of(small, spec.modes)
     if pairs.rest.any():
-        raise ComputationError("some motion that nothing holds or moves cannot be told apart beside loads that turn "
+        raise ComputationError("free rigid motions cannot be separated from the other motions under loads that turn "
                                "with the body", at={"solver": "state_space"}, advice="a support, joint or spring")
     force, blocks, states = np.array([i.f for i in inputs]), [], []
     rows: list[tuple[Array, Array]] = []
