@@ -67,11 +67,14 @@ def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str
 
 def duration(seconds: float) -> str:
     """Return a time span in the unit that reads best."""
-    if seconds < 1e-3:
+    # 0.9996 s is 1 s, not 1e+03 ms
+    if seconds < 0.9995e-3:
         return f"{1e6 * seconds:.0f} us"
-    if seconds < 1.0:
+    if seconds < 0.9995:
         return f"{1e3 * seconds:.3g} ms"
-    return f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min"
+    if seconds < 120:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 120 * 60 else f"{seconds / 3600:.3g} h"
 
 
 def many(count: int, what: str) -> str:

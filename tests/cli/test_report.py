@@ -100,5 +100,10 @@ def test_limit_points_and_expected_values_have_units_in_the_case_s_own() -> None
 def test_the_column_of_times_is_as_wide_whatever_they_are() -> None:
     """So that two runs can be compared line by line."""
     widths = {table([["n", TIME, "x"], ["2", duration(t), "y"]])[0].index("x")
-              for t in (1e-5, 9.99e-4, 0.0144, 0.0521, 0.521, 1.0, 9.87, 118.0, 3000.0)}
+              for t in (1e-5, 9.99e-4, 0.0144, 0.0521, 0.521, 1.0, 9.87, 118.0, 3000.0, 9e4)}
     assert len(widths) == 1
+
+
+def test_times_near_a_change_of_unit_have_no_exponent() -> None:
+    """A time that rounds to 1000 of a unit is 1 of the next."""
+    assert [duration(t) for t in (9.996e-4, 0.9996, 119.9, 7199.0, 9e4)] == ["1 ms", "1 s", "120 s", "120 min", "25 h"]
