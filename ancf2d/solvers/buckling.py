@@ -18,6 +18,7 @@ from .ldl import Symmetric
 from .linearised import Base, Linearised, stored
 from .matrix_pencil import Pencil, each, ritz
 from .reduced import Quadratic
+from .resolution import Resolution
 from .state import State
 from .static import unscaled
 from .system import System
@@ -83,6 +84,10 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
                  "elements separate. Use fewer elements, or a type whose neighbours share their sections, such as "
                  "vallejo"
                  for k in np.flatnonzero(meshed)]
+    start = State(0.0, base, pencil.balance.Q, model.external(0.0), 0.0, turned=turned)
+    good = ~meshed & (factors * size <= FAR)
+    warnings += Resolution(model).of_buckling(start, u, STEP / size if moves else 1.0, factors[good],
+                                              full_shapes(model, V[good]))
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
                         + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))

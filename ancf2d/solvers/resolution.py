@@ -9,7 +9,7 @@ determinate, it is the error of the deflection under the loads, and of the squar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,10 @@ import numpy as np
 
 from ..case import Buckling, Dynamic, Eigen
 from ..elements.shape import Array, gauss
+from ..interactions.forces import LoadSet
 from ..kernels.elements import natural_power, viscous_force
 from ..model.locking import thickness_excess
-from ..model.mesh import BodyMesh
+from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from .section_forces import SectionForces, has_section_forces, nodal_forces
 from .state import State
@@ -29,14 +30,23 @@ from .system import System
 STATIONS = 3
 # of a deflection or frequency: what is told. A thick continuum differs from a beam by up to 0.03
 TOLD = 0.08
+# the same of a load factor, of whose error elements with a straight axis show half
+TOLD_BUCKLING = 0.04
 # of the largest energy of a motion, in the mean over time: what is told. Positions are then off by 1 % or more
 UNFOLLOWED = 1e-3
 # states of a motion that are looked at
 LOOKS = 20
-# elements of models that are looked at: of more, it would take seconds
-MOST = 20_000
-# a body shorter than so many heights is no beam
-SHORT = 2.0
+# elements of a model that are looked at: of more, a sample, of each body at least so many
+MOST, LEAST = 5_000, 100
+# bodies and elements of models that are not looked at where they have more of both: it would take seconds
+BODIES, MANY = 100, 20_000
+# heights below which supports and loads at the ends disturb all of a body: of sections that bend, of straight ones that
+# change their height, and of rigid ones
+SHORT = {"bending": 2.0, "straight": 0.5, "rigid": 0.0}
+# displacement, beside the extent of the model, by which small motions are differentiated
+SMALL = 1e-4
+# of a frequency or load factor: the most that is lost to be told as a number
+WHOLE = 0.99
 # times the strain: share by which the energy of a law of Green-Lagrange strains differs from that of a linear one
 LARGE_STRAIN = 3.0
 # strain that is round-off, of a body as long as it is high
@@ -52,40 +62,81 @@ class _Body:
 
     model: Model
     mesh: BodyMesh
+    some: Index = field(init=False)
 
     def __post_init__(self) -> None:
+        count = len(self.mesh.dofs)
+        looked = min(count, max(LEAST, count * MOST // self.model.n_elements))
+        self.some = ((np.arange(looked) + 0.5) * count / looked).astype(np.int64)
         x, w = gauss(STATIONS)
         section, length, at = self.mesh.plan.section, self.mesh.plan.length, self.mesh.sections(x)
         self.forces = SectionForces(self.model, self.mesh, x)
-        self.ds = self.mesh.lengths[:, None] * w
+        self.weight = count / looked
+        self.lengths = self.mesh.lengths[self.some, None]
+        self.ds = self.weight * self.lengths * w
         slides = 0.0 if self.mesh.plan.element.section_kind == "tangent" else 1.0 / at.kGA
         bends = 1.0 / (at.EI * (1.0 + thickness_excess(self.mesh)))
-        self.compliance = np.stack(np.broadcast_arrays(1.0 / at.EA, slides, bends), axis=-1)
+        compliance = np.stack(np.broadcast_arrays(1.0 / at.EA, slides, bends), axis=-1)
+        self.compliance = np.broadcast_to(compliance, (count, STATIONS, 3))[self.some]
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
     def energies(self, state: State) -> tuple[float, float]:
         """Return U, and by how much the mesh fails to follow U*; both 0 where they are round-off."""
-        forces = self.forces(state)
-        density = 0.5 * forces**2 * self.compliance
-        asked, stored = float(np.einsum("ek,ekc->", self.ds, density)), self._stored(state)
+        forces = self.forces(state, self.some)
+        asked, stored = self._asked(forces), self._stored(state)
         size = float(np.abs(self.model.weights * state.d[:self.model.n_q]).max()) / self.model.extent
         floor = self.faint * (size if state.linear else max(1.0, size)) ** 2
         if max(asked, stored) <= floor:
             return 0.0, 0.0
-        # the strain that makes this energy, in the mean over the body
-        strain = math.sqrt(2.0 * stored / (self.mesh.plan.section.EA * self.mesh.plan.length))
-        linear = state.linear or self.mesh.plan.formulation.stress is None
-        allowed = 0.0 if linear else LARGE_STRAIN * strain * stored
-        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces)
+        allowed = 0.0 if state.linear else self._large(stored) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces[..., 0], forces[..., 2])
 
-    def _held(self, forces: Array) -> float:
+    def motion(self, state: State, shape: Array, forces: Array, N: Array) -> tuple[float, float]:
+        """Return what ``energies`` returns, of a small motion (n_q,) about a state.
+
+        ``forces`` (m, k, 3) are the section forces that the motion adds, N (m, k) those of the state. U is what the
+        strains of the motion store; what the state's forces do in it is not among it.
+        """
+        dofs = self.mesh.dofs[self.some]
+        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some)
+        self.model.set_natural(None)
+        d, v = state.d[:self.model.n_q][dofs].ravel(), shape[dofs].ravel()
+        asked, stored = self._asked(forces), 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
+        size = float(np.abs(self.model.weights * shape).max()) / self.model.extent
+        if max(asked, stored) <= self.faint * size**2:
+            return 0.0, 0.0
+        allowed = self._large(max(self.weight * energy, 0.0)) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(N, forces[..., 2])
+
+    def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
+        """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its elastic forces and rates."""
+        size = float(np.abs(self.model.weights * motion[:self.model.n_q]).max()) / self.model.extent
+        h = SMALL / size if size > 0.0 else 1.0
+        ends = [self.forces(replace(state, d=state.d + s * motion, Q=state.Q + s * Q, linear=False, about=state.d,
+                                    a=None if a is None else s * a), self.some) for s in (h, -h)]
+        return np.asarray((ends[0] - ends[1]) / (2.0 * h))
+
+    def tension(self, state: State) -> Array:
+        """Return N (m, k) of a state."""
+        return self.forces(state, self.some)[..., 0]
+
+    def _asked(self, forces: Array) -> float:
+        """Return U*."""
+        return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
+
+    def _large(self, stored: float) -> float:
+        """Return the share of the energy that is off by the size of the strains which store U, in the mean."""
+        if self.mesh.plan.formulation.stress is None:
+            return 0.0
+        return LARGE_STRAIN * math.sqrt(2.0 * stored / (self.mesh.plan.section.EA * self.mesh.plan.length))
+
+    def _held(self, N: Array, M: Array) -> float:
         """Return the share of a deflection within elements that is left where tension pulls it straight.
 
         A beam on the length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).
         """
-        N, M = forces[..., 0], forces[..., 2]
-        pulled = np.maximum(N, 0.0) * (self.mesh.lengths[:, None] / math.pi) ** 2 * self.compliance[..., 2]
+        pulled = np.maximum(N, 0.0) * (self.lengths / math.pi) ** 2 * self.compliance[..., 2]
         weight = self.ds * M**2
         total = float(weight.sum())
         return float((weight / (1.0 + pulled)).sum()) / total if total > 0.0 else 1.0
@@ -93,19 +144,27 @@ class _Body:
     def _stored(self, state: State) -> float:
         """Return the strain energy, of the strains eps + tau d eps/dt where a viscous stress is among the forces."""
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
-        Q, energy, alone = nodal_forces(self.model, mesh, state, np.arange(len(mesh.dofs)))
+        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some)
         if state.linear or state.v is None or not tau:
-            return energy
-        d, v = (x[:n_q][mesh.dofs].ravel() for x in (state.d, state.v))
+            return self.weight * energy
+        d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))
         power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
-        return energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d))
+        return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))
 
 
 def _bodies(model: Model) -> dict[str, _Body]:
     # layers that strain each other store energy without section forces
     return {name: _Body(model, mesh) for name, mesh in model.meshes.items()
             if has_section_forces(mesh) and not mesh.plan.section.layers
-            and mesh.plan.length > SHORT * mesh.plan.section.height}
+            and mesh.plan.length > _shortest(mesh) * mesh.plan.section.height}
+
+
+def _shortest(mesh: BodyMesh) -> float:
+    """Return how many heights a body must be longer than to be judged as a beam."""
+    element = mesh.plan.element
+    if element.section_kind != "interpolated":
+        return SHORT["rigid"]
+    return SHORT["straight" if element.degree_y == 1 else "bending"]
 
 
 class Resolution:
@@ -114,7 +173,8 @@ class Resolution:
     def __init__(self, model: Model) -> None:
         self.model, self.solver = model, model.case.solver
         # what solves to an accuracy judges its meshes itself
-        self.looks = model.n_elements <= MOST and model.case.accuracy is None
+        few = len(model.meshes) <= BODIES or model.n_elements <= MANY
+        self.looks = few and model.case.accuracy is None
         # of a motion: energy that the mesh does not follow, summed over looks; the largest energy; when to look again
         self.lost: dict[str, float] = {}
         self.energy, self.count, self.next = 0.0, 0, 0.0
@@ -149,8 +209,11 @@ class Resolution:
             return []
         if isinstance(self.solver, Dynamic):
             return self._of_motion()
-        if isinstance(self.solver, Eigen) and self.solver.about == "reference":
-            return [] if self.model.case.steady_rotation else self._of_modes(state)
+        if isinstance(self.solver, Eigen):
+            if self.model.case.steady_rotation is not None:
+                return self._of_statics(state)
+            at_rest = self.solver.about == "reference"
+            return self._of_modes(state) if at_rest else [*self._of_statics(state), *self._of_modes(state)]
         return self._of_statics(state)
 
     def _of_motion(self) -> list[str]:
@@ -173,35 +236,89 @@ class Resolution:
                 f"{ADVICE}"]
 
     def _of_modes(self, state: State) -> list[str]:
-        alone = replace(self.model, case=replace(self.model.case, loads=()))
-        bodies, system, zero = _bodies(alone), System(alone), np.zeros_like(state.d)
-        off: dict[str, float] = {}
-        told: dict[str, float] = {}
+        solver, model = self.solver, self.model
+        assert isinstance(solver, Eigen)
+        if solver.about == "reference":
+            model = replace(model, case=replace(model.case, loads=()), loads=LoadSet())
+        shapes = _Shapes(model, state)
+        off, told = {}, dict.fromkeys(shapes.bodies, 0.0)
         for mode, shape in zip(state.report["frequencies"], state.arrays["modes/shapes"][0], strict=True):
             if mode["kind"] not in KINDS or mode["omega"] == 0.0:
                 continue
-            d = np.append(shape, np.zeros(len(zero) - len(shape)))
-            Q = system.action(zero, d, 0.0, linear=True)
             # omega^2 of the undamped mode, where damping has the same share in all of it
-            squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
-            moving = State(0.0, d, Q, zero, 0.0, linear=True, a=-squared * d)
-            found = {name: body.energies(moving) for name, body in bodies.items()}
-            share = _share(sum(gap for _, gap in found.values()), sum(stored for stored, _ in found.values()))
+            share, gaps = shapes.lost(shape, mode["omega"]**2 + mode.get("growth", 0.0)**2)
             if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > TOLD:
                 off[f"{mode['kind']} {mode['number']}"] = error
-                for name, (_, gap) in found.items():
-                    told[name] = told.get(name, 0.0) + gap / mode["omega"]**2
+                for name, gap in gaps.items():
+                    told[name] += gap
+        return self._off("modes: the frequency is off for", off, told)
+
+    def of_buckling(self, start: State, u: Array, h: float, factors: Array, shapes: Array) -> list[str]:
+        """Return what to say of load factors and their shapes (m, n_q), which loads without a potential do not have.
+
+        ``start``: the state without the loads that the factor scales, u (n_full,) the linear response to them, h the
+        factor by which their effect on the motion is differentiated.
+        """
+        if not self.looks:
+            return []
+        at = _Shapes(self.model, start, u, h)
+        off, told = {}, dict.fromkeys(at.bodies, 0.0)
+        for k, (factor, shape) in enumerate(zip(factors.tolist(), shapes, strict=True)):
+            share, gaps = at.lost(shape, None, factor)
+            if (error := 1.0 / (1.0 - share) - 1.0) > TOLD_BUCKLING:
+                off[f"number {k + 1} ({factor:.6g})"] = error
+                for name, gap in gaps.items():
+                    told[name] += gap
+        return self._off("load factors, which are too large:", off, told)
+
+    def _off(self, what: str, off: dict[str, float], told: dict[str, float]) -> list[str]:
+        """Return the warning of modes or load factors that are off, with where they are so most."""
         if not off:
             return []
         worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
         more = f", and {len(off) - SHOWN} more" if len(off) > SHOWN else ""
-        return [f"the mesh is too coarse for some of the modes: the frequency is off for {worst}{more}"
-                f"{self._where(told)}. {ADVICE}"]
+        return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(told)}. {ADVICE}"]
 
     def _where(self, lost: dict[str, float]) -> str:
         """Return ' (body rod, 4 elements)' for the body that the mesh follows least, where there are several."""
         name = max(lost, key=lambda k: lost[k])
         return f" (most in bodies.{name}, {self.model.meshes[name].plan.count} elements)" if len(lost) > 1 else ""
+
+
+class _Shapes:
+    """Small motions about a state, or about where the linear response u to a load factor has moved it."""
+
+    def __init__(self, model: Model, state: State, u: Array | None = None, h: float = 0.0) -> None:
+        self.model, self.h, self.bodies, self.system = model, h, _bodies(model), System(model)
+        turned = model.turns.from_reference(state.d) if state.turned is None else state.turned
+        self.system.count_from((state.d, turned))
+        base = replace(state, v=None, a=None)
+        self.states = [base] if u is None else [
+            base, *(replace(base, t=base.t + s, side=base.t + s, d=base.d + s * u) for s in (h, -h))]
+
+    def lost(self, shape: Array, squared: float | None, factor: float = 0.0) -> tuple[float, dict[str, float]]:
+        """Return by which share the mesh makes omega^2 or the load factor too large, and the parts of each body in it.
+
+        ``shape`` (n_q,); ``squared`` is omega^2, None where nothing vibrates.
+        """
+        base, motion = self.states[0], np.zeros(len(self.states[0].d))
+        motion[:len(shape)] = shape
+        forces = [self.system.action(s.d, motion, s.t, loads=True) for s in self.states]
+        a = None if squared is None else -squared * motion
+        found = {}
+        for name, body in self.bodies.items():
+            added = self._followed([body.added(s, motion, Q, a) for s, Q in zip(self.states, forces, strict=True)],
+                                   factor)
+            N = self._followed([body.tension(s) for s in self.states], factor)
+            found[name] = body.motion(base, shape, added, N)
+        stored, gap = (sum(pair[k] for pair in found.values()) for k in (0, 1))
+        whole = 0.5 * float(motion @ forces[0])
+        share = stored * _share(gap, stored) / whole if whole > 0.0 else 0.0
+        return min(share, WHOLE), {name: lost / whole for name, (_, lost) in found.items()} if whole > 0.0 else {}
+
+    def _followed(self, values: list[Array], factor: float) -> Array:
+        """Return what values at the states are at a load factor, to first order."""
+        return values[0] if len(values) == 1 else values[0] + factor / (2.0 * self.h) * (values[1] - values[2])
 
 
 def _percent(share: float) -> str:

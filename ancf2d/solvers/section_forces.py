@@ -62,7 +62,10 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> t
         Q += natural
     else:
         model.set_natural(state.side, None if state.v is None else natural_rates(model, state, 1))
-        energy = elastic_force(alone, d, Q)
+        start = d if state.about is None else state.about[:model.n_q][dofs].ravel()
+        energy = elastic_force(alone, start, Q)
+        if start is not d:
+            tangent_action(alone, start, d - start, Q)
     return Q.reshape(dofs.shape), energy, alone
 
 
@@ -109,16 +112,19 @@ class SectionForces:
         """What integrates over the mass of each class before each station, and of all of it."""
         return [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in self.mesh.classes]
 
-    def __call__(self, state: State, first: int = 0, count: int | None = None) -> Array:
-        """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (count, k, 3)."""
-        last = len(self.mesh.dofs) if count is None else first + count
+    def __call__(self, state: State, elements: Index | None = None) -> Array:
+        """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (m, k, 3).
+
+        They are those of the elements (m,), by default of all.
+        """
+        every = np.arange(len(self.mesh.dofs)) if elements is None else elements
         self.inside = acting_inside(self.model, self.mesh, state)
-        out = np.empty((last - first, len(self.xi), 3))
-        for start in range(first, last, BLOCK):
-            some = slice(start, min(start + BLOCK, last))
-            for k in np.unique(self.kind[some]):
-                chosen = np.arange(some.start, some.stop)[self.kind[some] == k]
-                out[chosen - first] = _Part(self, state, chosen).forces()
+        out = np.empty((len(every), len(self.xi), 3))
+        for start in range(0, len(every), BLOCK):
+            block = every[start:start + BLOCK]
+            for k in np.unique(self.kind[block]):
+                mine = np.flatnonzero(self.kind[block] == k)
+                out[start + mine] = _Part(self, state, block[mine]).forces()
         return out
 
 
@@ -303,5 +309,5 @@ class _Part:
 
 def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
     """Return N, Q, M at a point; see SectionForces."""
-    N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, point.ie, 1)[0, 0].tolist()
+    N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, np.array([point.ie]))[0, 0].tolist()
     return N, Q, M

@@ -22,7 +22,7 @@ class State:
     ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
 
     ``side`` is the time that amplitudes are taken at: t, where it is not given, but at a break of a motion the float
-    before it.
+    before it. ``about`` (n_full,): displacements about which elastic forces are linear, None where they are not.
 
     Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
     statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
@@ -48,6 +48,7 @@ class State:
     checkpoint: dict[str, Array] | None = None
     side: float = math.nan
     left: float | None = None
+    about: Array | None = None
 
     def __post_init__(self) -> None:
         if math.isnan(self.side):

@@ -137,3 +137,55 @@ def test_what_is_moved_without_strain_is_not_judged(angle: str) -> None:
     outcome = run_case(helpers.load({"b": body}, "static", bc=[
         {"type": "prescribed", "at": "b@0", "x": 0, "y": 0, "angle": turn}]))
     assert not said(outcome)
+
+
+def buckled(count: int) -> tuple[float, list[str]]:
+    loads = [{"type": "force", "at": "b@1", "value": [-1, 0]}]
+    outcome = run_case(cantilever("reissner2", count, {"type": "buckling", "modes": 1}, loads=loads))
+    return outcome.summary["load_factors"][0], said(outcome)
+
+
+def test_a_mesh_that_makes_a_column_too_stiff_against_buckling_says_so() -> None:
+    (coarse, told), (fine, silent), (limit, _) = (buckled(count) for count in (2, 16, 64))
+    assert coarse / limit - 1.0 > 0.08
+    assert "load factors" in told[0]
+    assert fine / limit - 1.0 < 0.01
+    assert not silent
+
+
+@pytest.mark.parametrize("force", [-2e4, 1e6])
+def test_modes_about_a_static_state_are_off_by_what_is_said(force: float) -> None:
+    """Compressed and pulled: tension makes a part of the stiffness, which the mesh follows."""
+    def second(count: int) -> tuple[float, list[str]]:
+        loads = [{"type": "force", "at": "b@1", "value": [force, 0]}]
+        outcome = run_case(cantilever("reissner2", count, {"type": "eigen", "modes": 2, "about": "static"},
+                                      loads=loads))
+        return outcome.summary["frequencies"][1]["omega"], said(outcome)
+
+    (coarse, told), (_, silent), (limit, _) = (second(count) for count in (4, 16, 64))
+    found = re.search(r"bending 2 by about (\S+) %", told[0])
+    assert found is not None
+    assert coarse / limit - 1.0 == pytest.approx(float(found[1]) / 100, rel=0.35)
+    assert not silent
+
+
+def test_a_coarse_body_beside_one_of_very_many_elements_says_so() -> None:
+    def warnings(count: int) -> list[str]:
+        bodies = {name: helpers.body(helpers.line(2.0), helpers.element("reissner2", n), SECTION, helpers.STEEL)
+                  for name, n in (("b", count), ("c", 20_000))}
+        ends = [{"type": "clamp", "at": f"{name}@0"} for name in bodies]
+        return said(run_case(helpers.load(bodies, "linear_static", bc=ends, loads=TIP)))
+
+    assert "bodies.b" in warnings(1)[0]
+    assert not warnings(8)
+
+
+def test_a_short_body_whose_sections_stay_straight_is_judged() -> None:
+    def warnings(count: int) -> list[str]:
+        body = helpers.body(helpers.line(1.8), helpers.element("reissner2", count), {"height": 1.0, "width": 1.0},
+                            helpers.STEEL)
+        return said(run_case(helpers.load({"b": body}, "linear_static", bc=[{"type": "clamp", "at": "b@0"}],
+                                          loads=TIP)))
+
+    assert warnings(1)
+    assert not warnings(8)
