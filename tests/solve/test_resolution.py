@@ -189,3 +189,27 @@ def test_a_short_body_whose_sections_stay_straight_is_judged() -> None:
 
     assert warnings(1)
     assert not warnings(8)
+
+
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_natural_strains_that_bodies_follow_freely_are_not_judged_by_the_stress_they_leave(solver: str) -> None:
+    """A bar whose temperature changes bends without section forces, to 3 % of where a fine mesh has it."""
+    def tip(count: int) -> tuple[Any, list[str]]:
+        curve = {"type": "spline", "points": [[0, 0], [1, 0.3], [2, 0], [3, -0.2]]}
+        body = helpers.body(curve, helpers.element("vallejo", count), {"height": 0.05, "width": 0.05},
+                            {**helpers.STEEL, "alpha": 1.2e-5})
+        outcome = run_case(helpers.load({"b": body}, solver, bc=[{"type": "clamp", "at": "b@0"}],
+                                        loads=[{"type": "temperature", "on": "b", "value": 60, "gradient": 100}],
+                                        output={"probes": {"tip": "b@1"}}))
+        return outcome.summary["probes"]["tip"]["uy"], said(outcome)
+
+    (coarse, told), (limit, _) = tip(8), tip(LIMIT)
+    assert coarse == pytest.approx(limit, rel=0.04)
+    assert not told
+
+
+def test_a_mild_change_of_temperature_does_not_hide_a_coarse_mesh() -> None:
+    warm = {"type": "temperature", "on": "b", "value": 5, "gradient": 20}
+    body = helpers.body(helpers.line(2.0), helpers.element("reissner2", 1), SECTION, {**helpers.STEEL, "alpha": 1e-5})
+    case = helpers.load({"b": body}, "linear_static", bc=[{"type": "clamp", "at": "b@0"}], loads=[*TIP, warm])
+    assert said(run_case(case))
