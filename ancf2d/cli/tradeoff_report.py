@@ -8,7 +8,6 @@ import textwrap
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from ..case.units import with_unit
 from .text import TIME, duration, number, table
 
 if TYPE_CHECKING:
@@ -100,6 +99,8 @@ def _meaning(study: Study) -> str:
 def _limits(study: Study) -> list[str]:
     if study.against == "reference":
         return []
+    from ..case.units import with_unit
+
     rows, notes = [], []
     several = any(known.quadrature is not None for known in study.series)
     for known in study.series:
