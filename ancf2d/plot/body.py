@@ -20,12 +20,13 @@ WANTED = 0.1  # ... to at most this share
 
 @dataclass
 class Outline:
-    """One body in one state: points along axis, top and bottom (n, 2), and its nodes (k, 2)."""
+    """One body in one state: points along axis, top and bottom (n, 2), nodes (k, 2), lines between layers (i, n, 2)."""
 
     axis: np.ndarray
     top: np.ndarray
     bottom: np.ndarray
     nodes: np.ndarray
+    lines: np.ndarray
 
     @property
     def boundary(self) -> np.ndarray:
@@ -38,14 +39,14 @@ def outline(results: Results, body: BodyRecord, i: int | None, scale: float) -> 
     elements."""
     ne = len(body.dofs)
     if ne <= MAX_SAMPLED:
-        faces = results.faces(body.name, i, scale=scale)
-        parts = {k: v.reshape(-1, 2) for k, v in faces.items()}
+        levels = results.levels(body.name, i, scale=scale)
+        parts = levels.reshape(len(levels), -1, 2)
     else:
         some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_POINTS)).astype(int))
-        faces = results.faces(body.name, i, scale=scale, elements=some)
-        parts = {k: np.vstack([v[:, 0], v[-1:, -1]]) for k, v in faces.items()}
+        levels = results.levels(body.name, i, scale=scale, elements=some)
+        parts = np.concatenate([levels[:, :, 0], levels[:, -1:, -1]], axis=1)
     nodes = results.nodes(body.name, i, scale=scale) if ne <= MAX_SAMPLED else np.empty((0, 2))
-    return Outline(parts["axis"], parts["top"], parts["bottom"], nodes)
+    return Outline(parts[1], parts[2], parts[0], nodes, parts[3:])
 
 
 def bounds(outlines: Sequence[np.ndarray]) -> np.ndarray:

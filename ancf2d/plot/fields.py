@@ -28,11 +28,12 @@ from ancf2d.plot.body import (
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
-from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of
+from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
+LINE = 1e-6  # of half the height: stations that are closer are the two sides of a line between layers
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
 STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
@@ -43,7 +44,8 @@ ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
 class Surface:
     """One body with values: points (ne, nx, ny, 2) and values (ne, nx, ny); reference outline; arclength (ne, nx).
 
-    ``heights`` (ne, nx) are those of the sections.
+    ``y`` (ne, nx, ny) are the points' distances from the axis, ``levels`` those of faces, axis and lines between
+    layers that are named, ``lines`` which of the ny points are at such a line.
     """
 
     name: str
@@ -51,19 +53,20 @@ class Surface:
     values: np.ndarray
     reference: Outline
     s: np.ndarray
-    heights: np.ndarray
+    y: np.ndarray
+    levels: list[float]
+    lines: list[int]
 
     @property
     def height(self) -> float:
         """Height of the highest section."""
-        return float(self.heights.max())
+        return float(np.ptp(self.y, axis=-1).max())
 
     def along(self, unrolled: bool) -> np.ndarray:
         """Return the points that are drawn: in the plane, or over arc length and distance from the axis."""
         if not unrolled:
             return self.points
-        y = self.heights[..., None] * np.linspace(-0.5, 0.5, self.points.shape[2])
-        return np.stack(np.broadcast_arrays(self.s[..., None], y), axis=-1)
+        return np.stack(np.broadcast_arrays(self.s[..., None], self.y), axis=-1)
 
 
 @dataclass
@@ -135,6 +138,8 @@ class Fields:
         edge = np.concatenate([points[:, :, 0].reshape(-1, 2), points[-1, -1], points[::-1, ::-1, -1].reshape(-1, 2),
                                points[0, 0, ::-1]])
         axes.add_patch(Polygon(edge, facecolor="none", edgecolor="0.25", linewidth=0.6, zorder=3))
+        for k in surface.lines:
+            axes.plot(*points[:, :, k].reshape(-1, 2).T, color="0.25", linewidth=0.4, zorder=3)
         return mesh
 
     def _plane(self, axes: Axes) -> None:
@@ -149,7 +154,7 @@ class Fields:
 
     def _strip(self, axes: Axes, surface: Surface, last: bool) -> None:
         axes.margins(0)
-        axes.set_yticks([-0.5 * surface.height, 0.0, 0.5 * surface.height])
+        axes.set_yticks(surface.levels)
         axes.yaxis.set_major_formatter("{x:.3g}")
         name = f"{surface.name}: y" if len(self.surfaces) > 1 else "y, across"
         style.verbatim(axes.set_ylabel(style.label(name, self.units)))
@@ -180,17 +185,24 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     body = results.body(name)
     ne = len(body.dofs)
     some = np.unique(np.linspace(0, ne - 1, min(ne, MAX_ELEMENTS)).astype(int))
-    faces = results.faces(name, state, scale=scale, elements=some)
-    across = even_weights(3, np.linspace(0, 1, ACROSS))
-    points = np.einsum("ya,emac->emyc", across, np.stack([faces[k] for k in ("bottom", "axis", "top")], axis=2))
+    heights, lines = body.heights_of(some)[..., None], []
+    if body.levels is None:
+        at = np.linspace(0, 1, ACROSS)
+        across, over, y = even_weights(3, at), even_weights(len(record.eta), at), heights * (at - 0.5)
+        named = [-0.5 * float(heights.max()), 0.0, 0.5 * float(heights.max())]
+    else:
+        # the stations are on both sides of each line between layers, where stresses jump
+        y = 0.5 * record.eta * heights
+        across, over = linear_weights(body.levels, y[0, 0]), np.eye(len(record.eta))
+        named, lines = sorted(set(body.levels.tolist())), np.flatnonzero(np.diff(record.eta) < LINE).tolist()
+    points = np.einsum("ya,aemc->emyc", across, results.levels(name, state, scale=scale, elements=some))
     stored = formula(results.field(name, record.name, state)[some])
-    values = np.einsum("xi,yj,eij->exy", even_weights(len(record.xi), body.sample_xi),
-                       even_weights(len(record.eta), np.linspace(0, 1, ACROSS)), stored)
+    values = np.einsum("xi,yj,eij->exy", even_weights(len(record.xi), body.sample_xi), over, stored)
     # polynomials overshoot: an energy would be negative where there is none
     values = np.clip(values, stored.min(), stored.max())
     lengths = body.lengths[body.classes]
     s = (np.cumsum(lengths) - lengths)[some, None] + lengths[some, None] * body.sample_xi
-    return Surface(name, points, values, outline(results, body, None, 1.0), s, body.heights_of(some))
+    return Surface(name, points, values, outline(results, body, None, 1.0), s, y, named, lines)
 
 
 def _wanted(results: Results, wanted: str | None) -> str:

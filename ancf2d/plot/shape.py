@@ -113,6 +113,8 @@ class Shape:
                         hatch=HATCHES[round_again % len(HATCHES)],
                         zorder=2.5, label=part.name)
         axes.add_patch(patch)
+        for line in shape.lines:
+            axes.plot(*line.T, color=color, linewidth=0.6, zorder=2.6)
         nodes = _marked(part)
         if nodes.size:
             axes.plot(*nodes.T, linestyle="", color=color, zorder=3, markersize=4,

@@ -192,7 +192,7 @@ def _mesh(a: Results, b: Results, tol: _Tolerance) -> Found:
             x, y = getattr(one, key), getattr(two, key)
             if x != y:
                 yield Difference(f"/mesh/bodies/{name}", f"{key} '{x}' and '{y}' differ")
-        for key in ("dofs", "nodes", "lengths", "arclength", "height", "width", "heights"):
+        for key in ("dofs", "nodes", "lengths", "arclength", "height", "width", "heights", "levels"):
             place = f"/mesh/bodies/{name}/{key}"
             x, y = (np.atleast_1d(getattr(body, key)) for body in (one, two))
             shape = _shapes(place, x.shape, y.shape)

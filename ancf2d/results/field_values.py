@@ -42,6 +42,12 @@ def label_of(field: str, component: str) -> str:
     return LABELS.get((field, component), f"{field} {component}")
 
 
+def linear_weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return weights (len(at), n) of straight lines between values at ``nodes`` (n,), in any order."""
+    order = np.argsort(nodes, kind="stable")
+    return np.stack([np.interp(at, nodes[order], one) for one in np.eye(len(nodes))[:, order]], axis=-1)
+
+
 def even_weights(n: int, at: np.ndarray) -> np.ndarray:
     """Return weights (len(at), n) of the polynomial through n evenly spaced values, at fractions in [0, 1]."""
     x, powers = np.linspace(-1.0, 1.0, n), np.arange(n)

@@ -16,17 +16,19 @@ BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape func
 _beyond_numbers = np.errstate(over="ignore", invalid="ignore")
 
 
-def _interpolated(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    points = np.einsum("mask,mkc->amsc", body.sample_S[body.classes[part]], x)
-    return points[0], points[1], points[2]
+def _interpolated(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.einsum("mask,mkc->amsc", body.sample_S[body.classes[part]], x)
 
 
-def _offset(axis: np.ndarray, normal: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, ...]:
-    half = 0.5 * heights[..., None]
-    return axis - half * normal, axis, axis + half * normal
+def _offset(body: BodyRecord, part: np.ndarray, axis: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    if body.levels is None:
+        y = np.multiply.outer([-0.5, 0.0, 0.5], body.heights_of(part))
+    else:
+        y = np.broadcast_to(body.levels[:, None, None], (len(body.levels), *axis.shape[:-1]))
+    return np.asarray(axis + y[..., None] * normal)
 
 
-def _tangent(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+def _tangent(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> np.ndarray:
     cls = body.classes[part]
     axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
     r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
@@ -36,47 +38,48 @@ def _tangent(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndar
     length = np.sqrt(r_x[..., 0]**2 + r_x[..., 1]**2)
     length[length == 0] = 1.0
     normal = np.stack([-r_x[..., 1], r_x[..., 0]], -1) / length[..., None]
-    return _offset(axis, normal, body.heights_of(part))
+    return _offset(body, part, axis, normal)
 
 
-def _theta(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+def _theta(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> np.ndarray:
     values = np.einsum("msk,mkc->msc", body.sample_S[body.classes[part], 1], x)
     axis, angle = values[..., :2], values[..., 2]
-    return _offset(axis, np.stack([-np.sin(angle), np.cos(angle)], -1), body.heights_of(part))
+    return _offset(body, part, axis, np.stack([-np.sin(angle), np.cos(angle)], -1))
 
 
 # the one place where a kind of section is added (with its name in records.SECTION_KINDS)
-SECTIONS: dict[str, Callable[[BodyRecord, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]] = {
+SECTIONS: dict[str, Callable[[BodyRecord, np.ndarray, np.ndarray], np.ndarray]] = {
     "interpolated": _interpolated, "tangent": _tangent, "theta": _theta,
 }
 
 
-@_beyond_numbers
 def body_faces(body: BodyRecord, e: np.ndarray,
                elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return points on axis, top (y = h/2) and bottom (y = -h/2) of a body.
+    """Return points on axis, upper face (top) and lower face (bottom) of a body.
 
     e (nq,): nodal coordinates; ``elements`` selects some. Each entry is (ne, ns, 2) [length].
     """
+    return dict(zip(("bottom", "axis", "top"), body_levels(body, e, elements), strict=False))
+
+
+@_beyond_numbers
+def body_levels(body: BodyRecord, e: np.ndarray, elements: slice | np.ndarray | None = None) -> np.ndarray:
+    """Return points (3 + k, ne, ns, 2) [length] on bottom, axis, top and the k lines between the layers of a body."""
     chosen = np.arange(len(body.dofs))[elements if elements is not None else slice(None)]
-    shape = (len(chosen), len(body.sample_xi), 2)
-    faces = {name: np.empty(shape, np.result_type(e, float)) for name in ("bottom", "axis", "top")}
+    out = np.empty((body.sample_S.shape[1], len(chosen), len(body.sample_xi), 2), np.result_type(e, float))
     for start in range(0, len(chosen), BLOCK):
         part = chosen[start:start + BLOCK]
         x = e[body.dofs[part]].reshape(len(part), -1, body.components)
-        points = SECTIONS[body.section_kind](body, part, x)
-        for name, values in zip(faces, points, strict=True):
-            faces[name][start:start + len(part)] = values
-    return faces
+        out[:, start:start + len(part)] = SECTIONS[body.section_kind](body, part, x)
+    return out
 
 
 @_beyond_numbers
 def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
-               elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return the rates of the points of ``body_faces`` where the nodal coordinates change by v (nq,) per unit."""
+               elements: slice | np.ndarray | None = None) -> np.ndarray:
+    """Return the rates of the points of ``body_levels`` where the nodal coordinates change by v (nq,) per unit."""
     # a complex step: what is real is not touched, so that the derivative is exact to round-off for any section
-    moved = body_faces(body, e + 1j * STEP * v, elements)
-    return {name: values.imag / STEP for name, values in moved.items()}
+    return np.asarray(body_levels(body, e + 1j * STEP * v, elements).imag / STEP)
 
 
 def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

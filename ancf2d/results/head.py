@@ -109,10 +109,11 @@ def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequenc
         ("classes", "1", "row of sample_S, sample_S_x and lengths of each element", int),
         ("lengths", length, "length of the elements of a class", float),
         ("sample_xi", "1", "sample points along an element, 0 to 1", float),
-        ("sample_S", "1", "shape functions at y/(h/2) = -1, 0, 1", float),
+        ("sample_S", "1", "shape functions at bottom, axis, top and the lines between layers", float),
         ("sample_S_x", f"1/{length}", "dS/dx on the axis", float),
         ("arclength", "1", "S-coordinate of the element ends, 0 to 1", float),
         ("heights", length, "height of the sections at the sample points of each element, where it varies", float),
+        ("levels", length, "y of bottom, axis, top and the lines between layers, where not -h/2, 0, h/2", float),
     ):
         value = getattr(body, name)
         if value is None:

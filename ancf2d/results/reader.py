@@ -14,7 +14,7 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
-from ancf2d.results.geometry import axis_values, body_faces, body_nodes
+from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
 from ancf2d.results.rows import StateRows, Table, read_columns
 from ancf2d.results.shown import as_html, one_line, to_xarray
@@ -228,7 +228,8 @@ class Results:
                           ("lengths", 1), ("sample_xi", 1), ("sample_S", 4), ("sample_S_x", 3),
                           ("arclength", 1)):
             fields[key] = safe.numbers(group, key, ndim)
-        fields["heights"] = safe.numbers(group, "heights", 2) if "heights" in group else None
+        for key, ndim in (("heights", 2), ("levels", 1)):
+            fields[key] = safe.numbers(group, key, ndim) if key in group else None
         fields["coordinate_names"] = tuple(safe.strings(group, "coordinate_names"))
         record = BodyRecord(**fields)
         record.check(self.nq)
@@ -257,6 +258,11 @@ class Results:
         Displacements are magnified by ``scale``; ``elements`` selects some of the elements.
         """
         return body_faces(self.body(body), self._scaled(i, scale), elements)
+
+    def levels(self, body: str, i: int | None = -1, *, scale: float = 1.0,
+               elements: slice | np.ndarray | None = None) -> np.ndarray:
+        """Return points (3 + k, ne, ns, 2) on bottom, axis, top and k lines between layers, else as ``faces``."""
+        return body_levels(self.body(body), self._scaled(i, scale), elements)
 
     def displacement(self, body: str, s: np.ndarray, i: int = -1) -> np.ndarray:
         """Return the displacements (n, 2) of the axis at fractions s (n,) of a body's arc length in state i."""

@@ -37,11 +37,14 @@ class BodyRecord:
 
     dofs (ne, nd); nodes (ne, nn) global node numbers; node_shape (nn,) the shape function that is
     r at that node; classes (ne,) row of lengths, sample_S, sample_S_x; lengths (nclass,) [length];
-    sample_xi (ns,) in [0, 1]; sample_S (nclass, 3, ns, nshape) at y/(h/2) = -1, 0, 1;
+    sample_xi (ns,) in [0, 1]; sample_S (nclass, 3 + k, ns, nshape) at the lower face, the axis, the upper face and k
+    lines between layers;
     sample_S_x (nclass, ns, nshape) = dS/dx on the axis [1/length]; arclength (ne + 1,) in [0, 1].
     ``section_kind`` says where the faces are: ``interpolated`` (by r at eta = -1, 1), ``tangent``
     (h/2 along the normal of r_x) or ``theta`` (h/2 along the section's angle). ``heights`` (ne, ns) [length] are those
-    of the sections at the samples of a body whose height varies; ``height`` and ``width`` are means then.
+    of the sections at the samples of a body whose height varies; ``height`` and ``width`` are means then. ``levels``
+    (3 + k,) [length] are y of both faces, the axis and the lines between layers in the order of sample_S, None where
+    they are -h/2, 0, h/2.
     """
 
     name: str
@@ -61,6 +64,7 @@ class BodyRecord:
     arclength: np.ndarray
     coordinate_names: tuple[str, ...] = field(default=())
     heights: np.ndarray | None = None
+    levels: np.ndarray | None = None
 
     def heights_of(self, elements: np.ndarray) -> np.ndarray:
         """Return the heights (n, ns) [length] of the sections of elements (n,), 0 where they are not known."""
@@ -84,12 +88,14 @@ class BodyRecord:
         (ne, nd), (nclass, _, ns, nshape) = self.dofs.shape, self.sample_S.shape
         wanted: dict[str, tuple[int, ...]] = {
             "nodes": (ne, len(self.node_shape)), "classes": (ne,), "lengths": (nclass,),
-            "sample_xi": (ns,), "sample_S": (nclass, 3, ns, nshape),
+            "sample_xi": (ns,), "sample_S": (nclass, 3 if self.levels is None else len(self.levels), ns, nshape),
             "sample_S_x": (nclass, ns, nshape), "arclength": (ne + 1,),
             "dofs": (ne, self.components * nshape),
         }
         if self.heights is not None:
             wanted["heights"] = (ne, ns)
+        if self.levels is not None and len(self.levels) < 3:
+            raise ResultsError(f"body '{self.name}': levels are not those of faces and axis")
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise ResultsError(f"body '{self.name}': {name} has shape "

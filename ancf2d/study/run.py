@@ -307,7 +307,11 @@ def body_record(mesh: Any) -> BodyRecord:
     alike = dict(zip(keys, mesh.classes, strict=True))
     rows = np.array([list(alike).index(key) for key in keys])
     samplers, zero = [c.sampler for c in alike.values()], np.zeros(len(SAMPLES))
-    S = np.array([[one.derivative(SAMPLES, zero + eta, 0, 0) for eta in (-1.0, 0.0, 1.0)] for one in samplers])
+    layers, half, levels = plan.section.layers, 0.5 * plan.section.height, None
+    if layers:
+        levels = np.array([layers[0].bottom, 0.0, layers[-1].top, *(layer.top for layer in layers[:-1])])
+    etas = (-1.0, 0.0, 1.0) if levels is None else levels / half
+    S = np.array([[one.derivative(SAMPLES, zero + eta, 0, 0) for eta in etas] for one in samplers])
     S_x = np.array([one.derivative(SAMPLES, zero, 1, 0) for one in samplers])
     heights = np.array([np.broadcast_to(c.sampler.at(SAMPLES).height, len(SAMPLES)) for c in mesh.classes])
     node_shape = [next(k for k, (i, name) in enumerate(element.functionals) if i == node and name == "r")
@@ -316,4 +320,5 @@ def body_record(mesh: Any) -> BodyRecord:
     return BodyRecord(plan.name, element.name, plan.formulation.name, plan.section.height, plan.section.width,
                       element.section_kind, mesh.dofs, mesh.nodes, np.array(node_shape), rows[mesh.cls],
                       np.array([one.shape.l for one in samplers]), SAMPLES, S, S_x, ends / plan.length,
-                      heights=heights[mesh.cls] if np.any(heights != plan.section.height) else None)
+                      heights=heights[mesh.cls] if np.any(heights != plan.section.height) else None,
+                      levels=levels)

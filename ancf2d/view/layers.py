@@ -9,7 +9,7 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import Results
-from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of
+from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
 from ancf2d.results.geometry import axis_shapes
 from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of
 from ancf2d.view.bodies import Drawn, packed
@@ -150,13 +150,20 @@ def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, state
         formula = formulas_of(record)[part]
         units, across = record.units, ACROSS if len(record.eta) > 1 else ACROSS[1:2]
         stations = d.record.sample_xi[::d.stride][::every[d.record.name]]
-        weights = even_weights(len(record.xi), stations), even_weights(len(record.eta), across)
+        weights = even_weights(len(record.xi), stations), _across(d.record.levels, record.eta, across)
         bodies.append({"body": k, "every": every[d.record.name], "across": len(across)})
         values.append(np.array([_sampled(results, d, name, state, formula, weights) for state in states]))
     codes, low, high = _codes(np.concatenate([v.reshape(len(states), -1) for v in values], axis=1),
                               part not in POSITIVE)
     return {"units": units, "bodies": bodies, "low": low, "high": high, "signed": part not in POSITIVE,
             "values": packed(codes, "u1")}
+
+
+def _across(levels: np.ndarray | None, eta: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return weights (len(at), len(eta)) of a field at fractions of the height, straight lines within layers."""
+    if levels is None or len(eta) == 1:
+        return even_weights(len(eta), at)
+    return linear_weights(eta, eta[0] + (eta[-1] - eta[0]) * at)
 
 
 def _sampled(results: Results, d: Drawn, name: str, state: int | None, formula: Formula,

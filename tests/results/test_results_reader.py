@@ -6,6 +6,7 @@ import resource
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -18,7 +19,7 @@ from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, o
 from ancf2d.results import rows as rows_module
 from ancf2d.results import safe as safe_module
 from ancf2d.results import writer as writer_module
-from ancf2d.results.geometry import axis_values, body_faces, body_rates
+from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_rates
 
 
 def everything(path: Path) -> None:
@@ -290,10 +291,8 @@ def test_points_beyond_all_numbers_are_silent_and_leave_other_elements(kind: str
     for k in range(per_node):
         far = e.copy()
         far[k] = value
-        rates = body_rates(body, far, v)
-        for name, points in body_faces(body, far).items():
-            np.testing.assert_array_equal(points[1:], body_faces(body, e)[name][1:])
-            np.testing.assert_array_equal(rates[name][1:], body_rates(body, e, v)[name][1:])
+        for found in (body_levels, partial(body_rates, v=v)):
+            np.testing.assert_array_equal(found(body, e=far)[:, 1:], found(body, e=e)[:, 1:])
         s = np.array([0.1, 0.5, 0.9])
         np.testing.assert_array_equal(axis_values(body, far, s)[1:], axis_values(body, e, s)[1:])
         if not np.isfinite(value) and k < 2:
@@ -344,7 +343,7 @@ def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
     assert found["bytes"] == path.stat().st_size
     assert (found["dofs"], found["states"], found["steps"]) == (20, 6, 6)
     assert found["bodies"]["beam"] == {"element": "cable", "formulation": "centreline",
-                                       "elements": 4, "nodes": 5}
+                                       "elements": 4, "nodes": 5, "length": 2.0, "heights": None}
     assert found["probes"]["tip"]["theta"] == {"value": 1.0, "units": "rad"}
     assert found["made"]["overrides"] == ["bodies.beam.element.count=4"]
     text = describe_text(found)

@@ -6,11 +6,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 import ancf2d
 from ancf2d.elements.section import Layer, laminate
+from ancf2d.plot.fields import fields
+from ancf2d.plot.picture import Source
+from ancf2d.results import open_results
+from ancf2d.results.export import export
 
 L, WIDTH, T, F = 0.1, 0.01, 50.0, -2.0
 LINEAR = {"type": "linear_static"}
@@ -155,3 +160,29 @@ def test_a_body_of_layers_has_no_material_of_its_own() -> None:
     case["bodies"]["strip"]["material"] = {"E": 1e9, "nu": 0.3}
     with pytest.raises(ancf2d.CaseError, match="each layer has one"):
         ancf2d.load(case)
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
+def test_the_faces_and_layers_are_drawn_where_they_are(kind: str, tmp_path: Path) -> None:
+    """The axis is at the lower face; stresses in ParaView are those of each layer, on both sides of their line."""
+    case = strip(kind, [layer(1e-3, 1e11, 1e-5), layer(3e-3, 2e11, 2e-5)], HEAT, 0.0)
+    case["output"]["fields"] = ["stress"]
+    ancf2d.solve(case, output=tmp_path / "a.h5")
+    with open_results(tmp_path / "a.h5") as results:
+        y = results.levels("strip", None)[..., 1]
+        for level, height in zip(y, (0.0, 0.0, 4e-3, 1e-3), strict=True):
+            np.testing.assert_allclose(level, height, atol=1e-15)
+        stored, eta = results.field("strip", "stress")[0, 0, :, 0], results.fields["strip"]["stress"].eta
+        drawn = fields([Source("", results)], unrolled=True).surfaces[0]
+        np.testing.assert_allclose(drawn.y[0, 0], 2e-3 * eta, atol=1e-15)
+        np.testing.assert_allclose(drawn.values[0, 0], stored, rtol=1e-9)
+        assert drawn.lines == [4]
+    export(tmp_path / "a.h5", tmp_path / "a.vtkhdf")
+    with h5py.File(tmp_path / "a.vtkhdf") as file:
+        grid = file["VTKHDF"]
+        n = int(grid["NumberOfPoints"][0])
+        points = (grid["Points"][:n] - grid["PointData/displacement"][:n])[:, 1]
+        stress = grid["PointData/stress_xx"][:n]
+        at = points.reshape(4, 5, -1)[0, :, 0]
+        np.testing.assert_allclose(at, [0, 1e-3, 1e-3, 4e-3, 0], atol=1e-15)
+        np.testing.assert_allclose(stress.reshape(4, 5, -1)[0, :4, 0], stored[[0, 4, 5, 9]], rtol=1e-4)

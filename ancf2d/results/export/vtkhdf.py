@@ -13,6 +13,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,15 @@ from numpy.polynomial.legendre import legvander
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.export import Done
-from ancf2d.results.geometry import body_faces, body_rates
+from ancf2d.results.field_values import linear_weights
+from ancf2d.results.geometry import body_levels, body_rates
 from ancf2d.results.journal import JournaledFile
 from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
 from ancf2d.results.records import BodyRecord, FieldRecord
 
 QUAD, POLYLINE = 9, 4  # VTK's numbers of these cells
-FACES = ("bottom", "axis", "top")
+SIDE = 1e-8  # of half the height: how far from the line between two layers fields are taken
 MOST_CELLS = 2_000  # along all elements together, as long as every element has one
 CHUNK = 1 << 14  # points
 AT_ONCE = 1 << 13  # points that are written in one call: states of small grids wait for each other
@@ -42,11 +44,17 @@ _SUMS = "ai,bj,eijc->ebac"
 
 @dataclass
 class Part:
-    """One body in the grid: its points are elements x levels (faces) x columns (samples along), from ``first`` on."""
+    """One body in the grid: its points are elements x levels x columns (samples along), from ``first`` on.
+
+    ``levels`` number those of ``body_levels``, and ``eta`` says where fields are taken on them. Bodies of layers have
+    both faces of each layer, for stresses jump between layers. ``pairs`` are those between which there are cells.
+    """
 
     number: int
     body: BodyRecord
     levels: tuple[int, ...]
+    eta: np.ndarray
+    pairs: tuple[tuple[int, int], ...]
     columns: np.ndarray
     first: int
 
@@ -60,18 +68,18 @@ class Part:
         """Number of points."""
         return int(np.prod(self.shape))
 
-    def take(self, faces: dict[str, np.ndarray]) -> np.ndarray:
-        """Return what ``body_faces`` tells of the part's points (points, 3)."""
+    def take(self, levels: np.ndarray) -> np.ndarray:
+        """Return what ``body_levels`` tells of the part's points (points, 3)."""
         out = np.zeros((*self.shape, 3))
         for k, level in enumerate(self.levels):
-            out[:, k, :, :2] = faces[FACES[level]][:, self.columns]
+            out[:, k, :, :2] = levels[level][:, self.columns]
         return out.reshape(-1, 3)
 
     def cells(self) -> Iterator[tuple[int, np.ndarray]]:
         """Yield kind and points (cells, n) of the quadrilaterals, then of the axis."""
         at = self.first + np.arange(self.points).reshape(self.shape)
-        if len(self.levels) > 1:
-            low, high = at[:, :-1], at[:, 1:]
+        if self.pairs:
+            low, high = (at[:, [pair[k] for pair in self.pairs]] for k in (0, 1))
             corners = (low[..., :-1], low[..., 1:], high[..., 1:], high[..., :-1])
             yield QUAD, np.stack(corners, -1).reshape(-1, 4)
         axis = at[:, self.levels.index(1)]
@@ -90,7 +98,8 @@ class Interpolation:
         """Weights along and across, and the order of summing over them."""
         part, record = self._part, self._record
         along = _weights(2 * record.xi - 1, 2 * part.body.sample_xi[part.columns] - 1)
-        across = _weights(record.eta, np.array(part.levels) - 1.0)
+        layered = part.body.levels is not None and len(record.eta) > 1
+        across = linear_weights(record.eta, part.eta) if layered else _weights(record.eta, part.eta)
         shape = len(part.body.dofs), len(record.xi), len(record.eta), len(record.components)
         order, _ = np.einsum_path(_SUMS, along, across, np.broadcast_to(0.0, shape), optimize=True)
         return along, across, order
@@ -121,11 +130,22 @@ def make_parts(results: Results) -> list[Part]:
         last = len(body.sample_xi) - 1
         steps = (n for n in range(1, last + 1) if last % n == 0)
         step = next((n for n in steps if elements * (last // n) <= MOST_CELLS), last)
-        thick = np.isfinite(body.height) and body.height > 0
-        part = Part(number, body, (0, 1, 2) if thick else (1,), np.arange(0, last + 1, step), first)
+        part = Part(number, body, *_across(body), np.arange(0, last + 1, step), first)
         parts.append(part)
         first += part.points
     return parts
+
+
+def _across(body: BodyRecord) -> tuple[tuple[int, ...], np.ndarray, tuple[tuple[int, int], ...]]:
+    """Return levels, eta and pairs of a part."""
+    if body.levels is None:
+        thick = np.isfinite(body.height) and body.height > 0
+        return ((0, 1, 2), np.linspace(-1, 1, 3), ((0, 1), (1, 2))) if thick else ((1,), np.zeros(1), ())
+    ends = [0, *range(3, len(body.levels)), 2]
+    layers = list(pairwise(ends))
+    levels, eta = [k for pair in layers for k in pair], body.levels * (2.0 / body.height)
+    sides = [value for low, high in layers for value in (eta[low] + SIDE, eta[high] - SIDE)]
+    return ((*levels, 1), np.array([*sides, 0.0]), tuple((2 * k, 2 * k + 1) for k in range(len(layers))))
 
 
 def write(results: Results, path: Path, done: Done) -> None:
@@ -191,7 +211,7 @@ class _Grid:
         return group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
 
     def _points(self, e: np.ndarray) -> np.ndarray:
-        return np.vstack([p.take(body_faces(p.body, e)) for p in self.parts])
+        return np.vstack([p.take(body_levels(p.body, e)) for p in self.parts])
 
     def _rates(self, e: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.vstack([p.take(body_rates(p.body, e, v)) for p in self.parts])
