@@ -14,8 +14,8 @@ from ancf2d.model.points import dot, point_ref
 from .amplitudes import value
 from .answer import Answer
 from .bodies import type_of
-from .shapes import Array, Data, is_rigid, length, mass_per_length, split_point
-from .similar import UnfitError
+from .shapes import Array, Data, is_rigid, is_straight, length, mass_per_length, split_point, varies
+from .similar import INNER, UnfitError
 
 # Gauss points per element: the axis is a polynomial of degree 8 at most there
 GAUSS = np.polynomial.legendre.leggauss(6)
@@ -96,12 +96,18 @@ class Resultant:
 
     def load(self, load: Data) -> None:
         """Add a load at its full size."""
+        if load["type"] in INNER:
+            return
         factor = value(load.get("amplitude"), 1.0, True)
         given = factor * np.array(load["value"])
         if load["type"] == "force":
             self.add(given, self.place(load["at"]))
         elif load["type"] == "moment":
             self.add(np.zeros(2), np.zeros(2), float(given))
+        elif load["type"] == "torque":
+            for p, sign in zip(load["between"], (-1.0, 1.0), strict=True):
+                if isinstance(p, str):
+                    self.add(np.zeros(2), np.zeros(2), sign * float(given))
         elif load["type"] == "follower_force":
             self.add(self.turned(given, load["at"]), self.place(load["at"]))
         elif load["type"] == "distributed":
@@ -131,9 +137,9 @@ class Resultant:
     def gravity(self, g: Array) -> None:
         """Add the weight of everything."""
         for name, body in self.case["bodies"].items():
-            if body["geometry"]["type"] == "arc":
-                raise UnfitError("the mass of an arc is that of its mesh")
-            if not is_rigid(body) and type_of(body["element"]).degree_y > 1:
+            if not is_straight(body) or varies(body):
+                raise UnfitError("the mass of a curved axis is that of its mesh, that of a varying one not even")
+            if "layers" in body.get("section", {}) or (not is_rigid(body) and type_of(body["element"]).degree_y > 1):
                 self.knows_moment = False
             weight = mass_per_length(body) * length(body["geometry"]) * g
             for place, share in self.along(name, 0.0, 1.0):
@@ -171,7 +177,7 @@ class Resultant:
         p = next(p for p in ends if isinstance(p, str))
         if spring["type"] == "rotational":
             sign = 1.0 if isinstance(ends[1], str) else -1.0
-            turn = sign * self.probe(p)["theta"] - spring.get("angle", 0.0)
+            turn = acting(spring, sign * self.probe(p)["theta"] - spring.get("angle", 0.0))
             self.add(np.zeros(2), np.zeros(2), -sign * spring["stiffness"] * turn)
             return
         q = self.probe(p)
@@ -181,7 +187,7 @@ class Resultant:
         rest = spring.get("length", l)
         if not self.linear:
             now = before + u
-            self.add(-spring["stiffness"] * (np.hypot(*now) - rest) * now / np.hypot(*now), self.place(p))
+            self.add(-spring["stiffness"] * acting(spring, np.hypot(*now) - rest) * now / np.hypot(*now), self.place(p))
             return
         n, pull = before / l, spring["stiffness"] * (l - rest)
         across = u - n * (n @ u)
@@ -208,3 +214,11 @@ class Resultant:
         if sliders:
             b = b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
         return b
+
+
+def acting(spring: Data, elongation: float) -> float:
+    """Return the part of an elongation, or angle, in which a spring acts."""
+    gap, only = spring.get("gap", 0.0), spring.get("only")
+    above = 0.0 if only == "compression" else max(elongation - gap, 0.0)
+    below = 0.0 if only == "tension" else min(elongation + gap, 0.0)
+    return above + below

@@ -12,7 +12,7 @@ from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, element_type
 
-from .shapes import Data, at, is_rigid, length, mass_per_length, pieces, point, position, stiffness
+from .shapes import Data, at, is_rigid, is_straight, length, mass_per_length, pieces, point, position, stiffness
 
 # degrees of the family: higher ones cost more and are no other code
 ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (2, 3), (3, 3))
@@ -89,7 +89,9 @@ class Assembly:
     def geometry(self, start: Any, rigid: bool) -> Data:
         """Return an axis from a point."""
         rng, l, heading = self.rng, self.near(self.size), self.rng.uniform(-math.pi, math.pi)
-        kind = rng.choices(("line", "arc", "polyline"), (6, 0 if rigid else 2, 2))[0]
+        curved = 0.0 if rigid else 1.0
+        kind = rng.choices(("line", "arc", "polyline", "path", "spline", "curve"),
+                           (6, 2 * curved, 2, 0.6 * curved, 0.6 * curved, 0.6 * curved))[0]
         if self.chance(0.2):
             heading = rng.choice((0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi))
         if kind == "arc":
@@ -97,6 +99,8 @@ class Assembly:
             radius, normal = l / abs(sweep), heading - math.copysign(0.5 * math.pi, sweep)
             center = [start[0] - radius * math.cos(normal), start[1] - radius * math.sin(normal)]
             return {"type": "arc", "center": center, "radius": radius, "from": normal, "to": normal + sweep}
+        if kind in ("path", "spline", "curve"):
+            return {"type": kind, **self.curved(kind, [float(v) for v in start], l, heading)}
         points, turns = [[float(v) for v in start]], 1 if kind == "line" else rng.choice((2, 2, 3))
         for _ in range(turns):
             step = l / turns if self.chance(0.3) else l / turns * rng.uniform(0.6, 1.4)
@@ -104,6 +108,27 @@ class Assembly:
             heading += rng.choice((-1, 1)) * rng.uniform(0.2, 1.8)
         return {"type": "line", "start": points[0], "end": points[1]} if kind == "line" else {
             "type": "polyline", "points": points}
+
+    def curved(self, kind: str, start: list[float], l: float, heading: float) -> Data:
+        """Return an axis of about a length from a point: lines and arcs, or smooth through points or by expressions."""
+        rng = self.rng
+        t = np.array([math.cos(heading), math.sin(heading)])
+        n = np.array([-t[1], t[0]])
+        if kind == "path":
+            bends: list[Data] = []
+            for _ in range(rng.choice((1, 1, 2))):
+                angle = rng.choice((-1, 1)) * rng.uniform(0.3, 2.0)
+                bends += [{"line": 0.5 * self.near(l, 1.5)}, {"arc": 0.5 * self.near(l, 1.5) / abs(angle),
+                                                              "angle": angle}]
+            return {"start": start, "heading": heading, "pieces": bends}
+        if kind == "spline":
+            count = rng.choice((3, 4))
+            places = [np.array(start) + l * (i / (count - 1) * t + rng.uniform(-0.12, 0.12) * n)
+                      for i in range(1, count)]
+            return {"points": [start, *(p.tolist() for p in places)]}
+        bulge = rng.choice((-1, 1)) * rng.uniform(0.1, 0.4)
+        return {key: f"({start[i]!r}) + ({float(l * t[i])!r})*s + ({float(bulge * l * n[i])!r})*sin(2*s)"
+                for i, key in enumerate("xy")}
 
     def close(self, name: str, anchor: str | None) -> None:
         """Let a straight body end at a point of another one, sometimes."""
@@ -171,7 +196,7 @@ class Assembly:
         elif self.chance(0.1):
             nx, ny = FORMULATIONS[formulation].rule(kinds)
             spec["quadrature"] = rng.choice(([nx + 1, ny], [nx + 1, ny + 1], "exact"))
-            straight = self.case["bodies"][name]["geometry"]["type"] != "arc"
+            straight = is_straight(self.case["bodies"][name])
             if spec["quadrature"] == "exact" and not (straight and FORMULATIONS[formulation].exact(kinds)):
                 del spec["quadrature"]
         stiff = kinds.section_kind != "interpolated" or formulation == "structural"
@@ -194,11 +219,24 @@ class Assembly:
         material: Data = {"E": E, "nu": nu, "rho": rho}
         if self.moves and self.chance(0.12):
             material["damping"] = {"kelvin_voigt": 10 ** rng.uniform(-4, -2)}
-        kind = rng.choices(("rectangle", "area", "stiffness"), (6, 2, 2 if stiff else 0.5))[0]
-        if kind == "rectangle":
-            return {"section": {"height": h, "width": w}, "material": material}
+        kind = rng.choices(("rectangle", "area", "stiffness", "layers"), (6, 2, 2, 0.6) if stiff else (6, 2, 0.5, 0))[0]
+        if kind == "layers" and "damping" not in material:
+            axis = rng.choice(("middle", "centroid", h * rng.uniform(0.2, 0.8)))
+            layers = [{"height": part * h, "material": {"E": self.near(E, 3), "nu": nu, "rho": self.near(rho)}}
+                      for part in rng.choice(((1.0,), (0.3, 0.7), (0.2, 0.5, 0.3)))]
+            return {"section": {"width": w, "layers": layers, "axis": axis}}
+        if kind in ("rectangle", "layers"):
+            varying = self.chance(0.15)
+            return {"section": {"height": self.profile(h) if varying else h,
+                                "width": self.profile(w) if varying and self.chance(0.5) else w}, "material": material}
         A, I = h * w, w * h**3 / 12
         if kind == "area":
             return {"section": {"A": A, "I": self.near(I, 1.5), "height": h}, "material": material}
         return {"section": {"EA": E * A, "kGA": self.near(0.3, 1.4) * E * A, "EI": E * I, "rhoA": rho * A,
                             **({"rhoI": rho * I} if self.chance(0.6) else {})}}
+
+    def profile(self, value: float) -> Data:
+        """Return a table along the body, of straight lines with a kink or a jump sometimes."""
+        a, b, c = (value * self.rng.uniform(0.7, 1.3) for _ in range(3))
+        return self.rng.choice(({"s": [0.0, 1.0], "value": [a, b]}, {"s": [0.0, 0.5, 1.0], "value": [a, c, b]},
+                                {"s": [0.0, 0.5, 0.5, 1.0], "value": [a, a, c, b]}))

@@ -15,7 +15,7 @@ from .answer import Answer, answer
 from .balance import Resultant
 from .compare import ILL, Finding, Scene, agree, announced, refusals, total_load
 from .shapes import Array, Data, at, extent
-from .similar import Similarity, UnfitError
+from .similar import INNER, Similarity, UnfitError
 
 LINEAR = ("linear_static",)
 STATIC = ("linear_static", "static", "path")
@@ -151,7 +151,9 @@ def superposed(scene: Scene) -> Finding:
 
 def without_size(loads: list[Data]) -> list[Data]:
     """Return loads that do nothing."""
-    return [{**x, "value": 0.0 if x["type"] == "moment" else [0.0, 0.0]} for x in loads]
+    off = {"amplitude": {"type": "constant", "scale": 0.0}}
+    none = {"moment": 0.0, "torque": 0.0}
+    return [{**x, **(off if x["type"] in INNER else {"value": none.get(x["type"], [0.0, 0.0])})} for x in loads]
 
 
 def reciprocal(scene: Scene) -> Finding:

@@ -17,7 +17,7 @@ from .balance import with_acting_points
 from .disturb import disturbed
 from .roundoff import roundings, uncertainty
 from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, stiffness
-from .similar import Similarity
+from .similar import INNER, Similarity
 
 # Newton's method ends where displacements are known to 1e-9 of themselves and forces balance to 1e-8 of the largest
 NEWTON = 1e-8
@@ -178,15 +178,33 @@ def total_load(case: Data) -> float:
     L, out = extent(case), 0.0
     weight = sum(mass_per_length(b) * length(b["geometry"]) for b in case["bodies"].values() if has_mass(b))
     for load in case.get("loads", ()):
+        if load["type"] in INNER:
+            out += inner_force(case["bodies"][load["on"]], load)
+            continue
         size = float(np.max(np.abs(load["value"])))
-        arm = _arm(case, load) if load["type"] == "moment" else L
-        out += size * {"moment": 1.0 / arm, "distributed": L, "gravity": weight}.get(load["type"], 1.0)
+        arm = min(_arm(case, p) for p in load.get("between", [load.get("at")]) if isinstance(p, str)) if (
+            load["type"] in ("moment", "torque")) else L
+        out += size * {"moment": 1.0 / arm, "torque": 1.0 / arm, "distributed": L, "gravity": weight}.get(
+            load["type"], 1.0)
     return out
 
 
-def _arm(case: Data, load: Data) -> float:
+def inner_force(body: Data, load: Data) -> float:
+    """Return the force of a load within a body if the body were held at both ends."""
+    if load["type"] == "tendon":
+        return float(load["tension"])
+    alpha, (EA, EI) = 1.0, stiffness(body)
+    if load["type"] == "temperature":
+        parts = [layer["material"] for layer in body["section"].get("layers", ())] or [body["material"]]
+        alpha = max(material["alpha"] for material in parts)
+    axial, curvature = (abs(load.get(k[load["type"] == "temperature"], 0.0)) for k in (
+        ("axial", "value"), ("curvature", "gradient")))
+    return alpha * (EA * axial + EI * curvature / length(body["geometry"]))
+
+
+def _arm(case: Data, at: str) -> float:
     """Return the distance of the forces that a moment is: on a rigid body, a couple at the ends of a piece."""
-    body = case["bodies"][load["at"].split("@")[0]]
+    body = case["bodies"][at.split("@")[0]]
     if not is_rigid(body) or body["geometry"]["type"] != "polyline":
         return extent(case)
     return min(math.dist(a, b) for a, b in pairwise(body["geometry"]["points"]))

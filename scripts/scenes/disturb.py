@@ -9,7 +9,7 @@ from typing import Any
 from .shapes import Data
 
 NUMBERS = ("E", "rho", "EA", "kGA", "EI", "rhoA", "rhoI", "mass", "inertia", "stiffness", "damping", "value",
-           "velocity", "omega")
+           "velocity", "omega", "tension", "axial", "curvature", "gradient")
 
 
 def disturbed(case: Data, by: float, rng: random.Random) -> Data:

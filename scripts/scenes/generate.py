@@ -7,11 +7,12 @@ import math
 import random
 from typing import Any
 
+from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES
 
 from .amplitudes import random_amplitude
-from .bodies import SOMEWHERE
-from .shapes import Data, at, extent, is_rigid, length, mass_per_length, point
+from .bodies import SOMEWHERE, type_of
+from .shapes import Data, at, extent, is_rigid, length, mass_per_length, point, stiffness
 from .supports import Supported
 
 # shares of the solvers: linear ones are cheap and many, motions cost thirty times as much
@@ -71,6 +72,7 @@ class Maker(Supported):
                 k = self.near(0.3 * self.load_size * self.size, 3)
                 ends: list[Any] = [[0.0, 0.0], one] if self.chance(0.5) or one == other else [one, other]
                 rest = {"angle": self.rng.uniform(-0.1, 0.1)} if self.chance(0.3) else {}
+                rest.update(self.one_sided(0.02))
                 self.case["springs"].append({"type": "rotational", "between": ends, "stiffness": k, **damping, **rest})
                 continue
             ends = [one, [self.size * self.rng.uniform(-2, 2), self.size * self.rng.uniform(-2, 2)]]
@@ -80,8 +82,17 @@ class Maker(Supported):
             if gap > 0.3 * self.size:
                 k = self.near(0.3 * self.load_size / self.size, 3)
                 rest = {"length": gap * self.rng.uniform(0.8, 1.2)} if self.chance(0.3) else {}
+                rest.update(self.one_sided(0.02 * self.size))
                 self.case["springs"].append({"type": "translational", "between": ends, "stiffness": k, **damping,
                                              **rest})
+
+    def one_sided(self, gap: float) -> Data:
+        """Return in what part of its elongations a spring acts: in all of them, as in linear solvers, mostly."""
+        if self.kind not in ("static", "path", "dynamic") or not self.chance(0.3):
+            return {}
+        stop = {"gap": gap * self.rng.uniform(0.1, 1.0)}
+        side = {"only": self.rng.choice(("tension", "compression"))}
+        return self.rng.choice((stop, side, {**stop, **side}))
 
     def add_masses(self) -> None:
         """Add point masses, some with moment of inertia."""
@@ -110,8 +121,15 @@ class Maker(Supported):
         l, angle = length(self.case["bodies"][name]["geometry"]), rng.uniform(-math.pi, math.pi)
         force = [self.near(P) * math.cos(angle), self.near(P) * math.sin(angle)]
         follows = 0 if self.kind in ("buckling", "eigen") else 1
-        kind = rng.choices(("force", "follower_force", "moment", "gravity", "distributed"),
-                           (4, follows, 2, 1.5, 2))[0]
+        kind = rng.choices(("force", "follower_force", "moment", "gravity", "distributed", "torque", "within"),
+                           (4, follows, 2, 1.5, 2, 1, 2))[0]
+        if kind == "within":
+            return self.load_within(name, P)
+        if kind == "torque":
+            other = self.anywhere()
+            ends = [where, other if other != where and self.chance(0.6) else [0.0, 0.0]]
+            rng.shuffle(ends)
+            return {"type": kind, "between": ends, "value": rng.choice((-1, 1)) * self.near(0.3 * P * l)}
         if kind in ("force", "follower_force"):
             return {"type": kind, "at": where, "value": force, **self.spread(name)}
         if kind == "moment":
@@ -122,6 +140,28 @@ class Maker(Supported):
         part = {"from": rng.choice((0.0, 0.25, 0.3)), "to": rng.choice((0.5, 0.8, 1.0))} if self.chance(0.4) else {}
         follower = {"follower": True} if follows and self.chance(0.25) else {}
         return {"type": kind, "on": name, "value": [f / l for f in force], **part, **follower}
+
+    def load_within(self, name: str, P: float) -> Data:
+        """Return a tendon, natural strains or heat of a body, about as large as a force P; a moment on a rigid one."""
+        rng, body = self.rng, self.case["bodies"][name]
+        l, (EA, EI) = length(body["geometry"]), stiffness(body)
+        if is_rigid(body):
+            return {"type": "moment", "at": at(name, 1.0), "value": rng.choice((-1, 1)) * self.near(0.3 * P * l)}
+        part = {"from": rng.choice((0.0, 0.25, 0.3)), "to": rng.choice((0.5, 0.8, 1.0))} if self.chance(0.4) else {}
+        element = body["element"]
+        knows = FORMULATIONS[element.get("formulation", type_of(element).formulation)].natural is not None
+        kind = rng.choice(("tendon", "eigenstrain", "temperature"))
+        if kind == "tendon" or not knows:
+            return {"type": "tendon", "on": name, "y": 0.02 * self.size * rng.uniform(-1, 1),
+                    "tension": self.near(0.3 * P), **part}
+        axial, curvature = rng.uniform(-1, 1) * 0.3 * P / EA, rng.uniform(-1, 1) * 0.3 * P * l / EI
+        if kind == "eigenstrain" or "EA" in body["section"]:
+            return {"type": "eigenstrain", "on": name, "axial": axial, "curvature": curvature, **part}
+        parts = [x["material"] for x in body["section"].get("layers", ())] or [body["material"]]
+        alpha = parts[0].get("alpha", self.near(1e-5))
+        for material in parts:
+            material["alpha"] = alpha
+        return {"type": kind, "on": name, "value": axial / alpha, "gradient": curvature / alpha, **part}
 
     # ------------------------------------------------------------------ motions, solvers, output
 

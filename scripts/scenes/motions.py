@@ -16,7 +16,21 @@ from ancf2d.solvers.state import State
 
 from .answer import Answer, answer, quantities
 from .compare import ILL, Finding, Scene, agree, announced, refusals
-from .shapes import Array, Data, extent, is_rigid, length, mass_per_length, pieces, point, position, stiffness
+from .shapes import (
+    Array,
+    Data,
+    extent,
+    has_mass,
+    is_rigid,
+    is_straight,
+    length,
+    mass_per_length,
+    pieces,
+    point,
+    position,
+    stiffness,
+    varies,
+)
 from .similar import UnfitError
 
 # energy_momentum ends Newton's method at this share of a motion's size
@@ -64,8 +78,9 @@ def momentum(scene: Scene) -> Finding:
         raise UnfitError("something else than known loads acts on it")
     if any(x["type"] == "follower_force" or x.get("follower") for x in case.get("loads", ())):
         raise UnfitError("loads turn")
-    if any(b["geometry"]["type"] == "arc" for b in case["bodies"].values()):
-        raise UnfitError("the mass of an arc is that of its mesh")
+    if not all(is_straight(b) and not varies(b) and "layers" not in b.get("section", {})
+               for b in case["bodies"].values()):
+        raise UnfitError("the mass of a curved axis is that of its mesh, that of others not even")
     p, force, mass = np.zeros(2), np.zeros(2), 0.0
     for name, start in starts(case):
         body = case["bodies"][name]
@@ -79,7 +94,7 @@ def momentum(scene: Scene) -> Finding:
         mass += item["mass"]
         p = p + item["mass"] * velocity(own[item["at"].split("@")[0]], point(case, item["at"]))
     for load in case.get("loads", ()):
-        given = np.array(load["value"])
+        given = np.array(load.get("value", 0.0))
         if load["type"] == "force":
             force = force + given
         elif load["type"] == "distributed":
@@ -199,7 +214,7 @@ def stays(scene: Scene) -> Finding:
         return Finding(refusal=ILL)
     varies = any("amplitude" in x for x in case.get("loads", ())) or any(
         s["type"] == "prescribed" for s in case.get("boundary_conditions", ()))
-    if varies or "steady_rotation" in case or not all(weighs(b) for b in case["bodies"].values()):
+    if varies or "steady_rotation" in case or not all(has_mass(b) for b in case["bodies"].values()):
         raise UnfitError("its loads vary, or something has no mass")
     if base.summary.get("energy", {}).get("strain", 0.0) == 0.0:
         raise UnfitError("nothing is strained")
@@ -224,12 +239,6 @@ def _begun(scene: Scene, motion: Answer, start: State) -> Scene:
     begun, measures = copy.copy(scene), (scene.known, scene.sizes)
     begun.__dict__.update(base=replace(scene.base, values=values), known=measures[0], sizes=measures[1])
     return begun
-
-
-def weighs(body: Data) -> bool:
-    """Return whether a body has mass and inertia."""
-    section = body.get("section", {})
-    return "mass" in body["element"] or "rhoA" in section or "rho" in body.get("material", {})
 
 
 def period(case: Data) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import random
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 from ancf2d.elements.definition import ElementType
 
 from .bodies import type_of
-from .shapes import Data, at, is_rigid, part_of, position, split_point, turned_round
-from .similar import UnfitError
+from .shapes import Data, at, curve_of, is_rigid, part_of, path_ends, position, split_point, turned_round
+from .similar import ODD, UnfitError, swapped, turn_layers
 
 
 def reordered(case: Data, rng: random.Random) -> Data:
@@ -30,6 +31,12 @@ def reordered(case: Data, rng: random.Random) -> Data:
             spring["between"].reverse()
             if "angle" in spring:
                 spring["angle"] = -spring["angle"]
+            if spring["type"] == "rotational":
+                spring.update(swapped(spring))
+    for load in out.get("loads", ()):
+        if load["type"] == "torque" and rng.random() < 0.5:
+            load["between"].reverse()
+            load["value"] = -load["value"]
     names = list(case["bodies"])
     while len(names) > 1 and names == list(case["bodies"]):
         rng.shuffle(names)
@@ -48,7 +55,7 @@ def with_points(case: Data, change: Callable[[str], str]) -> Data:
         for key in ("at", "point"):
             if key in item:
                 item[key] = change(item[key])
-    for item in (*out.get("joints", ()), *out.get("springs", ())):
+    for item in (*out.get("joints", ()), *out.get("springs", ()), *out.get("loads", ())):
         if "between" in item:
             item["between"] = [change(p) if isinstance(p, str) else p for p in item["between"]]
     probes = out["output"]["probes"]
@@ -87,17 +94,15 @@ def reversed_body(case: Data, name: str) -> Data:
     if not is_rigid(body) and not symmetric_under_reversal(type_of(body["element"])):
         raise UnfitError("the element is not symmetric under reversal")
     out = with_points(case, lambda p: at(name, 1.0 - split_point(p)[1]) if split_point(p)[0] == name else p)
-    geometry = out["bodies"][name]["geometry"]
-    first, last = {"line": ("start", "end"), "arc": ("from", "to")}.get(geometry["type"], ("", ""))
-    if geometry["type"] == "polyline":
-        geometry["points"] = geometry["points"][::-1]
-    else:
-        geometry[first], geometry[last] = geometry[last], geometry[first]
+    out["bodies"][name]["geometry"] = reversed_axis(out["bodies"][name]["geometry"])
     change_profiles(out["bodies"][name], turned_round)
+    turn_layers(out["bodies"][name])
     for load in out.get("loads", ()):
         own = load.get("on") == name or split_point(load.get("at", "@0"))[0] == name
         if own and (load["type"] == "follower_force" or load.get("follower")):
             load["value"] = [-v for v in load["value"]]
+        if load.get("on") == name:
+            load.update({k: -load[k] for k in ODD if k in load})
         if load.get("on") == name and ("from" in load or "to" in load):
             load["from"], load["to"] = 1.0 - load.get("to", 1.0), 1.0 - load.get("from", 0.0)
     for p in out["output"]["probes"].values():
@@ -106,11 +111,31 @@ def reversed_body(case: Data, name: str) -> Data:
     return out
 
 
+def reversed_axis(geometry: Data) -> Data:
+    """Return an axis from its other end."""
+    g, kind = geometry, geometry["type"]
+    if kind in ("polyline", "spline"):
+        return {**g, "points": g["points"][::-1]}
+    if kind == "curve":
+        return {**g, **{k: with_parameter(g[k], "1 - s") for k in ("x", "y")}}
+    if kind == "path":
+        heading = g.get("heading", 0.0) + sum(p.get("angle", 0.0) for p in g["pieces"]) + np.pi
+        pieces = [{**p, "angle": -p["angle"]} if "angle" in p else p for p in g["pieces"][::-1]]
+        return {**g, "start": position(g, 1.0).tolist(), "heading": heading, "pieces": pieces}
+    first, last = ("start", "end") if kind == "line" else ("from", "to")
+    return {**g, first: g[last], last: g[first]}
+
+
+def with_parameter(text: str, of_s: str) -> str:
+    """Return an expression in s with another expression in its place."""
+    return re.sub(r"\bs\b", f"({of_s})", text)
+
+
 def change_profiles(body: Data, change: Callable[[Any], Any]) -> None:
     """Change the numbers of section and material of a body, which may be tables over s."""
     for key in ("section", "material"):
         if key in body:
-            body[key] = {k: v if k == "damping" else change(v) for k, v in body[key].items()}
+            body[key] = {k: v if k in ("damping", "layers") else change(v) for k, v in body[key].items()}
 
 
 # ---------------------------------------------------------------------- split
@@ -126,6 +151,8 @@ def points_on(case: Data, name: str) -> list[float]:
         return p
 
     with_points({**case, "output": {"probes": {}}}, seen)
+    found += [s for part in ("section", "material") for v in case["bodies"][name].get(part, {}).values()
+              if isinstance(v, dict) for s in v.get("s", ())]
     return found + [load.get(key, 0.0) for load in case.get("loads", ()) if load.get("on") == name
                     for key in ("from", "to") if key in load]
 
@@ -135,11 +162,17 @@ def splits(case: Data, name: str) -> list[tuple[float, int]]:
     body = case["bodies"][name]
     geometry, spec = body["geometry"], body["element"]
     slid_on = any(j.get("on") == name for j in case.get("joints", ()))
-    if geometry["type"] == "polyline" or slid_on:
+    # what is left of a spline that is cut is no spline through the points that are left
+    if geometry["type"] in ("polyline", "spline") or slid_on:
         return []
     if is_rigid(body):
         return [] if "mass" in spec else [(0.4, 0)]
     n = spec["count"]
+    if geometry["type"] == "path":
+        ends = path_ends(geometry)
+        # how many elements each piece has is known where each has one
+        fits = n == len(ends) - 1 and all(np.abs(np.subtract(ends, s)).min() < 1e-9 for s in points_on(case, name))
+        return [(ends[k], k) for k in range(1, n)] if fits else []
     if any(abs(s * n - round(s * n)) > 1e-9 for s in points_on(case, name)):
         return []
     return [(k / n, k) for k in range(1, n)]
@@ -165,13 +198,7 @@ def split_body(case: Data, name: str, s: float, k: int) -> Data:
     first, last = out["bodies"][name], out["bodies"][other]
     change_profiles(first, lambda v: part_of(v, 0.0, s))
     change_profiles(last, lambda v: part_of(v, s, 1.0))
-    geometry = body["geometry"]
-    if geometry["type"] == "arc":
-        cut = geometry["from"] + s * (geometry["to"] - geometry["from"])
-        first["geometry"]["to"] = last["geometry"]["from"] = cut
-    else:
-        cut = [float(v) for v in position(geometry, s)]
-        first["geometry"]["end"], last["geometry"]["start"] = cut, list(cut)
+    first["geometry"], last["geometry"] = halves(body["geometry"], s, k)
     if not is_rigid(body):
         first["element"]["count"], last["element"]["count"] = k, body["element"]["count"] - k
     weld = {"name": "cut", "type": "weld", "between": [at(name, 1.0), at(other, 0.0)]}
@@ -181,6 +208,24 @@ def split_body(case: Data, name: str, s: float, k: int) -> Data:
     if name in start:
         start[other] = copy.deepcopy(start[name])
     return out
+
+
+def halves(geometry: Data, s: float, k: int) -> tuple[Data, Data]:
+    """Return both parts of an axis that is cut at S, a path after k pieces."""
+    g, kind = geometry, geometry["type"]
+    if kind == "arc":
+        cut: Any = g["from"] + s * (g["to"] - g["from"])
+        return {**g, "to": cut}, {**g, "from": cut}
+    if kind == "curve":
+        cut = curve_of(g).parameter(s)
+        first, last = ({**g, **{x: with_parameter(g[x], part) for x in "xy"}}
+                       for part in (f"{cut!r}*s", f"{cut!r} + {1.0 - cut!r}*s"))
+        return first, last
+    cut = position(g, s).tolist()
+    if kind == "path":
+        heading = g.get("heading", 0.0) + sum(p.get("angle", 0.0) for p in g["pieces"][:k])
+        return {**g, "pieces": g["pieces"][:k]}, {**g, "start": cut, "heading": heading, "pieces": g["pieces"][k:]}
+    return {**g, "end": cut}, {**g, "start": list(cut)}
 
 
 def split_load(load: Data, name: str, other: str, s: float) -> list[Data]:

@@ -91,7 +91,7 @@ def simpler_items(case: Data) -> Iterator[Data]:
     for key in LISTS:
         for i, item in enumerate(case.get(key, ())):
             for extra in ("amplitude", "spread", "hold", "inertia", "follower", "from", "to", "damping", "angle",
-                          "length"):
+                          "length", "only", "gap"):
                 if extra in item and item["type" if "type" in item else "at"] != "prescribed":
                     out = copy.deepcopy(case)
                     del out[key][i][extra]

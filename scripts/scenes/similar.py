@@ -22,8 +22,16 @@ DIMENSIONS = {
 SPRINGS = {"translational": {"stiffness": (-1, 1, 0), "damping": (-1, 1, 1)},
            "rotational": {"stiffness": (1, 1, 0), "damping": (1, 1, 1)}}
 # of loads, by type: dimension of the value
-LOADS = {"force": (0, 1, 0), "follower_force": (0, 1, 0), "moment": (1, 1, 0), "gravity": (1, 0, -2),
-         "distributed": (-1, 1, 0)}
+LOADS = {"force": (0, 1, 0), "follower_force": (0, 1, 0), "moment": (1, 1, 0), "torque": (1, 1, 0),
+         "gravity": (1, 0, -2), "distributed": (-1, 1, 0)}
+# of loads within a body, which balance themselves: dimensions of their numbers that have any
+INNER: dict[str, dict[str, tuple[int, int, int]]] = {
+    "tendon": {"tension": (0, 1, 0), "y": (1, 0, 0)}, "eigenstrain": {"curvature": (-1, 0, 0)},
+    "temperature": {"gradient": (-1, 0, 0)}}
+# those of their numbers that change sign as the section's y axis does
+ODD = ("y", "curvature", "gradient")
+# of the pieces of a path
+PIECES = {"line": (1, 0, 0), "arc": (1, 0, 0)}
 PLACES = ("start", "end", "center", "through", "about")
 DIRECTIONS = ("normal", "along")
 
@@ -107,6 +115,10 @@ class _Case:
         to = self.to
         if key in DIMENSIONS and isinstance(value, dict):
             return {**value, "value": [v * to.unit(DIMENSIONS[key]) for v in value["value"]]}
+        if key == "material":
+            # its alpha is of temperature, and has no dimension; that of the case's damping has
+            own = {k: v for k, v in value.items() if k != "alpha"}
+            return {k: self.general(own[k], k) if k in own else v for k, v in value.items()}
         if isinstance(value, dict):
             return {k: self.general(v, k) for k, v in value.items()}
         if key in PLACES and isinstance(value, list):
@@ -119,14 +131,14 @@ class _Case:
             return [to.place(p) for p in value]
         if isinstance(value, list):
             return [self.general(v) if isinstance(v, dict) else v for v in value]
-        if key == "y":
+        if key == "y" and not isinstance(value, str):
             return to.sense * to.length * value
         if key == "omega":
             return to.sense * to.unit((0, 0, -1)) * value
         return value * to.unit(DIMENSIONS[key]) if key in DIMENSIONS and not isinstance(value, str) else value
 
     def body(self, body: Data) -> Data:
-        out = {key: value if key == "element" else self.general(value) for key, value in body.items()}
+        out = {key: value if key == "element" else self.general(value, key) for key, value in body.items()}
         # of an element, a rigid body's mass and inertia alone have dimensions
         out["element"] = {k: v * self.to.unit(DIMENSIONS[k]) if k in ("mass", "inertia") else v
                           for k, v in body["element"].items()}
@@ -134,6 +146,16 @@ class _Case:
         if geometry["type"] == "arc":
             for key in ("from", "to"):
                 geometry[key] = self.to.sense * geometry[key] + self.to.angle
+        if geometry["type"] == "path":
+            geometry["heading"] = self.to.sense * geometry.get("heading", 0.0) + self.to.angle
+            geometry["pieces"] = [{k: v * (self.to.unit(PIECES[k]) if k in PIECES else self.to.sense)
+                                   for k, v in piece.items()} for piece in geometry["pieces"]]
+        if geometry["type"] == "curve":
+            rows, (x, y) = self.to.length * self.to.R, (geometry["x"], geometry["y"])
+            for key, (a, b), c in zip("xy", rows.tolist(), self.to.shift, strict=True):
+                geometry[key] = f"({a!r})*({x}) + ({b!r})*({y}) + ({float(c)!r})"
+        if self.to.mirrored:
+            turn_layers(out)
         return out
 
     def amplitude(self, amplitude: Any, by: float = 1.0) -> Any:
@@ -146,9 +168,17 @@ class _Case:
         return {**item, "amplitude": self.amplitude(item["amplitude"])} if "amplitude" in item else item
 
     def load(self, load: Data) -> Data:
-        to, unit, value = self.to, LOADS[load["type"]], load["value"]
+        to = self.to
+        if load["type"] in INNER:
+            new: Any = {k: to.unit(d) * (to.sense if k in ODD else 1.0) * load[k]
+                        for k, d in INNER[load["type"]].items() if k in load}
+            return self.with_amplitude({**load, **new})
+        unit, value = LOADS[load["type"]], load["value"]
+        if load["type"] == "torque":
+            ends = [p if isinstance(p, str) else to.place(p) for p in load["between"]]
+            return self.with_amplitude({**load, "between": ends, "value": to.sense * to.unit(unit) * value})
         if load["type"] == "moment":
-            new: Any = to.sense * to.unit(unit) * value
+            new = to.sense * to.unit(unit) * value
         elif load["type"] == "follower_force" or load.get("follower"):
             new = [to.unit(unit) * value[0], to.sense * to.unit(unit) * value[1]]
         else:
@@ -163,7 +193,9 @@ class _Case:
             out["angle"] = self.to.sense * out["angle"]
         if "length" in out:
             out["length"] = self.to.length * out["length"]
-        return out
+        if "gap" in out and spring["type"] == "translational":
+            out["gap"] = self.to.length * out["gap"]
+        return swapped(out) if self.to.mirrored and spring["type"] == "rotational" else out
 
     def support(self, support: Data) -> Data:
         out, to = dict(support), self.to
@@ -189,3 +221,18 @@ class _Case:
             out[key] = {**self.amplitude(was), "scale": scale}
         out["angle"] = self.amplitude(support["angle"], self.to.sense)
         return out
+
+
+def swapped(spring: Data) -> Data:
+    """Return a one-sided spring that acts on the other side; any other as it is."""
+    other = {"tension": "compression", "compression": "tension"}
+    return {**spring, "only": other[spring["only"]]} if "only" in spring else spring
+
+
+def turn_layers(body: Data) -> None:
+    """Turn the layers of a section upside down, as its y axis is."""
+    section = body.get("section", {})
+    if "layers" in section:
+        section["layers"] = section["layers"][::-1]
+        if isinstance(section.get("axis"), float):
+            section["axis"] = sum(layer["height"] for layer in section["layers"]) - section["axis"]

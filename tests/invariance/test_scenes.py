@@ -44,6 +44,11 @@ def test_every_kind_of_support_joint_spring_and_load_is_made(key: str) -> None:
     assert {item["type"] for item in items(key)} == set(keys_of(schema.Case)[key].kind.item.options)
 
 
+def test_one_sided_springs_and_stops_are_made_where_solvers_are_nonlinear() -> None:
+    one_sided = [case["solver"]["type"] for case in MANY for s in case.get("springs", ()) if {"only", "gap"} & set(s)]
+    assert set(one_sided) == {"static", "dynamic"}
+
+
 def test_every_kind_of_body_is_made() -> None:
     elements = [body["element"] for body in bodies()]
     assert {body["geometry"]["type"] for body in bodies()} == tags(schema.Geometry)
