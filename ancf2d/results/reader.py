@@ -61,8 +61,6 @@ class Results:
             if len(self._times) < self.nt:
                 raise ValueError(f"it has {len(self._times)} states where {self.nt} were stored")
 
-    # ------------------------------------------------------------------ about the run
-
     def _attr(self, name: str) -> str:
         return str(self.attrs.get(name, ""))
 
@@ -111,8 +109,6 @@ class Results:
         """The ``--set`` options of the run."""
         with safe.damage(self.path):
             return safe.strings(safe.child(self._file, "case", h5py.Group), "overrides")
-
-    # ------------------------------------------------------------------ states
 
     @cached_property
     def e0(self) -> np.ndarray:
@@ -206,8 +202,6 @@ class Results:
                 return None
             return StateRows(dataset, (len(self.bodies),)).row(number)
 
-    # ------------------------------------------------------------------ bodies
-
     @cached_property
     def bodies(self) -> dict[str, BodyRecord]:
         """The bodies by name, in the order of the case."""
@@ -276,8 +270,6 @@ class Results:
         """Return the node positions (n, 2) of a body in state i (None: reference)."""
         return body_nodes(self.body(body), self._scaled(i, scale))
 
-    # ------------------------------------------------------------------ fields
-
     @cached_property
     def _stored_fields(self) -> dict[str, dict[str, tuple[FieldRecord, StateRows]]]:
         with safe.damage(self.path):
@@ -316,8 +308,6 @@ class Results:
     def field_blocks(self, body: str, name: str) -> Iterator[np.ndarray]:
         """Yield a field of all states, some consecutive ones at a time (n, ne, nx, ny, components); see ``blocks``."""
         return self._blocks(self._field_rows(body, name))
-
-    # ------------------------------------------------------------------ series and tables
 
     @cached_property
     def history(self) -> Table:
@@ -400,6 +390,5 @@ class Results:
         self.close()
 
 
-def open_results(path: str | os.PathLike[str]) -> Results:
-    """Open a result file for reading. Raises ResultsError, which says what is wrong with the file and what to do."""
-    return Results(path)
+# raises ResultsError, which says what is wrong with a file and what to do
+open_results = Results
