@@ -52,7 +52,8 @@ def test_the_arm_in_motion_keeps_its_balance_of_energies(tendon: dict[str, Any])
     """What the tension does, or what winds up the elastic tendon, is in the springs and the motion."""
     found = arm({"type": "dynamic", "t_end": 0.3, "tolerance": 1e-6}, amplitude=RISE, **tendon)
     assert found.state.report["energy_drift"] < 2e-5
-    assert min(turned(found)) > 0.0
+    # undamped, the joints swing through zero
+    assert max(turned(found)) > 0.5
 
 
 @pytest.mark.slow
