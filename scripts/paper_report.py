@@ -10,11 +10,12 @@ from html import escape
 from typing import Any
 
 import table3
-from bench.stamp import machine, versions
 from paper_figures import Drawn, Workshop, static_figures
 from paper_modes import mode_figures
 from paper_motion import motion_figures
 from paper_tables import TABLES
+
+from scripts.pages import machine, versions
 
 PAPER = ("Transversally higher-order interpolating polynomials for the two-dimensional shear deformable ANCF beam "
          "elements based on common coefficients")

@@ -2,25 +2,18 @@
 
 A ring, a tree whose members fork in two at each end, and square lattices, all welded. Fronts are what the program takes
 where they cost less than a band; the band is that of reverse Cuthill-McKee, and SuperLU general sparse factors.
-
-    python scripts/bench/frames.py --repeat 9
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import os
 import statistics
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from static_cantilever import THREADS
 
 TYPES = ["reissner2", "vallejo"]
 SECTION, STEEL = {"height": 0.05, "width": 0.05}, {"E": 2.07e11, "nu": 0.3, "rho": 7850}
@@ -139,21 +132,5 @@ def measure_one(name: str, element: str, repeat: int) -> dict[str, Any]:
 
 
 def measure(repeat: int) -> list[dict[str, Any]]:
-    """Return the rows of all frames and types, from a process of its own with one thread."""
-    done = subprocess.run([sys.executable, __file__, "--repeat", str(repeat)], capture_output=True, text=True,
-                          check=True, env={**os.environ, **dict.fromkeys(THREADS, "1")})
-    return json.loads(done.stdout)
-
-
-def main() -> None:
-    """Print what was measured as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeat", type=int, default=9)
-    parser.add_argument("--frames", default=",".join(SCENES))
-    args = parser.parse_args()
-    print(json.dumps([measure_one(name, element, args.repeat) for element in TYPES
-                      for name in args.frames.split(",")], indent=1))
-
-
-if __name__ == "__main__":
-    main()
+    """Return the rows of all frames and types."""
+    return [measure_one(name, element, repeat) for element in TYPES for name in SCENES]

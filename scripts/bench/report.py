@@ -4,8 +4,8 @@ The peers that it measures beside are the extra ``peers`` (``pip install .[peers
 It takes about ten minutes; a machine that does nothing else gives the best figures. ``--json FILE`` also writes all
 figures; ``--only`` measures some parts anew and takes the others from that file; ``--only none`` writes the page alone.
 
-    python scripts/bench/report.py --json speed.json
-    python scripts/bench/report.py --json speed.json --only start,modes
+    python -m scripts.bench.report --json speed.json
+    python -m scripts.bench.report --json speed.json --only start,modes
 """
 
 from __future__ import annotations
@@ -17,30 +17,21 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import aims
-import arithmetic
-import dynamics
-import eigen
-import frames
-import page
-import sampling
-import scaling
-import startup
-import static_cantilever
-from stamp import machine, versions
+from scripts.pages import DOCS, machine, versions
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "speed.md"
-TYPES = ["reissner2", "reissner3", "kerkkanen", "vallejo"]
-SIZES = [1000, 10_000]
+from . import kernels, modes, motion, page, start, statics
+from .apart import apart
+
+PAGE = DOCS / "speed.md"
 PARTS: dict[str, Callable[[int], Any]] = {
-    "start": startup.measure,
-    "static": lambda repeat: {str(n): static_cantilever.compare(n, TYPES, repeat) for n in SIZES},
-    "scaling": lambda repeat: scaling.collect(scaling.TYPES, scaling.SIZES[-1], repeat),
-    "arithmetic": lambda repeat: arithmetic.measure(arithmetic.TYPES, 3 * repeat),
-    "frames": lambda repeat: frames.measure(3 * repeat),
-    "sampling": lambda repeat: sampling.measure(),
-    "modes": lambda repeat: eigen.compare(["reissner2", "vallejo"], 100_000),
-    "motion": dynamics.collect}
+    "start": start.measure,
+    "static": lambda repeat: {str(n): statics.compare(n, repeat) for n in statics.COMPARED},
+    "scaling": statics.scale,
+    "arithmetic": lambda repeat: apart("kernels.measure", 3 * repeat),
+    "frames": lambda repeat: apart("frames.measure", 3 * repeat),
+    "sampling": lambda repeat: apart("kernels.sample"),
+    "modes": lambda repeat: modes.compare(),
+    "motion": motion.collect}
 
 
 def text(found: dict[str, Any]) -> str:
@@ -48,7 +39,7 @@ def text(found: dict[str, Any]) -> str:
     peak = found["arithmetic"]["peak"]
     return f"""# Speed
 
-Measured by `python scripts/bench/report.py` on {found["stamp"]}.
+Measured by `python -m scripts.bench.report` on {found["stamp"]}.
 Times are processor times, which other programs on the machine disturb little, and medians of interleaved runs. The
 ratios are more reliable than the seconds.
 
@@ -73,9 +64,9 @@ ratios are more reliable than the seconds.
 The performance goals and what this run measured, on one core unless stated otherwise. `*`: a time is extrapolated, as
 explained below.
 
-{aims.aims_table(found)}
+{page.aims_table(found)}
 
-{aims.limits(found)}
+{page.limits(found)}
 
 ## Start
 
@@ -103,12 +94,12 @@ elements from 8192 elements on.
 
 One core reaches {peak / 1e9:.0f} billion operations per second here, in chains of multiply-adds that stay in its
 registers. The operation counts are those of the forces, and of the forces with the lower half of the tangent, without
-the zeros of B; `scripts/bench/arithmetic.py` derives them from the array shapes. The time is per element among
-{arithmetic.ELEMENTS}.
+the zeros of B; `scripts/bench/kernels.py` derives them from the array shapes. The time is per element among
+{kernels.ELEMENTS}.
 
 {page.kernel_table(found)}
 
-One Newton iteration of {arithmetic.MANY} elements, per element, on one core:
+One Newton iteration of {kernels.MANY} elements, per element, on one core:
 
 {page.iteration_table(found)}
 

@@ -40,3 +40,5 @@ COWPER = 10 * (1 + 0.3) / (12 + 11 * 0.3)
 STATIC = Bar(2.0, 0.1, 0.1, 2.07e11, 7850, COWPER, load=500e3)
 PENDULUMS = {1: Bar(1.8, 0.008, 0.03125, 2.07e11, 2766.67, 5 / 6), 2: Bar(1.2, 0.253, 0.006335, 7e5, 5540, 5 / 6)}
 T_END = {1: 1.5, 2: 1.1}
+# load steps of the cantilever
+STEPS = 10

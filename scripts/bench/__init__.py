@@ -1,0 +1,1 @@
+"""Speed: what docs/speed.md and the times in docs/modes.md are measured with."""
