@@ -12,8 +12,7 @@ from functools import cache
 
 from ancf2d.elements import registry
 from ancf2d.study.audit.examine import CHECKS, Audit, audit
-from ancf2d.study.audit.finding import FAIL, PASS
-from ancf2d.study.audit.subject import subject
+from ancf2d.study.audit.subject import FAIL, PASS, subject
 
 # members of the family that stand for it
 MEMBERS = ("ancf[1,2]", "ancf[2,2]", "ancf[3,3]")

@@ -7,8 +7,7 @@ from fractions import Fraction
 from math import prod
 
 from ancf2d.elements import registry
-from ancf2d.elements.definition import ElementType, derivative_order
-from ancf2d.elements.polynomial import Polynomial
+from ancf2d.elements.definition import ElementType, Polynomial, derivative_order
 
 # powers of x, y and nu -> coefficient, for an element of length 1
 Sum = dict[tuple[int, int, int], Fraction]

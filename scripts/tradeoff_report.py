@@ -18,14 +18,13 @@ from gallery import IMAGES, ROOT, shrunk
 from measured import DOCS, stamp, write
 
 from ancf2d.case.units import with_unit
-from ancf2d.cli.tradeoff_report import error_text, model_text, time_text, total_text
+from ancf2d.cli.tradeoff import error_text, model_text, time_text, total_text
 from ancf2d.plot.kinds import draw
 from ancf2d.plot.output import save
 from ancf2d.results import Results
 from ancf2d.study.run import load
-from ancf2d.study.tradeoff.file import write_tradeoff
 from ancf2d.study.tradeoff.plan import Choice
-from ancf2d.study.tradeoff.result import Row, Study, accuracy_name, cheapest
+from ancf2d.study.tradeoff.result import Row, Study, accuracy_name, cheapest, write_tradeoff
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import parse_variants
 

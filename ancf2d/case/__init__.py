@@ -4,10 +4,10 @@ from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition
 from .json_schema import SCHEMA_FILE, definition_schema, json_schema, schema_comment
 from .load import LoadedCase, load_case, load_case_text
+from .nodes import Source
 from .reference import markdown_reference
 from .schema import *  # noqa: F403
 from .schema import __all__ as _schema
-from .source import Source
 from .templates import TEMPLATES, template
 
 __all__ = [

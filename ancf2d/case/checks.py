@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed
-from .nodes import quoted
+from .nodes import Source, quoted
 from .records import walk
 from .schema import Case, Layers, LimitPoints, Point, Stiffness
-from .source import Source
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")

@@ -12,10 +12,9 @@ from .binder import Binder, Issue, Vocabulary
 from .compose import compose, read_text
 from .declare import key, record
 from .kinds import Known, ListOf, Name, Number, Text
-from .nodes import MapNode, Origin
+from .nodes import MapNode, Origin, Source, line_breaks
 from .records import Record, bind_record
 from .schema.body import QUADRATURE, SHEAR_FACTOR
-from .source import Source, line_breaks
 
 
 @record

@@ -103,7 +103,7 @@ def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
         return f, 0.0, 0.0
     if f == 0.0:
         return f, 0.0 if ad == 0.0 else math.nan, math.nan
-    return f, 0.5 * ad / f, 0.5 * add / f - 0.25 * ad * ad / (f * a)
+    return f, 0.5 * ad / f, 0.5 * add / f - 0.25 * (ad / f) * (ad / a)
 
 
 def table_jet(data, p, smooth, t):  # type: ignore[no-untyped-def]

@@ -13,11 +13,10 @@ from .checks import check_case
 from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
 from .emit import written, yaml_text
-from .nodes import MapNode, Origin, Scalar
+from .nodes import MapNode, Origin, Scalar, Source, line_breaks
 from .overrides import apply_overrides
 from .records import bind_record
 from .schema import Case
-from .source import Source, line_breaks
 
 
 @dataclass(frozen=True)

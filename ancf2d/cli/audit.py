@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .options import complete_types, debug_option, examples, json_option, quiet_option
-from .progress import Bar
-from .session import Session
+from .session import Bar, Session
 from .text import number, table
 
 if TYPE_CHECKING:

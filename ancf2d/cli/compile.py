@@ -7,8 +7,7 @@ import time
 import click
 
 from .options import debug_option, examples, quiet_option
-from .progress import Bar
-from .session import Session
+from .session import Bar, Session
 
 
 @click.command(epilog=examples("ancf2d compile", "ancf2d compile -q"))

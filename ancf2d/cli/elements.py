@@ -26,7 +26,7 @@ def command(session: Session, name: str | None) -> int:
     The default formulation of each type is marked with *.
     """
     from ..elements import registry
-    from ..elements.rigid import RIGID_TYPE
+    from ..elements.registry import RIGID_TYPE
 
     types = [registry.ELEMENTS[n] for n in registry.ELEMENTS] if name is None else [_named(name)]
     found = [_describe(t) for t in types]
@@ -51,7 +51,7 @@ def command(session: Session, name: str | None) -> int:
 
 def _named(name: str) -> Any:
     """Return an element type by name or from its file; CaseError with the nearest where there is none."""
-    from ..elements.rigid import RIGID_TYPE
+    from ..elements.registry import RIGID_TYPE
     from ..study.variants import described, element_named, is_file
 
     if is_file(name):

@@ -7,8 +7,7 @@ import os
 import click
 
 from .options import debug_option, examples, force_option, json_option, quiet_option
-from .progress import Bar
-from .session import Session
+from .session import Bar, Session
 
 
 @click.command(epilog=examples("ancf2d export swing.h5 swing.vtkhdf", "ancf2d export swing.h5 tip.csv",

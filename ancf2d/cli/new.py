@@ -37,7 +37,7 @@ def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     if os.path.lexists(path) and not force:
         raise ResultsError(f"'{path}' exists; choose another name, or replace the file with --force")
     from ..case import SCHEMA_FILE, template
-    from ..results.replace import replacing
+    from ..results.target import replacing
 
     text = template(path.stem, kind or (path.stem if path.stem in KINDS else KINDS[0]))
     with replacing(path, force) as private:

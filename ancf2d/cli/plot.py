@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import complete_kinds, debug_option, examples, force_option, quiet_option
-from .progress import Bar
-from .session import Session
+from .session import Bar, Session
 from .text import table
 
 if TYPE_CHECKING:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import ResultsError
-from .accuracy import pursue
 from .failures import FAILED, expected_met
 from .options import (
     case_argument,
@@ -21,8 +20,8 @@ from .options import (
     set_option,
     verbose_option,
 )
-from .progress import Bar
-from .session import Session
+from .report import pursue
+from .session import Bar, Session
 from .text import command_line, say
 
 if TYPE_CHECKING:
@@ -57,8 +56,8 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     """
     session.subject = {"case": case}
     from ..results import check_output
+    from ..solvers.post import unbalanced_forces
     from ..study.accuracy.control import is_pursued
-    from ..study.balance import unbalanced_forces
     from ..study.digests import inputs_of
     from ..study.record import Progress, run_end
     from ..study.run import load, run_case, solver_name

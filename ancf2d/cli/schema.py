@@ -43,7 +43,7 @@ def command(session: Session, output: str | None, markdown: bool, definition: bo
 def schema_text(markdown: bool = False, definition: bool = False) -> str:
     """Return the JSON Schema of cases (or of element definitions), or the reference in Markdown."""
     from ..case import definition_schema, json_schema, markdown_reference
-    from ..results.own import MARK
+    from ..results.target import MARK
     from ..study.run import vocabulary
 
     names = vocabulary()
@@ -54,14 +54,14 @@ def schema_text(markdown: bool = False, definition: bool = False) -> str:
 
 
 def _as_text(schema: dict[str, Any]) -> str:
-    from ..results.own import MARK
+    from ..results.target import MARK
 
     return json.dumps({"$comment": MARK, **schema}, indent=2) + "\n"
 
 
 def write_schema(path: str | os.PathLike[str], text: str, force: bool) -> None:
     """Write a schema; ResultsError where that would replace something else, or cannot be done."""
-    from ..results.replace import replacing
+    from ..results.target import replacing
 
     with replacing(path, force) as private:
         private.write_text(text, encoding="utf-8")

@@ -21,8 +21,7 @@ from .options import (
     set_option,
     workers,
 )
-from .progress import Bar
-from .session import Session
+from .session import Bar, Session
 from .text import TIME, duration, many, number, say, table
 
 if TYPE_CHECKING:

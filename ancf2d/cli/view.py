@@ -28,7 +28,7 @@ def command(session: Session, file: str, save: str | None, fields: tuple[str, ..
     The page needs no network. Long runs are thinned to keep it below 5 MB; the result file does not change.
     """
     from ..results import check_output, open_results
-    from ..results.replace import replacing
+    from ..results.target import replacing
     from ..study.fields_of_states import StatesWithFields
     from ..view import make_page, serve
 

@@ -1,11 +1,13 @@
-"""The one place where element types are listed: each is a few lines of data."""
+"""The one place where element types are listed, each a few lines of data, the rigid bar among them."""
 
 from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 from .definition import ElementType, NodeSpec
+from .formulations.base import Formulation, PointLaw
 
 
 def _nodes(places: tuple[float, ...], *coordinates: str) -> tuple[NodeSpec, ...]:
@@ -99,3 +101,16 @@ def element_type(name: str, order: tuple[int, int] | None = None) -> ElementType
 def names() -> tuple[str, ...]:
     """Return every name that a case file may use as a flexible ``element.type``."""
     return (*ELEMENTS, FAMILY)
+
+
+RIGID_TYPE = ElementType("rigid", ("1", "x"), (NodeSpec(0.0, ("r",)), NodeSpec(1.0, ("r",))), formulation="rigid",
+                         source="natural coordinates of Garcia de Jalon & Bayo 1994")
+
+
+def _no_law(*_: Any) -> Any:
+    raise NotImplementedError("a rigid body has no strain")
+
+
+RIGID = Formulation("rigid", PointLaw(0, 0, 0, _no_law, _no_law),
+                    lambda e: None if e is RIGID_TYPE else f"{e.name} deforms", lambda e: (1, 1), lambda e: (1, 1),
+                    _no_law, RIGID_TYPE.source, "no strain: the length is kept")

@@ -4,11 +4,10 @@ A kind registers its record where it stands, and so do those of plugins (``ancf2
 and models take them from there. The order of imports is that of the reference.
 """
 
-from .body_loads import Distributed, Gravity
+from .body_loads import Distributed, Eigenstrain, Gravity, Temperature
 from .forces import FollowerForce, Force, Moment, Torque
 from .inertia import Mass
 from .joints import PinJoint, SliderJoint, WeldJoint
-from .natural import Eigenstrain, Temperature
 from .prismatic import PrismaticJoint
 from .springs import RotationalSpring, TranslationalSpring
 from .supports import Clamp, Fix, Pin, Prescribed, Roller

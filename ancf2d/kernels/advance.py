@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from . import calls
-from .amplitudes import evaluate
 from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
 from .lowlevel.arrays import copy, copy_rows
@@ -26,6 +25,7 @@ from .motion import (
     TIME,
     TRIES,
     WORK,
+    evaluate,
 )
 from .patches import accept_patches, violation
 from .points import turn_on

@@ -10,7 +10,7 @@ from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
 from .lanes import Plan, matrices_at, places, slots, vectors_of
 from .lowlevel.blas import multiply, multiply_transposed
 from .lowlevel.jit import inlined, inner
-from .lowlevel.pointers import STRIDE, array_at, row
+from .lowlevel.records import STRIDE, array_at, row
 from .natural import Memory, Natural, natural_strain, no_memory, no_natural
 
 

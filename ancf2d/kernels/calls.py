@@ -15,8 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from .forces import GROUP
-from .lowlevel.pointers import address_of, call_entry
-from .lowlevel.records import type_of
+from .lowlevel.records import address_of, call_entry, type_of
 from .motion import method_of, motion, scratch
 
 _f, _i, _b = types.float64, types.int64, types.boolean

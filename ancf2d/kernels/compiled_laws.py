@@ -17,7 +17,7 @@ from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.jit import addressed, inlined
-from .lowlevel.pointers import address_of, caller, rows, table
+from .lowlevel.records import address_of, caller, rows, table
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)

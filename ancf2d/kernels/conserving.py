@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import calls
-from .amplitudes import evaluate
 from .bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
 from .dynamics import (
     FORCES,
@@ -26,7 +25,7 @@ from .dynamics import (
 )
 from .lowlevel.jit import addressed, inner
 from .lowlevel.records import whole
-from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
+from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 from .newmark import SLOW
 
 # increments that no longer shrink are done below this share of the motion

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from . import calls
-from .amplitudes import evaluate
 from .dynamics import add_mass, patches_tangent, residual, to_full, twice_kinetic
 from .lowlevel.jit import inner, inner_with_memory, kernel, kernel_with_memory
+from .motion import evaluate
 from .patches import patch_forces, rates_of_constraints
 
 

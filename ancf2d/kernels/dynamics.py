@@ -10,7 +10,7 @@ from . import calls
 from .bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
 from .lowlevel.arrays import rank, ranked
 from .lowlevel.jit import addressed, inner, kernel
-from .lowlevel.pointers import array_at
+from .lowlevel.records import array_at
 from .patches import add_patch_tangent, patch_forces, patch_noise, violation
 
 # constraints hold where they are off by no more than this share of their scale

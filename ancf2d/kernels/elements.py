@@ -23,10 +23,9 @@ from .batch import (
 )
 from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
 from .lanes import vectors_of
+from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel, shared
-from .lowlevel.pointers import array_at, row
-from .lowlevel.records import whole
-from .lowlevel.stack_arrays import vector
+from .lowlevel.records import array_at, row, whole
 from .matrix import scatter_packed
 from .natural import NOW
 

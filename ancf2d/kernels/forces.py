@@ -32,8 +32,7 @@ from .batch import (
 from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN
 from .lanes import Slots, vectors_of
 from .lowlevel.jit import addressed, inner
-from .lowlevel.pointers import address_of, array_at, caller, row
-from .lowlevel.records import type_of, whole
+from .lowlevel.records import address_of, array_at, caller, row, type_of, whole
 from .natural import BEFORE, CHANGE, NOW, RATES
 from .tangents import tangents
 

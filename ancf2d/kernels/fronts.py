@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from .band import solve_lower, solve_upper, take_out
+from .lowlevel.arrays import numbers, vector
 from .lowlevel.blocks import inverse, room, size
 from .lowlevel.jit import inner, kernel
-from .lowlevel.pointers import array_at
-from .lowlevel.stack_arrays import numbers, vector
+from .lowlevel.records import array_at
 
 
 @inner

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from numba.extending import register_jitable
 
 from .lowlevel.jit import inner
-from .lowlevel.pointers import STRIDE
+from .lowlevel.records import STRIDE
 
 # lanes of a batch; rows lie further apart (STRIDE)
 LANES = 64

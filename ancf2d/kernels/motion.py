@@ -1,10 +1,14 @@
-"""The state that time stepping carries from step to step, and what a step answers."""
+"""The state that time stepping carries from step to step, its signals, and what a step answers."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
+
+from ..case import jets
+from .lowlevel.jit import kernel
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
@@ -97,3 +101,21 @@ def motion(n: int, kept: int, sections: int) -> Motion:
     # how fast Newton converges is not known yet
     out.numbers[CONTRACTION] = 1.0
     return out
+
+
+for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet):
+    register_jitable(_function)
+
+_run = kernel(jets.run)
+
+
+@kernel
+def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
+    """Fill out (n, 3) with every function of ``case.programs.programs`` at t and its two derivatives by t.
+
+    At a corner or jump the values are those to its right, but never those of a time outside the programs' window.
+    Where there is no finite value the entry is nan; the Python signal says why.
+    """
+    t = min(max(t, programs.window[0]), programs.window[1])
+    for k in range(len(programs.first) - 1):
+        _run(programs, k, t, out, k)

@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import calls
-from .amplitudes import evaluate
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
 from .lowlevel.arrays import copy
 from .lowlevel.jit import addressed, inner
-from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
+from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .amplitudes import evaluate
 from .consistent import _by_motion, constraint_matrix, onto_constraints
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
 from .lowlevel.arrays import copy
 from .lowlevel.jit import kernel, kernel_with_memory
+from .motion import evaluate
 from .patches import accept_patches, rates_of_constraints, violation
 
 

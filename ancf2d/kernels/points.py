@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 from ..elements.point_laws import turn
 from .compiled_laws import call_accept, call_forces, call_mean
+from .lowlevel.arrays import array, vector
 from .lowlevel.jit import inlined, inner, kernel
-from .lowlevel.pointers import array_at
-from .lowlevel.stack_arrays import array, vector
+from .lowlevel.records import array_at
 from .matrix import scatter
 
 

@@ -7,11 +7,10 @@ the next ones of the same length: what is left of the contraction is that of the
 from __future__ import annotations
 
 from . import calls
-from .amplitudes import evaluate
 from .dynamics import FACTORS, directions, factor, to_full, turned
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import inner
-from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
+from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME, evaluate
 
 # what a tangent and its factors cost, in iterations
 MAKING = 1.5

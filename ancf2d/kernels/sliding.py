@@ -11,8 +11,8 @@ import math
 from numba.extending import register_jitable
 
 from ..elements import sliding
+from .lowlevel.arrays import array, matrices, numbers, vector
 from .lowlevel.jit import inner, kernel
-from .lowlevel.stack_arrays import array, matrices, numbers, vector
 from .matrix import scatter
 
 for _helper in sliding.HELPERS:

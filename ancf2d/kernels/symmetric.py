@@ -11,9 +11,8 @@ from . import calls
 from .band import ldl_factor, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
 from .lowlevel.jit import addressed, inlined
-from .lowlevel.pointers import array_at
-from .mass import band_product, product_by_diagonals
-from .matrix import Nested, SymBand
+from .lowlevel.records import array_at
+from .matrix import Nested, SymBand, band_product, product_by_diagonals
 
 # pivots below this share of the terms that they are the difference of are none
 _TINY = 1e-16

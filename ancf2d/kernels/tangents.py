@@ -12,7 +12,7 @@ from .batch import copy_rows, layout, matrices, points_of, turn_rows, turned
 from .lanes import vectors_of
 from .lowlevel.blas import multiply
 from .lowlevel.jit import inner, kernel
-from .lowlevel.pointers import STRIDE, array_at
+from .lowlevel.records import STRIDE, array_at
 
 # of the 53 bits of a number, those that leave room for the sums of a few
 ROUNDED_BITS = 51

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case import Constant, Expression, Ramp, Table, syntax
 from ..elements.shape import Array
-from .signals import Signal
+from .timing import Signal
 
 # times that switches are looked for between, ten to a switch, and how many at most
 SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001

@@ -27,7 +27,7 @@ from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.springs import Spring
 from ..interactions.supports import SupportError
-from .constraints import Equations, keep_lengths
+from .constraints import Equations, keep_lengths, motions
 from .elimination import Elimination, eliminate, inconsistent
 from .locking import hidden_warning, locking_warning
 from .mechanism import free_motions
@@ -37,7 +37,6 @@ from .numbering import number
 from .order import coordinate_weights
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
-from .prescribed import motions
 from .repeated import drop_repeated, linear_row
 from .timing import InputTiming, PathTiming, TimeTiming, Timing
 

@@ -1,4 +1,4 @@
-"""Elements that turn too far along their length: what the mesh of a state that was reached costs."""
+"""Elements that turn too far along their length, and inverted ones: whether a state can be trusted."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from ..elements.shape import Array
-from .mesh import BodyMesh
+from ..errors import ComputationError
+from .body_groups import Pool
+from .mesh import STATIONS, BodyMesh
 from .model import Model
 
 # Types that are too stiff in bending where they are slender are so by about 0.011 (turn l/h)^2 of it, measured with
@@ -46,3 +48,74 @@ def _bend(mesh: BodyMesh, e: Array) -> Array:
         r_y = e[mesh.dofs[:, first:first + 2]]
         angles.append(np.arctan2(r_y[:, 1], r_y[:, 0]))
     return angles[1] - angles[0]
+
+
+# elements are looked at in blocks that the caches hold
+BLOCK = 2048
+
+
+def _orientation(pool: Pool, some: slice, e: Array, before: Array | None) -> Array:
+    """Return what must stay positive along the axis of some elements (elements, stations), from their coordinates.
+
+    The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
+    them, and for sections normal to the axis its direction beside that of the state ``before`` (or None).
+    """
+    kind = pool.plan.element.section_kind
+    S_x, S_y, S = zip(*pool.axis_rows, strict=True)
+    if kind == "interpolated":
+        x, y, nx, ny = _fields(pool, some, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
+        return x * ny - y * nx
+    x, y = _fields(pool, some, e, [(S_x, 0), (S_x, 1)])
+    if kind == "theta":
+        (theta,) = _fields(pool, some, e, [(S, 2)])
+        return x * np.cos(theta) + y * np.sin(theta)
+    if before is not None:
+        old_x, old_y = _fields(pool, some, before, [(S_x, 0), (S_x, 1)])
+        return x * old_x + y * old_y
+    return np.ones_like(x)
+
+
+def _fields(pool: Pool, some: slice, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
+    """Return fields (elements, stations) each, given by their rows (stations, shapes) of each class and a component.
+
+    All of them are one product of matrices with the coordinates q (elements, n_dof).
+    """
+    nc, stations = pool.plan.element.components, len(STATIONS)
+    rows = np.zeros((len(pool.axis_rows), len(wanted) * stations, pool.dofs.shape[1]))
+    for k, (of, component) in enumerate(wanted):
+        rows[:, k * stations:(k + 1) * stations, component::nc] = np.stack(of)
+    values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[pool.cls[some]], q)
+    return [values[:, k * stations:(k + 1) * stations] for k in range(len(wanted))]
+
+
+def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
+    """Return which element is inverted at d (n_full,), in words; None where none is.
+
+    ``before`` is the state one step before, from which no axis turns by more than a right angle.
+    """
+    for pool in model.pools:
+        for first in range(0, len(pool.dofs), BLOCK):
+            some = slice(first, first + BLOCK)
+            dofs = pool.dofs[some]
+            at = model.e0[dofs]
+            sign = _orientation(pool, some, at + d[dofs], None if before is None else at + before[dofs])
+            if not (sign > 0.0).all():
+                ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
+                return _told(pool, int(ie), float(STATIONS[s]))
+    return None
+
+
+def _told(pool: Pool, ie: int, station: float) -> str:
+    """Return in words where an element is inverted."""
+    k = int(np.searchsorted(pool.first, ie, side="right")) - 1
+    mesh, ie = pool.meshes[k], ie - int(pool.first[k])
+    s = (mesh.starts[ie] + station * mesh.lengths[ie]) / mesh.plan.length
+    return f"an element is inverted: '{mesh.plan.name}' at S = {s:.4g}"
+
+
+def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> None:
+    """Raise ComputationError where an element is inverted."""
+    found = inverted(model, d, before)
+    if found is not None:
+        raise ComputationError(found, at={"factor": float(f"{t:.6g}")},
+                               advice="a smaller load or motion: no body can be compressed past zero size")

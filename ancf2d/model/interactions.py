@@ -23,7 +23,7 @@ from .constraints import Constraint
 from .mesh import Index
 from .point_patch import Items, PointConstraint, PointPatch
 from .rotation import Turns
-from .signals import rates_of
+from .timing import rates_of
 
 # energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m things with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import across_mass, cross, product_points
-from ..elements.rigid import RIGID_TYPE
+from ..elements.registry import RIGID_TYPE
 from ..elements.section import CONSTANTS, Section
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
 from .axis import Bend

@@ -27,7 +27,7 @@ from ..case import (
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
-from ..elements.rigid import RIGID, RIGID_TYPE
+from ..elements.registry import RIGID, RIGID_TYPE
 from ..elements.section import Section
 from ..errors import CaseError, Problem
 from .axis import AxisError

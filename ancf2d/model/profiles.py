@@ -14,7 +14,7 @@ from ..case import Body, Profile, ProfileExpression, ProfileTable
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
 from .breakpoints import breakpoints
-from .signals import Signal
+from .timing import Signal
 
 # of a body's length: what is told on one side of a jump lies this far from it
 SIDE = 1e-12

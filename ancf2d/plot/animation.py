@@ -16,8 +16,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, chosen_kind
 from ancf2d.plot.picture import Picture
 from ancf2d.plot.style import Look, style
-from ancf2d.results.own import MARK
-from ancf2d.results.replace import replacing
+from ancf2d.results.target import MARK, replacing
 
 
 class _Gif(PillowWriter):

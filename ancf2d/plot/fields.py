@@ -28,7 +28,7 @@ from ancf2d.plot.body import (
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
-from ancf2d.results.field_values import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
+from ancf2d.results.geometry import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression

@@ -16,16 +16,13 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
-from ancf2d.plot.eigenvalues import CAMPBELL, ROOT_LOCUS
 from ancf2d.plot.fields import FIELDS
 from ancf2d.plot.modes import MODES
-from ancf2d.plot.motion import ENERGY, STEPS
-from ancf2d.plot.phase import PHASE, TRAJECTORY
+from ancf2d.plot.motion import ENERGY, PHASE, STEPS, TRAJECTORY
 from ancf2d.plot.picture import Kind, Picture, Source
-from ancf2d.plot.response import BODE, NYQUIST
+from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
-from ancf2d.plot.shape import SHAPE
-from ancf2d.plot.snapshots import SNAPSHOTS
+from ancf2d.plot.shape import SHAPE, SNAPSHOTS
 from ancf2d.plot.style import Look, style
 from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results

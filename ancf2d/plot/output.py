@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import Input, build, draw
 from ancf2d.plot.style import Look, style
-from ancf2d.results.own import MARK
-from ancf2d.results.replace import replacing
+from ancf2d.results.target import MARK, replacing
 
 # without the moment of writing, equal figures are equal files
 _METADATA: dict[str, dict[str, Any]] = {

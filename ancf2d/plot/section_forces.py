@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.body import bounds, check_state, no_states, when
+from ancf2d.plot.body import bounds, check_state, draw_symbols, no_states, when
 from ancf2d.plot.curves import quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
-from ancf2d.plot.symbols import draw_symbols
 from ancf2d.results import Results
 from ancf2d.results.symbols import Symbol, symbols_of
 

@@ -11,7 +11,7 @@ from ancf2d.results.compare import (
 from ancf2d.results.info import describe, describe_text
 from ancf2d.results.reader import Results, open_results
 from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units
-from ancf2d.results.rows import Table
+from ancf2d.results.series import Table
 from ancf2d.results.target import check_output, part_path
 from ancf2d.results.writer import ResultWriter
 

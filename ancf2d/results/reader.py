@@ -16,7 +16,7 @@ from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_nodes
 from ancf2d.results.records import BodyRecord, FieldRecord, Units
-from ancf2d.results.rows import StateRows, Table, read_columns
+from ancf2d.results.series import StateRows, Table, read_columns
 from ancf2d.results.shown import as_html, one_line, to_xarray
 
 

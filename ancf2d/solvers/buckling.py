@@ -14,10 +14,10 @@ from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
 from .flutter import critical_factors
+from .inputs import Quadratic
 from .ldl import Symmetric
 from .linearised import Base, Linearised, stored
-from .matrix_pencil import Pencil, each, ritz
-from .reduced import Quadratic
+from .lowest_modes import Pencil, each, ritz
 from .resolution import Resolution
 from .state import State
 from .static import unscaled

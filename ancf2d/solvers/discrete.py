@@ -15,12 +15,12 @@ from ..errors import ComputationError
 from ..model.mesh import Index
 from ..model.model import Model
 from .initial import HELD, initial_motion
+from .linear import full_mass, unknowns_to_coordinates
 from .linearised import RateForces, stored
-from .mass import full_mass, unknowns_to_coordinates
 from .post import Observer, turns_of
 from .state import State
 from .system import System
-from .vector_chunks import largest
+from .threads import largest
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array

@@ -15,10 +15,10 @@ from ..case import Eigen
 from ..elements.shape import Array
 from ..model.model import Model
 from .classify import Classifier, Verdict
+from .inputs import Complex, Quadratic
 from .linearised import Linearised, small_motions
 from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
-from .reduced import Complex, Quadratic
 from .state import State
 
 # relative uncertainty of an eigenvalue that is worth a word

@@ -15,9 +15,9 @@ from ..kernels.motion import COUNT
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef
-from ..model.signals import rates_of
+from ..model.timing import rates_of
 from ..pace import Pace
-from .energy import Kinds
+from .post import Kinds
 from .stepping import Stepper
 from .system import STILL
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..errors import ComputationError
+from .inputs import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
 from .quadratic import AT_REST, Search, shift_of
-from .reduced import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array

@@ -15,9 +15,8 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from .factors import Factors
-from .inputs import Input, Inputs, Output, outputs
+from .inputs import Complex, Input, Inputs, Output, Quadratic, Space, outputs, projected_values, within_constraints
 from .linearised import small_motions
-from .reduced import Complex, Quadratic, Space, projected_values, within_constraints
 from .state import State
 
 # from so many unknowns and frequencies on, responses at given frequencies are computed in a space of few vectors

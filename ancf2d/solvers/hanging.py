@@ -15,12 +15,11 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError, SingularTangentError
 from ..model.model import Model
-from .linear import make_matrix
-from .mass import assemble_mass
+from .linear import assemble_mass, make_matrix
 from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 from .state import State
 from .system import STILL, System
-from .vector_chunks import largest
+from .threads import largest
 
 # a body bends under its weight as if it had no stiffness where its weight is this many times EI/L^2
 SLACK = 100.0

@@ -17,7 +17,7 @@ from ..interactions.springs import end_forces
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from ..model.points import PointRef
-from .mass import full_mass, inertia_rates
+from .linear import full_mass, inertia_rates
 from .state import State
 
 

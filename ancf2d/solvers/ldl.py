@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ..elements.shape import Array
 from ..kernels.band import ldl_factor, ldl_solve
 from ..kernels.fronts import fronts_factor, fronts_product, fronts_solve
-from ..kernels.mass import band_product
-from ..kernels.matrix import Nested, SymBand
+from ..kernels.matrix import Nested, SymBand, band_product
 from ..kernels.tree import Fronts, entries
 from ..model.mesh import Index
 

@@ -17,9 +17,17 @@ from ..kernels.elements import viscous_force
 from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import SymmetricBand
-from .linear import GeneralBand, TangentMatrix, make_matrix, pattern
-from .mass import assemble_mass, coriolis_matrix, scattered, unknowns_to_coordinates
-from .matrix_pencil import Pencil
+from .linear import (
+    GeneralBand,
+    TangentMatrix,
+    assemble_mass,
+    coriolis_matrix,
+    make_matrix,
+    pattern,
+    scattered,
+    unknowns_to_coordinates,
+)
+from .lowest_modes import Pencil
 from .state import State
 
 if TYPE_CHECKING:

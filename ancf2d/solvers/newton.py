@@ -10,12 +10,12 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.prismatic import check_ends
-from ..model.inversion import check_inverted
+from ..model.coarse import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from .state import State
 from .system import STILL, Balance, System
-from .vector_chunks import largest, pieces
+from .threads import largest, pieces
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30

@@ -17,7 +17,7 @@ from ..kernels.ode import accelerations, mass_factors, place, powers, rates, set
 from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
-from .schemes import SCHEMES
+from .methods import SCHEMES
 from .stepping import LOG, Row, Stepper
 
 # Lobatto points and weights on [0, 1], for work along a step

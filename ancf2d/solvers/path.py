@@ -11,11 +11,10 @@ from ..case import Static
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from .branch import leave
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
-from .path_steps import ArcSteps, ProbeSteps, Steps
+from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .state import State
 from .static import unscaled
 from .system import System

@@ -21,9 +21,9 @@ from ..model.mesh import BodyMesh, Index, Volume, mass_matrix, over_body
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.profiles import load_breaks
-from ..model.signals import rates_of
+from ..model.timing import rates_of
 from .inside import Inside, acting_inside, is_inside
-from .mass import inertia_rates
+from .linear import inertia_rates
 from .state import State
 
 BLOCK = 2048  # elements at a time: bounds the memory of element matrices and sampled loads

@@ -14,12 +14,10 @@ from ..errors import ComputationError
 from ..model.model import Model
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
-from .inputs import Input, Inputs
+from .inputs import Complex, Input, Inputs, Quadratic
 from .inputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
-from .lowest_modes import find_shift, lowest
-from .matrix_pencil import each
-from .reduced import Complex, Quadratic
+from .lowest_modes import each, find_shift, lowest
 from .refine import refined
 from .state import State
 

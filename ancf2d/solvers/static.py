@@ -29,7 +29,7 @@ from .newton import (
 from .refine import refined
 from .state import State
 from .system import System, Turned
-from .vector_chunks import largest, pieces
+from .threads import largest, pieces
 
 STEPS = 10
 # displacements are of no use where this share of them is not known

@@ -12,7 +12,6 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.prismatic import OnAxis
 from ..kernels import advance as kernels
-from ..kernels.amplitudes import evaluate
 from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import forces, to_full
 from ..kernels.lowlevel.records import Record
@@ -27,6 +26,7 @@ from ..kernels.motion import (
     TIME,
     WORK,
     Motion,
+    evaluate,
     motion,
     scratch,
 )
@@ -35,12 +35,11 @@ from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
-from ..model.signals import Signal
+from ..model.timing import Signal
 from .initial import goes_on
-from .mass import full_mass, unknowns_to_coordinates
-from .methods import MAKERS, Method, newton_tolerance
+from .linear import full_mass, unknowns_to_coordinates
+from .methods import DEFAULT, INTEGRATORS, MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
-from .schemes import DEFAULT, INTEGRATORS
 from .state import MEMORIES, Row
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard

@@ -18,8 +18,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
-from .threads import Crew
-from .vector_chunks import largest, largest_share, pieces
+from .threads import Crew, largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53
 # displacements beside the extent of a model that are round-off of the positions themselves

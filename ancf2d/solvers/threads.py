@@ -1,8 +1,8 @@
-"""Elements shared out to threads, with the same bits whatever their number."""
+"""Elements shared out to threads with the same bits whatever their number, and long vectors in chunks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -82,3 +82,28 @@ def _apart(parts: list[Array], num: Numbering) -> bool:
             return False
         seen[touched] = True
     return True
+
+
+LENGTH = 2**15
+
+
+def pieces(n: int) -> Iterator[slice]:
+    """Yield the pieces of a vector of n entries."""
+    for start in range(0, n, LENGTH):
+        yield slice(start, start + LENGTH)
+
+
+def largest(x: Array, weights: Array | None = None) -> float:
+    """Return the largest |x|, or |weights x|; NaN where one is not a number."""
+    found = [np.max(np.abs(x[p]) if weights is None else np.abs(weights[p] * x[p])) for p in pieces(len(x))]
+    return float(np.max(found, initial=0.0))
+
+
+def largest_share(x: Array, sizes: Array) -> float:
+    """Return the largest |x / sizes| of those whose size is not zero; NaN where one is not a number."""
+    found = []
+    for p in pieces(len(x)):
+        share = np.zeros(len(x[p]))
+        np.divide(x[p], sizes[p], out=share, where=sizes[p] > 0.0)
+        found.append(np.max(np.abs(share)))
+    return float(np.max(found, initial=0.0))

@@ -19,8 +19,7 @@ from ..case.emit import flow
 from ..case.overrides import OPTION as SET
 from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, ResultsError, verdict
-from ..results.own import SWEEP_COLUMNS
-from ..results.replace import replacing
+from ..results.target import SWEEP_COLUMNS, replacing
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
 from .digests import content_name, files_of

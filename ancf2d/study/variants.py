@@ -13,7 +13,7 @@ from ..case.binder import listed, nearest
 from ..elements import registry
 from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS
-from ..elements.rigid import RIGID_TYPE
+from ..elements.registry import RIGID_TYPE
 from ..errors import CaseError
 from ..model.curve import stretches
 from ..model.own_element import DefinitionError, own_element

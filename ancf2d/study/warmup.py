@@ -182,7 +182,7 @@ def _touch(model: Model, new: bool) -> None:
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..solvers.compilations import of_elements
+        from ..solvers.problem import of_elements
 
         spread([*of_elements(model), *touched])
     _ = model.groups
@@ -212,7 +212,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
     if model.hangs or isinstance(model.case.solver, SmallMotions | Buckling):
-        from ..kernels.mass import scatter_classes
+        from ..kernels.matrix import scatter_classes
         from ..solvers.linear import matrix_of_one
 
         small = matrix_of_one(type(matrix))
@@ -223,7 +223,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
-    from ..solvers.compilations import of_motion
+    from ..solvers.problem import of_motion
     from ..solvers.registry import SOLVERS
 
     if new:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ancf2d.results import Results, Table
 from ancf2d.results.symbols import completed_case
-from ancf2d.view.bodies import packed
+from ancf2d.view.layers import packed
 
 MAX_ROWS = 4000  # of each curve
 BUDGET = 600_000  # bytes of all curves together

@@ -11,7 +11,7 @@ from importlib.resources import files
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import Results
-from ancf2d.results.own import MARK
+from ancf2d.results.target import MARK
 from ancf2d.view.scene import BUDGET, LARGEST_CODE, scene
 
 SCRIPTS = "scene.js", "layers.js", "controls.js"

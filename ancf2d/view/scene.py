@@ -9,9 +9,8 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import Results
-from ancf2d.view.bodies import Drawn, drawn_body, listed, packed
 from ancf2d.view.curves import curves
-from ancf2d.view.layers import Attached, fields
+from ancf2d.view.layers import Attached, Drawn, drawn_body, fields, listed, packed
 
 BUDGET = 2_800_000  # bytes of states and fields: in base 64, with all else, a page stays below 5 MB
 FIELDS = 0.35  # of it, where there are fields

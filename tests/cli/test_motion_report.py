@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from ancf2d.case import Units
-from ancf2d.cli import progress as progress_module
-from ancf2d.cli.progress import Bar
+from ancf2d.cli import session as session_module
 from ancf2d.cli.report import run_report
+from ancf2d.cli.session import Bar
 
 FACTS: dict[str, Any] = {
     "title": "", "solver": "dynamic", "status": "converged", "elements": 8, "dofs": 54, "iterations": 2400,
@@ -65,7 +65,7 @@ def test_a_run_that_came_nowhere_is_reported_too() -> None:
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The time of the bar's clock, as the one entry of a list."""
     now = [100.0]
-    monkeypatch.setattr(progress_module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(session_module.time, "monotonic", lambda: now[0])
     return now
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ancf2d.elements.polynomial import MAX_DEGREE, parse
+from ancf2d.elements.definition import MAX_DEGREE, parse
 
 
 def value(text: str, nu: float, x: float, y: float, l: float = 1.7, half: float = 0.3) -> float:

@@ -7,8 +7,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.elements.definition import coordinate_components, derivative_order
-from ancf2d.elements.polynomial import parse
+from ancf2d.elements.definition import coordinate_components, derivative_order, parse
 from ancf2d.elements.registry import ELEMENTS, MAX_ORDER, ancf, element_type
 from ancf2d.elements.shape import ShapeFunctions, UnsolvableBasisError, gauss, lobatto
 

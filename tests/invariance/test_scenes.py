@@ -21,7 +21,7 @@ from ancf2d.case import schema
 from ancf2d.case.records import keys_of
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, names
-from ancf2d.solvers.schemes import INTEGRATORS
+from ancf2d.solvers.methods import INTEGRATORS
 from ancf2d.study.run import prepare
 
 MANY = [scene(1, number, solver) for number in range(200) for solver in SOLVERS]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table, jets
 from ancf2d.case.programs import programs as programs_of
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.amplitudes import evaluate
-from ancf2d.model.signals import Signal
+from ancf2d.kernels.motion import evaluate
+from ancf2d.model.timing import Signal
 
 TIMES, VALUES = (-0.5, 0.25, 1.0, 1.5, 4.0), (1.0, 2.0, 2.5, -1.0, 0.5)
 AMPLITUDES: list[Amplitude | None] = [
@@ -117,6 +117,15 @@ FORMULAS = st.recursive(OPERANDS, lambda inner: st.one_of(
     st.tuples(st.sampled_from(["sin", "cos", "exp", "sqrt", "abs", "-"]), inner).map(lambda p: f"{p[0]}({p[1]})"),
     st.tuples(inner, inner, inner, inner).map(lambda p: f"({p[0]} if {p[1]} < {p[2]} else {p[3]})"),
     st.tuples(inner, inner, inner).map(lambda p: f"({p[0]} <= {p[1]} != {p[2]})")), max_leaves=12)
+
+
+def test_roots_of_the_smallest_numbers_have_a_rate() -> None:
+    """The product of such a number and its root is zero, by which neither may divide."""
+    t = 2.2250738585e-313
+    signal = Signal(Expression(value_="sqrt(t)"))
+    value, rate = expected(signal, t)
+    assert (value, rate) == pytest.approx((math.sqrt(t), 0.5 / math.sqrt(t)), rel=1e-14)
+    np.testing.assert_allclose(compiled([signal], t)[0, :2], (value, rate), rtol=1e-14)
 
 
 @settings(max_examples=150, deadline=None)

@@ -10,8 +10,8 @@ from ancf2d.kernels.elements import force_tangent
 from ancf2d.kernels.matrix import SymBand
 from ancf2d.model import body_groups
 from ancf2d.model.body_groups import Pool, place_of
+from ancf2d.model.coarse import inverted
 from ancf2d.model.groups import make_group
-from ancf2d.model.inversion import inverted
 
 SECTIONS = {"height": 0.1, "width": 0.1}, {"height": 0.2, "width": 0.05}
 

@@ -9,7 +9,7 @@ import pytest
 
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
 from ancf2d.model.breakpoints import Piece, breakpoints, jumps, pieces
-from ancf2d.model.signals import Signal
+from ancf2d.model.timing import Signal
 
 THIRD = 1 / 3
 

@@ -8,8 +8,7 @@ from ancf2d.case import DefinitionNode, ElementDefinition, load_case_text
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
-from ancf2d.model.interpolation import SINGULAR, condition, rank
-from ancf2d.model.own_element import DefinitionError, own_element, undetermined
+from ancf2d.model.own_element import SINGULAR, DefinitionError, condition, own_element, rank, undetermined
 from ancf2d.study.run import vocabulary
 
 OMAR = {"name": "mine", "basis": ["1", "x", "y", "x*y", "x^2", "x^3"],

@@ -12,7 +12,7 @@ from ancf2d.case import LoadedCase, Ramp, Sine
 from ancf2d.errors import CaseError, Problem
 from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
-from ancf2d.model.signals import Signal
+from ancf2d.model.timing import Signal
 
 BAR = {"b": helpers.body(helpers.line(2.0, start=(1.0, -0.5)), helpers.element("reissner3", 2))}
 FLAT = {"b": helpers.body(helpers.line(2.0, start=(1.0, -0.5)), helpers.element("vallejo", 2))}

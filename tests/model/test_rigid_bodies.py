@@ -8,7 +8,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.model.mesh import mass_matrix
-from ancf2d.solvers.mass import full_mass
+from ancf2d.solvers.linear import full_mass
 
 PIN = [{"type": "pin", "at": "b@0"}]
 HINGE = {"type": "rotational", "between": ["b@0", [0, 0]], "stiffness": 1.0}

@@ -19,7 +19,7 @@ from ancf2d.results import (
     left_out,
     open_results,
 )
-from ancf2d.results import rows as rows_module
+from ancf2d.results import series as series_module
 
 
 def pair(tmp_path: Path) -> tuple[Path, Path]:
@@ -88,7 +88,7 @@ def put(path: Path, values: dict[tuple[int, int], float]) -> None:
 
 @pytest.mark.parametrize("numbers", [1, 50, 1 << 17])  # blocks of one state, of two, of all
 def test_the_worst_entry_is_sought_in_all_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
-    monkeypatch.setattr(rows_module, "BLOCK", numbers)
+    monkeypatch.setattr(series_module, "BLOCK", numbers)
     a, b = pair(tmp_path)
     # the first of two that are equally bad; one that is small beside the largest slope, which the last state has
     put(a, {(2, 17): 0.0, (4, 17): 0.0, (1, 18): 0.0, (5, 18): 64.0})

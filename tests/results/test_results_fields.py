@@ -18,7 +18,7 @@ from ancf2d.results import (
     describe_text,
     open_results,
 )
-from ancf2d.results import rows as rows_module
+from ancf2d.results import series as series_module
 
 XI, ETA = np.linspace(0, 1, 3), np.linspace(-1, 1, 5)
 E0 = coordinates("tangent", np.linspace(0, 2, 3), 0.0)
@@ -76,7 +76,7 @@ def test_an_interrupted_run_goes_on_with_its_fields(tmp_path: Path, flushed: boo
 
 @pytest.mark.parametrize("numbers", [1, 200, 1 << 17])  # blocks of one state, of two, of all
 def test_a_difference_in_a_field_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
-    monkeypatch.setattr(rows_module, "BLOCK", numbers)
+    monkeypatch.setattr(series_module, "BLOCK", numbers)
     (found,) = compare_results(written(tmp_path / "a.h5"), written(tmp_path / "b.h5", change=1.0))
     assert found.dataset == "/fields/be/am/stress"
     assert found.index == (5, 1, 2, 4, 1)

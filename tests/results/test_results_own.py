@@ -13,7 +13,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot import animate, data_csv, draw, save
 from ancf2d.results import check_output, open_results
 from ancf2d.results.export import export
-from ancf2d.results.own import is_own
+from ancf2d.results.target import is_own
 
 MEASURED = """\
 t,tip.uy

@@ -16,8 +16,8 @@ from synthetic import BODIES, HEADER, bent_beam, coordinates, table_file, tangen
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, open_results, part_path
-from ancf2d.results import rows as rows_module
 from ancf2d.results import safe as safe_module
+from ancf2d.results import series as series_module
 from ancf2d.results import writer as writer_module
 from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_rates
 
@@ -223,7 +223,7 @@ def test_every_dataset_is_checked_once_while_its_file_is_open(tmp_path: Path, mo
 @pytest.mark.parametrize(("numbers", "lengths"), [(1, [1] * 7), (30, [2, 2, 2, 1]), (1 << 17, [7])])
 def test_blocks_are_the_rows_in_bounded_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int,
                                                lengths: list[int]) -> None:
-    monkeypatch.setattr(rows_module, "BLOCK", numbers)
+    monkeypatch.setattr(series_module, "BLOCK", numbers)
     with open_results(motion(tmp_path / "a.h5")) as r:
         blocks = list(r.blocks("v"))
         assert [len(block) for block in blocks] == lengths

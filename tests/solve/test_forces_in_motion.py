@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from ancf2d.interactions.forces import DeadLoad
-from ancf2d.solvers.energy import Kinds
-from ancf2d.solvers.mass import full_mass
-from ancf2d.solvers.post import Observer, energies, reactions
+from ancf2d.solvers.linear import full_mass
+from ancf2d.solvers.post import Kinds, Observer, energies, reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.section_forces import section_forces
 from ancf2d.solvers.state import State

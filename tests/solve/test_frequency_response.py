@@ -61,11 +61,11 @@ def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: st
 @pytest.fixture
 def count(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The sizes of the matrices that frequency responses factor."""
-    from ancf2d.solvers import factors, frequency_response
+    from ancf2d.solvers import frequency_response, ldl
 
     found: list[Any] = []
 
-    class Counted(factors.Factors):
+    class Counted(ldl.Factors):
         def __init__(self, A: Any) -> None:
             found.append(A.shape)
             super().__init__(A)
@@ -288,7 +288,7 @@ def test_figures_tables_and_comparison(tmp_path: Any) -> None:
     """The file holds what the summary tells: figures, CSV and ``compare`` read it."""
     from ancf2d.results.compare import compare_results
     from ancf2d.results.export import export
-    from ancf2d.results.own import is_own
+    from ancf2d.results.target import is_own
 
     case = cantilever(["shaker", "base"], count=4)
     file, other = tmp_path / "a.h5", tmp_path / "b.h5"

@@ -15,9 +15,9 @@ from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.build import build_model
 from ancf2d.model.points import point_ref
 from ancf2d.solvers.dynamic import Run
-from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion, initial_problems
-from ancf2d.solvers.mass import full_mass
+from ancf2d.solvers.linear import full_mass
+from ancf2d.solvers.post import Energies
 from ancf2d.solvers.system import System
 from ancf2d.study.run import load, run_case
 
@@ -217,8 +217,7 @@ def test_a_file_that_is_missing_or_no_result_is_refused(bent):
 
 
 def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_is_held():
-    from ancf2d.solvers.linear import make_matrix
-    from ancf2d.solvers.mass import assemble_mass
+    from ancf2d.solvers.linear import assemble_mass, make_matrix
 
     for name in ("2d2n", "cable", "reissner3"):
         model = h.build({"b": h.body(h.ARC, h.element(name, 3))}, DYNAMIC,

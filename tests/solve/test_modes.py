@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from ancf2d.kernels.mass import band_product
+from ancf2d.kernels.matrix import band_product
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solvers import lowest_modes as lowest_module
-from ancf2d.solvers.lowest_modes import lowest
-from ancf2d.solvers.matrix_pencil import Pencil
+from ancf2d.solvers.lowest_modes import Pencil, lowest
 from ancf2d.study.run import prepare
 
 THICK = {"height": 0.4, "width": 0.4}

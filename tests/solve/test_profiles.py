@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from ancf2d.case import ProfileTable
 from ancf2d.elements.section import timoshenko
 from ancf2d.results.geometry import body_faces
-from ancf2d.solvers.mass import full_mass
+from ancf2d.solvers.linear import full_mass
 from ancf2d.solvers.section_forces import section_forces
 from ancf2d.solvers.stress import stress_of
 from ancf2d.study.run import body_record

@@ -15,8 +15,8 @@ from ancf2d.model.model import Model
 from ancf2d.plot.kinds import build
 from ancf2d.results import open_results
 from ancf2d.solvers import quadratic
+from ancf2d.solvers.linear import coriolis_matrix
 from ancf2d.solvers.linearised import Linearised, RateForces, base_state
-from ancf2d.solvers.mass import coriolis_matrix
 from ancf2d.study.run import run_case
 
 BEAM = """

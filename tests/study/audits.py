@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ancf2d.study.audit.examine import CHECKS, audit
-from ancf2d.study.audit.finding import Finding
-from ancf2d.study.audit.subject import Subject, subject
+from ancf2d.study.audit.subject import Finding, Subject, subject
 
 
 def findings(s: Subject, *names: str) -> dict[str, Finding]:

@@ -11,9 +11,8 @@ import pytest
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
-from ancf2d.study.accuracy.judgement import SAFETY, apart, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
-from ancf2d.study.accuracy.pursuit import Pursuit, Target, Told, tenth
+from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, Told, apart, best, choose, judge, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least, with_setting
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.record import Progress

@@ -16,7 +16,7 @@ import pytest
 from jobs import die, square, wait_with_note
 
 from ancf2d.errors import ComputationError
-from ancf2d.study import cluster
+from ancf2d.study import pool
 from ancf2d.study.pool import Workers, run_jobs
 
 pytestmark = pytest.mark.slow
@@ -89,7 +89,7 @@ def test_results_keep_the_order_of_the_jobs(address: str) -> None:
 
 
 def test_another_version_on_a_worker_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "program", lambda: "0.0.1")
+    monkeypatch.setattr(pool, "program", lambda: "0.0.1")
     with pytest.raises(ComputationError, match=r"a worker has ancf2d .*, this is 0\.0\.1"):
         run_jobs(square, [1.0], Workers(scheduler=address), minus)
 
@@ -114,8 +114,8 @@ def test_death_of_a_worker_is_the_end_of_its_job_alone(address: str) -> None:
     (lambda address: address, "has no workers")], ids=["no scheduler", "no workers"])
 def test_what_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: Callable[[str], str],
                                    said: str) -> None:
-    monkeypatch.setattr(cluster, "CONNECT", 2.0)
-    monkeypatch.setattr(cluster, "WORKERS", 0.5)
+    monkeypatch.setattr(pool, "CONNECT", 2.0)
+    monkeypatch.setattr(pool, "WORKERS", 0.5)
     with scheduler(tmp_path) as lonely, pytest.raises(ComputationError, match=said):
         run_jobs(square, [1.0], Workers(scheduler=begin(lonely)), minus)
 
@@ -123,7 +123,7 @@ def test_what_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_scheduler_that_is_lost_is_told_in_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                         capfd: pytest.CaptureFixture[str]) -> None:
     """Nothing else is said, although Dask logs tracebacks of it."""
-    monkeypatch.setattr(cluster, "CONNECT", 2.0)
+    monkeypatch.setattr(pool, "CONNECT", 2.0)
     began = tmp_path / "began"
     began.mkdir()
 

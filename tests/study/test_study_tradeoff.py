@@ -13,9 +13,8 @@ from ancf2d.errors import CaseError, ComputationError
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import vocabulary
-from ancf2d.study.tradeoff.limits import Limit, limit
 from ancf2d.study.tradeoff.measure import Measured
-from ancf2d.study.tradeoff.plan import Choice, Planner
+from ancf2d.study.tradeoff.plan import Choice, Limit, Planner, limit
 from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import Variant, parse_variants

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results, open_results
-from ancf2d.results.replace import replacing
-from ancf2d.results.target import check_output
+from ancf2d.results.target import check_output, replacing
 
 Done = Callable[[float], None]
 

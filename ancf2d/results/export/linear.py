@@ -9,8 +9,8 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.export import Done
-from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
+from ancf2d.results.target import MARK
 
 NAMES = {"inputs": "input", "outputs": "output", "states": "state"}
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ancf2d.results.export import Done
 from ancf2d.results.export.linear import NAMES, matrices
-from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
+from ancf2d.results.target import MARK
 
 
 def write(results: Results, path: Path, done: Done) -> None:

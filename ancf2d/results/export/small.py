@@ -9,8 +9,8 @@ from ancf2d.json_values import json_text
 from ancf2d.results.export import Done
 from ancf2d.results.export.probes import time_name
 from ancf2d.results.info import describe
-from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
+from ancf2d.results.target import MARK
 
 MOST = 10_000  # values of a series
 

@@ -24,12 +24,11 @@ from numpy.polynomial.legendre import legvander
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.export import Done
-from ancf2d.results.field_values import linear_weights
-from ancf2d.results.geometry import body_levels, body_rates
+from ancf2d.results.geometry import body_levels, body_rates, linear_weights
 from ancf2d.results.journal import JournaledFile
-from ancf2d.results.own import MARK
 from ancf2d.results.reader import Results
 from ancf2d.results.records import BodyRecord, FieldRecord
+from ancf2d.results.target import MARK
 
 QUAD, POLYLINE = 9, 4  # VTK's numbers of these cells
 SIDE = 1e-8  # of half the height: how far from the line between two layers fields are taken

@@ -16,9 +16,8 @@ from ..record import Progress
 from ..run import Outcome, describe_goal, prepare
 from ..variants import Variant, flexible
 from .fidelity import BEAM, choose_types
-from .judgement import apart
 from .mesh import Ladder
-from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
 from .setting import Level, with_overrides, with_setting
 
 # accuracy of a case that leaves element types open and names none

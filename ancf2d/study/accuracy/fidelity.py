@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from ...case import Dynamic, Rectangle
 from ..variants import Variant
-from .judgement import apart
 from .mesh import Ladder
-from .pursuit import Pursuit
+from .pursuit import Pursuit, apart
 from .setting import Level
 
 BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")

@@ -8,8 +8,7 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .judgement import apart, best, choose, judge
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
 from .setting import Level, Setting, meshed
 
 LADDER = 3          # levels at least, the first of which is the least mesh

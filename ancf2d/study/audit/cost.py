@@ -7,8 +7,7 @@ import time
 import numpy as np
 
 from .fields import beam
-from .finding import NOTE, Finding
-from .subject import Subject, subject
+from .subject import NOTE, Finding, Subject, subject
 
 # what every element is measured beside, in the same process
 YARDSTICK = "vallejo"

@@ -12,9 +12,8 @@ import numpy as np
 
 from ...errors import Ancf2dError, ComputationError
 from ..warmup import warm_up
-from . import cost, damping, kinematics, locking, meshes, patches
-from .finding import FAIL, NOTE, Answer, Check, Finding
-from .subject import Subject
+from . import cost, kinematics, locking, meshes, patches
+from .subject import FAIL, NOTE, Answer, Check, Finding, Subject
 
 # the one place where a check is added
 CHECKS = (
@@ -39,7 +38,7 @@ CHECKS = (
     Check("spurious_branch", "Do modes of the mesh fall among those of the beam as the mesh is refined?",
           meshes.spurious_branch, 21),
     Check("damping", "Do modes decay as Rayleigh and Kelvin-Voigt damping say, and does rigid motion go on?",
-          damping.damping),
+          meshes.damping),
     Check("shear_factor", "What is the effective shear factor in uniform shear?", locking.shear_factor),
     Check("shear_in_bending", "What is the effective shear factor in bending?", locking.shear_in_bending, 5),
     Check("shear_locking", "How much of a small deflection do slender beams lose?", locking.shear_locking, 3),

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...elements.shape import Array, gauss
-from ...model.interpolation import SINGULAR, condition, rank
+from ...model.own_element import SINGULAR, condition, rank
 from .fields import displacement_rows, linear_field, points_over, turned
-from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged
-from .subject import NU, Subject
+from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged
 
 # lengths over height, and Poisson ratios, over which a basis must keep its rank
 LENGTHS = (0.1, 1.0, 100.0)

@@ -14,9 +14,8 @@ from ...errors import ComputationError
 from ...model.model import Model
 from .deflections import FAR, LARGE, SMALL, deflected, deflection, timoshenko_deflection, tip_deflection
 from .fields import ZERO, beam, boundary_forces, response, stiffness, work_inside
-from .finding import FAIL, NOTE, PASS, Finding, percent
 from .patches import bending_compliance, constitutive
-from .subject import NU, Subject, subject
+from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, percent, subject
 
 # how far a shear factor may be from the rectangle's: as a constant, and as bending sees it
 UNIFORM, BENT = 0.05, 0.06

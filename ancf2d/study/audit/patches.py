@@ -19,8 +19,7 @@ from .fields import (
     turned,
     uniform,
 )
-from .finding import FAIL, NOTE, PASS, ROUND_OFF, Finding, judged, percent, plural
-from .subject import NU, Subject
+from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent, plural
 
 ANGLES = (0.3, 1.6, -2.9)
 # three pieces of unequal length

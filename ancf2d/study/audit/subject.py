@@ -1,4 +1,4 @@
-"""The element under examination: its type, formulation and quadrature, and the models made of it.
+"""The element under examination, the models made of it, and what a check finds.
 
 The beams that it is tried on are straight, of height, width, E and density 1.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from ...case import LoadedCase, Source, load_case_text
 from ...elements import registry
 from ...elements.definition import ElementType
 from ...elements.formulations import Formulation, Rule
-from ...elements.rigid import RIGID_TYPE
+from ...elements.registry import RIGID_TYPE
 from ...elements.shape import ShapeFunctions
 from ...errors import CaseError, Problem
 from ...model.build import build_model
@@ -159,3 +159,62 @@ def _about(problem: Problem, spec: dict[str, Any], source: Source | None) -> Pro
     if source is not None:
         return source.problem((key,), message, problem.expected, problem.near)
     return Problem(message, expected=problem.expected, near=problem.near)
+
+
+PASS, FAIL, NOTE = "pass", "fail", "note"
+# below this share of its scale a number is round-off
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number (None where there is none), a verdict (pass, fail, note) and one line that says what it means."""
+
+    value: float | None
+    verdict: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question put to an element: its name, the question, and the computation that answers it.
+
+    ``work`` is about how long that takes, compared with the other checks.
+    """
+
+    name: str
+    question: str
+    examine: Callable[[Subject], Finding]
+    work: float = 1.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A check with what it found."""
+
+    check: Check
+    finding: Finding
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints of a check."""
+        f = self.finding
+        return {"name": self.check.name, "value": f.value, "verdict": f.verdict, "meaning": f.meaning,
+                "question": self.check.question}
+
+
+def judged(value: float, allowed: float, good: str, bad: str) -> Finding:
+    """Return a finding that passes up to an allowed size; a number that is none fails."""
+    if math.isfinite(value) and abs(value) <= allowed:
+        return Finding(value, PASS, good)
+    return Finding(value, FAIL, bad)
+
+
+def percent(share: float) -> str:
+    """Return a share as people read it: 9.0 %, 0.02 %."""
+    size = abs(100.0 * share)
+    return f"{size:.1f} %" if size >= 0.1 else f"{size:.2g} %"
+
+
+def plural(count: int, what: str) -> str:
+    """Return '1 mode', '2 modes'."""
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -11,9 +11,8 @@ from ...errors import CaseError, ComputationError, Problem
 from ..forecast import Budget, Done, Forecast
 from ..pool import ALONE, Workers, run_jobs
 from ..run import describe_goal
-from .limits import continuum, continuum_series, limit, suffices
 from .measure import Measured, Task, lost, make_ready, measure
-from .plan import Chain, Choice, Planner, Series
+from .plan import Chain, Choice, Planner, Series, continuum, continuum_series, limit, suffices
 from .result import Study, rows_of
 
 
