@@ -3,7 +3,7 @@
 True errors against meshes and steps so fine that their own error is far below, estimates, and the work of all solves
 over that of the cheapest setting that would have done; about twenty minutes, a few where references are kept.
 
-    python scripts/accuracy_study.py [--only NAME] [--keep FOLDER]
+    python -m scripts.accuracy_study [--only NAME] [--keep FOLDER]
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from measured import DOCS, stamp, write
-from pursuits.cases import OPEN, STUDIES, Study
-from pursuits.measure import Row, measure
+
+from scripts.pages import DOCS, stamp, table, write
+from scripts.pursuits.cases import OPEN, STUDIES, Study
+from scripts.pursuits.measure import Row, measure
 
 PAGE = DOCS / "accuracy-control.md"
 HEAD = ("case", "wanted", "true error", "estimate", "estimate/true", "elements", "cheapest", "solves", "work", "time")
@@ -27,12 +28,6 @@ def cells(row: Row) -> list[str]:
     return [row.name, f"{row.wanted:.0e}", f"{row.truth:.1e}{bad}", f"{row.estimate:.1e}",
             f"{row.ratio:.2g}" if row.covered else f"**{row.ratio:.2g}**", str(row.elements), str(row.cheapest),
             str(row.solves), f"{row.work:.1f}", f"{row.time:.1f}"]
-
-
-def table(rows: list[Row]) -> str:
-    """Return rows in Markdown."""
-    lines = ["| " + " | ".join(HEAD) + " |", "| " + " | ".join("---" for _ in HEAD) + " |"]
-    return "\n".join(lines + ["| " + " | ".join(cells(row)) + " |" for row in rows])
 
 
 def shares(values: list[float]) -> str:
@@ -88,10 +83,10 @@ def main() -> None:
         print("\n" + summary(given))
     if args.only:
         return
-    write(PAGE, "given", table(given))
+    write(PAGE, "given", table(HEAD, list(map(cells, given))))
     write(PAGE, "given-summary", summary(given))
-    write(PAGE, "open", table(left_open))
-    write(PAGE, "stamp", stamp("accuracy_study.py"))
+    write(PAGE, "open", table(HEAD, list(map(cells, left_open))))
+    write(PAGE, "stamp", stamp("accuracy_study"))
 
 
 if __name__ == "__main__":

@@ -1,18 +1,18 @@
 """The examination of every element type as Markdown: a table of verdicts, and what fails in words.
 
-    python scripts/audit_table.py            both tables
+    python -m scripts.audit_table            both tables
 
 scripts/make_docs.py puts them into docs/audit.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 
 from ancf2d.elements import registry
 from ancf2d.study.audit.examine import CHECKS, Audit, audit
 from ancf2d.study.audit.subject import FAIL, PASS, subject
+from scripts.pages import table
 
 # members of the family that stand for it
 MEMBERS = ("ancf[1,2]", "ancf[2,2]", "ancf[3,3]")
@@ -36,31 +36,25 @@ def examined(title: str) -> Audit:
     return audit(subject(name, **options), tuple(c for c in CHECKS if c.name not in LEFT_OUT))
 
 
-def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows, the first of them the head, as a Markdown table."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
-
-
 def verdicts() -> str:
     """Return the table of verdicts: a column per type, a row per check."""
     found = {title: examined(title) for title in asked()}
     words = {PASS: "pass", FAIL: "**fail**"}
     names = [c.name for c in CHECKS if c.name not in LEFT_OUT]
     answers = {title: {a.check.name: a.finding.verdict for a in result.answers} for title, result in found.items()}
-    return markdown([["check", *found], *([f"`{name}`", *(words.get(answers[t][name], "note") for t in found)]
-                                          for name in names)])
+    return table(["check", *found], [[f"`{name}`", *(words.get(answers[t][name], "note") for t in found)]
+                                     for name in names])
 
 
 def failures() -> str:
     """Return what fails, with number and meaning, type by type."""
-    rows = [["type", "check", "value", "meaning"]]
+    rows = []
     for title in asked():
         for a in examined(title).answers:
             f = a.finding
             if f.verdict == FAIL:
                 rows.append([title, f"`{a.check.name}`", "-" if f.value is None else f"{f.value:.3g}", f.meaning])
-    return markdown(rows)
+    return table(["type", "check", "value", "meaning"], rows)
 
 
 if __name__ == "__main__":

@@ -2,24 +2,24 @@
 
 Cells that the store has are not tried again; ``--fresh`` begins anew. Exit code 1 where a cell is wrong.
 
-    python scripts/extremes_map.py [--only TEXT] [--store FILE] [--fresh] [--list] [--no-page]
+    python -m scripts.extremes_map [--only TEXT] [--store FILE] [--fresh] [--list] [--no-page]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections import Counter
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+from scripts.pages import DOCS, one_thread, stamp, write
 
-from extremes import cell, table  # noqa: E402
-from extremes.all_rows import all_rows  # noqa: E402
-from measured import DOCS, stamp, write  # noqa: E402
+# before NumPy is imported
+one_thread()
+
+from scripts.extremes import cell, table  # noqa: E402
+from scripts.extremes.table import all_rows  # noqa: E402
 
 PAGE = DOCS / "extremes.md"
 
@@ -46,7 +46,7 @@ def main() -> None:
     total = Counter(v.verdict for v in found)
     print(", ".join(f"{total[w]} {w}" for w in cell.VERDICTS), f"({time.perf_counter() - began:.0f} s)")
     if not args.no_page and not args.only:
-        write(PAGE, "stamp", f"{len(found)} cells. {stamp('extremes_map.py')}")
+        write(PAGE, "stamp", f"{len(found)} cells. {stamp('extremes_map')}")
         write(PAGE, "counts", table.counts(found))
         write(PAGE, "map", table.grids(found))
     sys.exit(1 if total["wrong"] else 0)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parents[1]
-DOCS = ROOT / "docs"
+from scripts.pages import DOCS, ROOT
+
 IMAGES = DOCS / "images"
 # documents all of whose pictures are made by their own commands, and pages of which one is a picture in motion
 DOCUMENTS = ("tutorial", "gallery", "plots")

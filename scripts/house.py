@@ -1,6 +1,6 @@
 """Counts how large the code is: modules, lines, import cycles, the longest files and functions.
 
-Run it with ``python scripts/house.py``. Lines of code are all but blank lines, comments and docstrings.
+Run it with ``python -m scripts.house``. Lines of code are all but blank lines, comments and docstrings.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Compare ancf2d with equations of its own making: random frames and mechanisms, solved by ``own_equations``.
+"""Compare ancf2d with a separate program: random frames and mechanisms, solved by ``own_equations`` too.
 
-    python scripts/independent.py frames [--count 200] [--first 0] [--jobs 2] [--minutes 60] [--keep FOLDER] [--page]
-    python scripts/independent.py mechanisms [--count 100] ...
+    python -m scripts.independent frames [--count 200] [--first 0] [--jobs 2] [--minutes 60] [--keep FOLDER] [--page]
+    python -m scripts.independent mechanisms [--count 100] ...
 
 Prints each deviation beyond what the discretisation allows, and a table by elements and subject; exits with 1 where
 there is any. What is compared is kept in a log, of which the table is, and a run that is stopped goes on from there.
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import statistics
 import sys
 import time
@@ -21,38 +20,34 @@ from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+from scripts.pages import DOCS, one_thread, stamp, table, write
 
-from measured import DOCS, stamp, write  # noqa: E402
-from own_equations.frames import frames  # noqa: E402
-from own_equations.mechanisms import mechanisms  # noqa: E402
-from own_equations.verdict import Verdict  # noqa: E402
+# before NumPy is imported, here and in the processes that are spawned
+one_thread()
 
+from scripts.own_equations.frames import frames  # noqa: E402
+from scripts.own_equations.mechanisms import mechanisms  # noqa: E402
+from scripts.own_equations.verdict import Verdict  # noqa: E402
 
-def of_frames(numbers: list[int]) -> list[Verdict]:
-    """Compare frames, in a process of its own."""
-    return list(frames(numbers))
+KINDS = {"frames": (frames, 200), "mechanisms": (mechanisms, 100)}
 
 
-def of_mechanisms(numbers: list[int]) -> list[Verdict]:
-    """Compare mechanisms, in a process of its own."""
-    return list(mechanisms(numbers))
+def of(job: tuple[str, int]) -> list[Verdict]:
+    """Compare one of a kind, in a process of its own."""
+    kind, number = job
+    return list(KINDS[kind][0]([number]))
 
 
-KINDS = {"frames": (of_frames, 200), "mechanisms": (of_mechanisms, 100)}
-
-
-def table(verdicts: list[Verdict]) -> str:
-    """Return deviations by elements and subject."""
-    lines = ["| elements | subject | computed | median deviation | largest | largest share of allowed | beyond |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]
+def compared(verdicts: list[Verdict]) -> str:
+    """Return the table of deviations by elements and subject."""
+    rows = []
     for kind, subject in sorted({(v.kind, v.subject) for v in verdicts}):
-        rows = [v for v in verdicts if (v.kind, v.subject) == (kind, subject)]
-        off = [v.deviation for v in rows]
-        lines.append(f"| {kind} | {subject} | {len(rows)} | {statistics.median(off):.1e} | {max(off):.1e} | "
-                     f"{max(v.deviation / v.allowed for v in rows):.2f} | {sum(not v.holds for v in rows)} |")
-    return "\n".join(lines)
+        of = [v for v in verdicts if (v.kind, v.subject) == (kind, subject)]
+        off = [v.deviation for v in of]
+        rows.append([kind, subject, len(of), f"{statistics.median(off):.1e}", f"{max(off):.1e}",
+                     f"{max(v.deviation / v.allowed for v in of):.2f}", sum(not v.holds for v in of)])
+    return table(["elements", "subject", "computed", "median deviation", "largest", "largest share of allowed",
+                  "beyond"], rows)
 
 
 def kept(log: Path) -> list[Verdict]:
@@ -88,7 +83,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for the cases that deviate")
     parser.add_argument("--page", action="store_true", help="write the table into docs/robustness.md")
     args = parser.parse_args()
-    compare, usual = KINDS[args.what]
+    usual = KINDS[args.what][1]
     log = args.log or Path(f"independent-{args.what}.jsonl")
     verdicts = kept(log)
     done = {v.number for v in verdicts}
@@ -96,7 +91,7 @@ def main() -> None:
                if n not in done]
     began = time.monotonic()
     with get_context("spawn").Pool(args.jobs) as pool:
-        for found in pool.imap_unordered(compare, ([n] for n in numbers)):
+        for found in pool.imap_unordered(of, ((args.what, n) for n in numbers)):
             verdicts += found
             keep(log, found)
             for v in found:
@@ -104,11 +99,11 @@ def main() -> None:
                     tell(v, args.keep)
             if time.monotonic() - began > 60 * args.minutes:
                 break
-    print(table(verdicts))
+    print(compared(verdicts))
     if args.page:
-        compared = f"{len({v.number for v in verdicts})} {args.what}."
-        made = stamp(f"independent.py {args.what} --page")
-        write(DOCS / "robustness.md", args.what, f"{table(verdicts)}\n\n{compared}\n\n{made}")
+        made = stamp(f"independent {args.what} --page")
+        write(DOCS / "robustness.md", args.what,
+              f"{compared(verdicts)}\n\n{len({v.number for v in verdicts})} {args.what}.\n\n{made}")
     sys.exit(any(not v.holds for v in verdicts))
 
 

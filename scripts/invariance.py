@@ -1,6 +1,6 @@
 """Examine ancf2d by random scenes that must not change when they are turned, mirrored, split, ...
 
-    python scripts/invariance.py --scenes 20000 --seed 1 --jobs 2
+    python -m scripts.invariance --scenes 20000 --seed 1 --jobs 2
 
 What is found is kept in a folder, and a run that is stopped goes on from there. Prints how many scenes held under each
 invariance, and why scenes were refused; exits with 1 where an invariance is violated that no warning explains, and
@@ -14,14 +14,12 @@ import argparse
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 
-from make_docs import markdown_table
-from measured import DOCS, stamp, write
-from scenes import campaign
-from scenes.checks import Scene, checks_for
-from scenes.generate import SOLVERS, scene
+from scripts.pages import DOCS, stamp, table, write
+from scripts.scenes import campaign
+from scripts.scenes.checks import Scene, checks_for
+from scripts.scenes.generate import SOLVERS, scene
 
 PAGE = DOCS / "robustness.md"
 # violations that are made small, of each check and solver
@@ -54,7 +52,7 @@ def main() -> None:
     print(text)
     if args.page:
         alone = f" --solver {args.solver}" if args.solver else ""
-        made = stamp(f"invariance.py --scenes {len(records)} --seed {args.seed}{alone} --page", "h5py")
+        made = stamp(f"invariance --scenes {len(records)} --seed {args.seed}{alone} --page", "h5py")
         write(PAGE, "invariances", f"{text}\n\n{made}")
     sys.exit(1 if any(r.violations for r in records) else 0)
 
@@ -104,21 +102,16 @@ def shrink(folder: Path, records: list[campaign.Record], args: argparse.Namespac
             print(f"wrote {path}", file=sys.stderr)
 
 
-def as_table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a Markdown table."""
-    return markdown_table([head, *([str(cell) for cell in row] for row in rows)])
-
-
 def report(records: list[campaign.Record], seed: int) -> str:
     """Return the tables."""
-    rows = campaign.table(records)
+    rows = campaign.counts(records)
     head = ["invariance", "solver", "held", "announced", "refused", "ill-conditioned", "not fit", "violated"]
     refused = campaign.refusals(records)
     total = Counter(r.solver for r in records)
     counts = ", ".join(f"{n} {solver}" for solver, n in total.most_common())
-    return (f"{as_table(head, rows)}\n\n{len(records)} scenes of seed {seed}: {counts}; "
+    return (f"{table(head, rows)}\n\n{len(records)} scenes of seed {seed}: {counts}; "
             f"{sum(bool(r.violations) for r in records)} with a violation, {sum(bool(r.refusal) for r in records)} "
-            f"refused:\n\n{as_table(['why', 'solver', 'scenes'], refused)}")
+            f"refused:\n\n{table(['why', 'solver', 'scenes'], refused)}")
 
 
 if __name__ == "__main__":

@@ -15,11 +15,7 @@ from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
 
-import audit_table
 import click
-import reproduce_paper
-import shape_functions
-import verification_manual
 
 from ancf2d.case import markdown_reference
 from ancf2d.cli.app import COMMANDS, app
@@ -28,9 +24,9 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.errors import ComputationError
 from ancf2d.solvers.registry import SOLVERS
 from ancf2d.study.run import load, run_case, vocabulary
+from scripts import audit_table, reproduce_paper, shape_functions, verification_manual
+from scripts.pages import CASES, ROOT, table
 
-ROOT = Path(__file__).resolve().parents[1]
-CASES = ROOT / "cases"
 MARKED = re.compile(r"(<!-- generated: (\S+) -->\n)(?:(?!<!-- ).*\n)*(<!-- end -->)")
 # a difference below this is round-off, whose digits depend on the machine
 ROUND_OFF = 1e-9
@@ -39,15 +35,9 @@ SLACK = 1e-5
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-def markdown_table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows, the first of them the head, as a Markdown table."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
-
-
 def elements() -> str:
     """Return the table of element types."""
-    rows = [["type", "basis", "nodal coordinates", "formulations (the first is the default)", "after"]]
+    rows = []
     for t in registry.ELEMENTS.values():
         offered = [f.name for f in FORMULATIONS.values() if f.refuse(t) is None]
         offered.sort(key=lambda name, default=t.formulation: name != default)
@@ -58,7 +48,7 @@ def elements() -> str:
     rows.append([f"`{registry.FAMILY}`", f"x^i y^j, i <= p, j <= q; `order: [p, q]`, p up to {p}, q up to {q}",
                  "r, r_y, r_yy, ... at p + 1 nodes", "enhanced (q = 1) or continuum, and others",
                  "Garcia-Vallejo et al. 2007, with orders"])
-    return markdown_table(rows)
+    return table(["type", "basis", "nodal coordinates", "formulations (the first is the default)", "after"], rows)
 
 
 # title, case, its probe: the beams on which element types are compared
@@ -91,11 +81,11 @@ def accuracy(counts: Sequence[int], beams: Sequence[tuple[str, str, str]]) -> st
     labels[f"`{registry.FAMILY}` [3, 3]"] = f"type: {registry.FAMILY}, order: [3, 3]"
     labels |= {f"`{t.name}`, preset: paper": f"type: {t.name}, preset: paper"
                for t in registry.ELEMENTS.values() if t.preset}
-    rows = [["type", *(f"{title}, {n}" for title, _, _ in beams for n in counts)]]
+    rows = []
     for label, element in labels.items():
         rows.append([label, *(error(case, probe, f"{{{element}, count: {n}}}")
                               for _, case, probe in beams for n in counts)])
-    return markdown_table(rows)
+    return table(["type", *(f"{title}, {n}" for title, _, _ in beams for n in counts)], rows)
 
 
 # cases whose meshes are refined, their elements, and where the limit of the same type is looked for
@@ -107,7 +97,7 @@ TOLD = re.compile(r"(?:displacements are off|bending 2) by about (\S+) %")
 
 def resolution() -> str:
     """Return the errors of meshes beside the limits of their types, and what their warnings say."""
-    rows = [["case", "elements", "error of the mesh", "the warning says"]]
+    rows = []
     for case, counts, limit in MESHES:
         def solved(count: int, case: str = case) -> tuple[list[float], list[str]]:
             loaded = load(CASES / f"{case}.yaml")
@@ -122,7 +112,7 @@ def resolution() -> str:
             (value,), told = solved(count)
             rows.append([f"`{case}`", str(count), f"{abs(100 * (value / reference - 1)):.2g} %",
                          f"about {told[0]} %" if told else ""])
-    return markdown_table(rows)
+    return table(["case", "elements", "error of the mesh", "the warning says"], rows)
 
 
 def paper() -> str:
@@ -149,15 +139,15 @@ def command_line(name: str) -> str:
     command = app.get_command(None, name)  # type: ignore[arg-type]
     assert command is not None
     context = click.Context(command, info_name=name)
-    rows = [["option", "meaning"]]
+    rows = []
     for option in (p for p in command.params if isinstance(p, click.Option) and p.name != "debug"):
         record = option.get_help_record(context)
         if record is not None:
-            rows.append([f"`{record[0]}`", " ".join(record[1].split())])
+            # a | would end the cell
+            rows.append([cell.replace("|", "\\|") for cell in (f"`{record[0]}`", " ".join(record[1].split()))])
     usage = " ".join(["ancf2d", name, *command.collect_usage_pieces(context)])
-    # a | would end the cell
-    table = markdown_table([[cell.replace("|", "\\|") for cell in row] for row in rows])
-    return "\n\n".join([f"```text\n{usage}\n```", inspect.cleandoc(command.help or ""), *([table] if rows[1:] else [])])
+    return "\n\n".join([f"```text\n{usage}\n```", inspect.cleandoc(command.help or ""),
+                        *([table(["option", "meaning"], rows)] if rows else [])])
 
 
 PARTS: dict[str, Callable[[], str]] = {

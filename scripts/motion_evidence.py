@@ -1,10 +1,9 @@
 """Measure how well motions are computed, print the tables and write them into docs/motion.md, stamped.
 
 Cases beside their references, what is kept over a million steps and a thousand turns, steps that are too long, joints,
-orders, and runs that are killed; about a quarter of an hour. References and scenes are those of the tests: install
-with ``pip install -e ".[test]"``.
+orders, and runs that are killed; about a quarter of an hour.
 
-    python scripts/motion_evidence.py [--tables cases,joints] [--steps 1000000] [--turns 1000] [--kills 50]
+    python -m scripts.motion_evidence [--tables cases,joints] [--steps 1000000] [--turns 1000] [--kills 50]
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ import argparse
 import time
 from collections.abc import Callable
 
-from evidence import cases, conservation, joints, kills, orders, traps
-from measured import DOCS, stamp, write
+from scripts.evidence import cases, conservation, joints, kills, orders, traps
+from scripts.pages import DOCS, stamp, write
 
 PAGE = DOCS / "motion.md"
 
@@ -46,7 +45,7 @@ def main() -> None:
         found = known[name]()
         write(PAGE, name, found)
         print(f"{name} ({time.perf_counter() - began:.0f} s)\n\n{found}\n", flush=True)
-    write(PAGE, "stamp", stamp("motion_evidence.py"))
+    write(PAGE, "stamp", stamp("motion_evidence"))
 
 
 if __name__ == "__main__":

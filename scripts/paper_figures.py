@@ -1,4 +1,4 @@
-"""The seed paper's Figures 3 to 5, computed and drawn anew; what all its figures are drawn with."""
+"""The seed paper's Figures 3 to 5 and the modes of its Table 4, and what all its figures are drawn with."""
 
 from __future__ import annotations
 
@@ -8,21 +8,27 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from paper_tables import MESHES
+import numpy as np
 
 from ancf2d.errors import ComputationError
 from ancf2d.plot import Curves, Picture, build, rendered, save
+from ancf2d.plot.modes import Modes
 from ancf2d.results import open_results
 from ancf2d.study.convergence import convergence, write_convergence
 from ancf2d.study.run import load, run_case
+from scripts import table3
+from scripts.pages import CASES
+from scripts.paper_tables import MESHES
 
-CASES = Path(__file__).resolve().parents[1] / "cases"
 # the rows of Table 2 as the paper names them, with what stands for them where that is another element
 NAMES = {"2d2n": "2d2n", "2d3n": "2d3n", "beam188": "BEAM188 (reissner2)", "beam189": "BEAM189 (reissner3)",
          "omar": "Ref. [18] (omar)"}
 COMPARED = ("2d2n", "2d3n", "beam188")
 DIRECTIONS = {"ux": "horizontal", "uy": "vertical"}
 THEORIES = {"linear": "fig4_linear", "nonlinear": "table2"}
+# of Table 4
+MODE_ELEMENTS = 16
+MODE_TYPES = ("2d2n", "2d3n")
 
 
 @dataclass(frozen=True)
@@ -148,3 +154,32 @@ def _figure_5(shop: Workshop, theory: str) -> Drawn:
                  shop.save(picture, f"figure5_{theory}"), "The errors are very small compared with the deformation.",
                  f"At most {told}.",
                  max(found.values()) < 0.01)
+
+
+def mode_figures(shop: Workshop) -> list[Drawn]:
+    """Draw the modes of both elements. Raises CaseError, ComputationError and ResultsError."""
+    return [_modes(shop, element) for element in MODE_TYPES]
+
+
+def _modes(shop: Workshop, element: str) -> Drawn:
+    count = table3.PER_ELEMENT * MODE_ELEMENTS + table3.MORE
+    file = shop.solve(f"table4_{element}", f"paper/table3_{element}",
+                      [f"bodies.beam.element.count={MODE_ELEMENTS}", f"solver.modes={count}"])
+    picture = shop.build({"": file}, "modes", f"Table 4: modes of {element}, {MODE_ELEMENTS} elements", count=count)
+    if not isinstance(picture, Modes):
+        raise TypeError("modes are drawn as modes")
+    # labels end with 'KIND N: OMEGA rad/s'
+    omegas = np.array([float(m.label.split(": ")[1].split()[0]) for m in picture.modes])
+    chosen, worst = [], 0.0
+    for (kind, number), printed in zip(table3.NAMES, table3.PRINTED[element, MODE_ELEMENTS].split(), strict=True):
+        k = int(np.argmin(np.abs(omegas - float(printed))))
+        worst = max(worst, abs(omegas[k] - float(printed)))
+        mode = picture.modes[k]
+        mode.label = f"{kind} {number}, printed {printed}\nhere {mode.label}"
+        chosen.append(mode)
+    picture.modes = chosen
+    return Drawn("Table 4", f"modes and frequencies of {element}", shop.save(picture, f"table4_{element}"),
+                 "The modes are bending, axial, shear and thickness modes.",
+                 "Drawn is the mode at each printed frequency, with what it is by its shape. Those printed as "
+                 "thickness modes are others (Table 3).", bool(worst < 0.005),
+                 "the frequencies; not all of the names")

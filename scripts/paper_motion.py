@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from paper_figures import Drawn, Workshop, length
 
 from ancf2d.plot import Curve, Curves, Panel
 from ancf2d.results import open_results
+from scripts.paper_figures import Drawn, Workshop, length
 
 TYPES = ("2d2n", "2d3n")
 PENDULUM_MESHES = (4, 8, 16)

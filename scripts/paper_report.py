@@ -9,13 +9,11 @@ from datetime import date
 from html import escape
 from typing import Any
 
-import table3
-from paper_figures import Drawn, Workshop, static_figures
-from paper_modes import mode_figures
-from paper_motion import motion_figures
-from paper_tables import TABLES
-
+from scripts import table3
 from scripts.pages import machine, versions
+from scripts.paper_figures import Drawn, Workshop, mode_figures, static_figures
+from scripts.paper_motion import motion_figures
+from scripts.paper_tables import TABLES
 
 PAPER = ("Transversally higher-order interpolating polynomials for the two-dimensional shear deformable ANCF beam "
          "elements based on common coefficients")

@@ -1,8 +1,8 @@
 """Print the seed paper's tables beside what ancf2d computes, digit by digit.
 
-    python scripts/reproduce_paper.py [--table 1] [--json]
-    python scripts/reproduce_paper.py --figures FOLDER
-    python scripts/reproduce_paper.py --report report.html
+    python -m scripts.reproduce_paper [--table 1] [--json]
+    python -m scripts.reproduce_paper --figures FOLDER
+    python -m scripts.reproduce_paper --report report.html
 
 The second form draws Figures 3 to 5 into a folder instead, with the result files that they are drawn from; the third
 writes all tables and figures into one page, in a few minutes. Exit code 0 where every verdict is the documented one
@@ -20,17 +20,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from paper_tables import TABLES, Entry, Table
-
 from ancf2d.study.run import load, run_case
-
-CASES = Path(__file__).resolve().parents[1] / "cases" / "paper"
+from scripts.pages import CASES
+from scripts.paper_tables import TABLES, Entry, Table
 
 
 @cache
 def probes(case: str, overrides: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Return the probes of a solved case. Raises CaseError or ComputationError where it cannot be solved."""
-    outcome = run_case(load(CASES / f"{case}.yaml", list(overrides)))
+    outcome = run_case(load(CASES / "paper" / f"{case}.yaml", list(overrides)))
     if outcome.failure is not None:
         raise outcome.failure
     return outcome.summary["probes"]
@@ -73,8 +71,8 @@ def report(table: Table, verdicts: Sequence[dict[str, Any]]) -> str:
 
 def write_report(file: Path) -> bool:
     """Write all tables and figures into one HTML page; return whether every verdict is the documented one."""
-    from paper_figures import Workshop  # matplotlib only where something is drawn
-    from paper_report import page
+    from scripts.paper_figures import Workshop  # matplotlib only where something is drawn
+    from scripts.paper_report import page
 
     with tempfile.TemporaryDirectory() as folder:
         text, documented = page(Workshop(Path(folder), suffix="svg", told=_tell), examine)
@@ -88,7 +86,7 @@ def _tell(text: str) -> None:
 
 def draw_figures(folder: Path) -> list[Path]:
     """Draw Figures 3 to 5 into a folder; return the pictures."""
-    from paper_figures import Workshop, static_figures
+    from scripts.paper_figures import Workshop, static_figures
 
     folder.mkdir(parents=True, exist_ok=True)
     return [drawn.file for drawn in static_figures(Workshop(folder))]

@@ -4,13 +4,12 @@ Mutants of case files and of result files, a thousand runs in one process, other
 commands stopped at random moments, disks that take nothing more; about half an hour. Exits with 1 where a promise of
 the page was broken, and names the mutants that did it.
 
-    python scripts/robustness.py [--tables cases,results] [--cases 10000] [--results 1000] [--minutes 60] [--runs 1000]
+    python -m scripts.robustness [--tables cases,results] [--cases 10000] [--results 1000] [--minutes 60] [--runs 1000]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import tempfile
 import time
@@ -18,9 +17,9 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from endurance import crowds, repeats, scenes, stops
-from fuzz import case_trial, result_mutants, result_trial
-from measured import DOCS, stamp, write
+from scripts.endurance import repeats, stops
+from scripts.fuzz import case_trial, result_mutants, result_trial
+from scripts.pages import DOCS, one_thread, stamp, table, write
 
 PAGE = DOCS / "robustness.md"
 BROKEN: list[str] = []
@@ -44,8 +43,8 @@ def cases(seed: int, count: int, minutes: float) -> str:
     checked = Counter({code: sum(n for (first, _), n in ends.items() if first == code) for code in (0, 1, 2)})
     rows = [["validated", count, *(checked[code] for code in (0, 1, 2)), ""],
             ["run", sum(ran.values()), ran[0], ran[1], ran[2], ran[130]]]
-    table = scenes.table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
-    return (f"{table}\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest "
+    found = table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
+    return (f"{found}\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest "
             f"validation, at most {most / 1e6:.0f} MB for one mutant. {told('case')}")
 
 
@@ -65,8 +64,8 @@ def results(seed: int, count: int, minutes: float) -> str:
     names = list(dict.fromkeys(name for name, _ in codes))
     rows = [[name, sum(n for (k, _), n in codes.items() if k == name), *(codes[name, code] for code in (0, 1, 2))]
             for name in names]
-    table = scenes.table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
-    return (f"{table}\n\nSeed {seed}; {count} mutants, of which {read} were read as results; "
+    found = table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
+    return (f"{found}\n\nSeed {seed}; {count} mutants, of which {read} were read as results; "
             f"{time.monotonic() - began:.0f} s in all, at most {most / 1e6:.0f} MB for one mutant. {told('result')}")
 
 
@@ -88,8 +87,8 @@ def tables(args: argparse.Namespace) -> dict[str, Callable[[], str]]:
     return {
         "cases": lambda: cases(args.seed, args.cases, args.minutes),
         "results": lambda: results(args.seed, args.results, args.minutes),
-        "growth": lambda: repeats.growth_report(args.runs), "threads": repeats.thread_report, "crowds": crowds.report,
-        "stops": lambda: stops.stops_report(args.stops), "places": stops.places_report,
+        "growth": lambda: repeats.growth_report(args.runs), "threads": repeats.thread_report,
+        "crowds": repeats.crowds_report, "stops": lambda: stops.stops_report(args.stops), "places": stops.places_report,
     }
 
 
@@ -106,13 +105,13 @@ def main() -> None:
     args = parser.parse_args()
     if unknown := [name for name in args.tables.split(",") if name not in known]:
         parser.error(f"unknown: {', '.join(unknown)}")
-    for name in scenes.THREADS:  # of this process; processes for other numbers of threads are told theirs
-        os.environ.setdefault(name, "1")
+    # of this process; processes for other numbers of threads are told theirs
+    one_thread()
     measured = tables(args)
     for name in args.tables.split(","):
         found = measured[name]()
         print(f"{name}\n{found}\n", flush=True)
-        write(PAGE, name, f"{found}\n\n{stamp(f'robustness.py --tables {name}', 'h5py')}")
+        write(PAGE, name, f"{found}\n\n{stamp(f'robustness --tables {name}', 'h5py')}")
     sys.exit(1 if BROKEN else 0)
 
 

@@ -1,9 +1,9 @@
 """Table 3 of the seed paper, each printed frequency beside the mode that has it: its shape, its kind, what it overlaps.
 
-    python scripts/table3.py                                  the paper's 48 frequencies and the analytic row
-    python scripts/table3.py --element vallejo:structural     the same table for another element (repeatable; or 'all')
-    python scripts/table3.py --spurious                       how the spurious branch falls with the mesh
-    python scripts/table3.py --page                           all of it as docs/table3.md
+    python -m scripts.table3                                  the paper's 48 frequencies and the analytic row
+    python -m scripts.table3 --element vallejo:structural     the same table for another element (repeatable; or 'all')
+    python -m scripts.table3 --spurious                       how the spurious branch falls with the mesh
+    python -m scripts.table3 --page                           all of it as docs/table3.md
 
 ``overlap`` is the share of the mode's kinetic energy that is the exact Timoshenko, bar or stretch mode of the name
 (square of the cosine in kinetic energy). Exit code 0 where every printed frequency is a computed one to all its digits.
@@ -20,8 +20,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from references.timoshenko import exact_mode, overlap
-
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.model.model import Model
@@ -29,9 +27,10 @@ from ancf2d.solvers.classify import GAPS
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, prepare
+from scripts.pages import CASES, DOCS, table
+from scripts.references.timoshenko import exact_mode, overlap
 
-CASE = Path(__file__).resolve().parents[1] / "cases" / "paper" / "table3_2d2n.yaml"
-PAGE = CASE.parents[2] / "docs" / "table3.md"
+CASE, PAGE = CASES / "paper" / "table3_2d2n.yaml", DOCS / "table3.md"
 MESHES = (16, 32, 64)
 NAMES = (("bending", 1), ("axial", 1), ("bending", 2), ("axial", 2), ("shear", 1), ("shear", 2), ("thickness", 1),
          ("thickness", 2))
@@ -195,7 +194,7 @@ def _spurious_text() -> str:
 
 PAGE_TOP = """# Table 3 of the paper, mode by mode
 
-This page is written by `python scripts/table3.py --page`. The case is the simply supported beam of the paper's Sec.
+This page is written by `python -m scripts.table3 --page`. The case is the simply supported beam of the paper's Sec.
 5.3: L = 2, 0.4 x 0.4, rho = 7850, nu = 0.3. Frequencies are in rad/s for E = 1e9; the text of the paper says 2.07e11,
 but its numbers belong to 1e9. Every printed frequency agrees with a computed one to all printed digits.
 
@@ -226,18 +225,13 @@ end faces, and there is no such branch.
 """
 
 
-def markdown(header: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *cells)) + "\n"
-
-
 def page() -> str:
     """Return docs/table3.md."""
     shares = ("transverse", "axial", "rotation", "stretch", "higher")
     names = [f"{k} {m}" for k, m in NAMES]
-    table = [[title.replace(" elements", ""), r.name, r.printed, f"{r.omega:.3f}", r.kind, f"{r.overlap:.3f}",
-              *(f"{r.shares[k]:.3f}" for k in shares), f"{r.gaps:.3f}", r.remark]
-             for title, found in paper().items() for r in found]
+    modes_found = [[title.replace(" elements", ""), r.name, r.printed, f"{r.omega:.3f}", r.kind, f"{r.overlap:.3f}",
+                    *(f"{r.shares[k]:.3f}" for k in shares), f"{r.gaps:.3f}", r.remark]
+                   for title, found in paper().items() for r in found]
     others = []
     for variant in variants():
         for n in MESHES:
@@ -247,12 +241,11 @@ def page() -> str:
     meshes = (8, 16, 32, 64, 128)
     branch = [[name, *(f"{w:.1f}" for _, w in points), f"n^{_slope(points):.2f}"]
               for name, points in spurious(meshes).items()]
+    columns = ["element", "name", "printed", "computed", "kind", "overlap", *shares, "gaps", "remark"]
     return "\n".join([
-        PAGE_TOP, markdown(["element", "name", "printed", "computed", "kind", "overlap", *shares, "gaps", "remark"],
-                           table),
-        PAGE_ANALYTIC, markdown(names, [[f"{w:.4f}" for _, _, w in analytic()]]),
-        PAGE_OTHERS, markdown(["element", "n", *names], others),
-        PAGE_SPURIOUS, markdown(["element", *map(str, meshes), "falls like"], branch), PAGE_END.rstrip() + "\n"])
+        PAGE_TOP, table(columns, modes_found), PAGE_ANALYTIC, table(names, [[f"{w:.4f}" for _, _, w in analytic()]]),
+        PAGE_OTHERS, table(["element", "n", *names], others),
+        PAGE_SPURIOUS, table(["element", *meshes, "falls like"], branch), PAGE_END.rstrip() + "\n"])
 
 
 def _slope(points: Sequence[tuple[int, float]]) -> float:
@@ -278,16 +271,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         chosen = variants() if "all" in options.element else options.element
         print("\n\n".join(other_table(v) for v in chosen))
         return 0
-    table, row = paper(), analytic()
-    right = all(r.same for found in table.values() for r in found) and all(
+    found, row = paper(), analytic()
+    right = all(r.same for rows_ in found.values() for r in rows_) and all(
         f"{w:.2f}" == SLIPS.get(n, t) for n, t, w in row)
     if options.json:
-        plain: dict[str, Any] = {k: [asdict(r) | {"remark": r.remark} for r in v] for k, v in table.items()}
+        plain: dict[str, Any] = {k: [asdict(r) | {"remark": r.remark} for r in v] for k, v in found.items()}
         print(json.dumps({"table": plain, "analytic": row}, indent=1))
     else:
-        print("\n\n".join(report(f"{k} [rad/s]", v) for k, v in table.items()))
+        print("\n\n".join(report(f"{k} [rad/s]", v) for k, v in found.items()))
         print("\nanalytic: " + ", ".join(f"{n} {w:.4f} (printed {t})" for n, t, w in row))
-        same = sum(r.same for found in table.values() for r in found)
+        same = sum(r.same for rows_ in found.values() for r in rows_)
         print(f"{same} of 48 printed frequencies are computed ones to all printed digits.")
     return 0 if right else 1
 

@@ -3,7 +3,7 @@
 About a quarter of an hour; on a machine that does nothing else, or with a priority that nothing else has (chrt -f 10),
 or the times are not those of the solves.
 
-    OPENBLAS_NUM_THREADS=1 python scripts/tradeoff_report.py [--studies cantilever,beam]
+    OPENBLAS_NUM_THREADS=1 python -m scripts.tradeoff_report [--studies cantilever,beam]
 """
 
 from __future__ import annotations
@@ -13,9 +13,6 @@ import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-
-from gallery import IMAGES, ROOT, shrunk
-from measured import DOCS, stamp, write
 
 from ancf2d.case.units import with_unit
 from ancf2d.cli.tradeoff import error_text, model_text, time_text, total_text
@@ -27,6 +24,8 @@ from ancf2d.study.tradeoff.plan import Choice
 from ancf2d.study.tradeoff.result import Row, Study, accuracy_name, cheapest, write_tradeoff
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import parse_variants
+from scripts.gallery import IMAGES, shrunk
+from scripts.pages import DOCS, ROOT, stamp, table, write
 
 PAGE = DOCS / "tradeoff.md"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
@@ -83,12 +82,6 @@ CONTESTS = {
         variants=tuple(parse_variants("reissner3")), methods=METHODS, meshes=(4, 8, 16, 32), key="tolerance",
         steps=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6), repeat=9, budget=240.0, accuracies=(1e-2, 1e-3, 3e-4, 1e-4, 3e-5))),
 }
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def recommended(study: Study) -> str:
@@ -191,7 +184,7 @@ def main() -> None:
         parts = study_of(name)
         write(PAGE, name, "\n\n".join(parts))
         print(f"{name}\n\n" + "\n\n".join(parts) + "\n", flush=True)
-    write(PAGE, "stamp", stamp("tradeoff_report.py"))
+    write(PAGE, "stamp", stamp("tradeoff_report"))
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ancf2d.study.run import load, run_case
+from scripts.pages import CASES, table
 
-CASES = Path(__file__).resolve().parents[1] / "cases"
 # a difference below this is round-off, whose digits depend on the machine
 ROUND_OFF = 1e-9
 AREAS = {
@@ -22,7 +22,7 @@ AREAS = {
 TOP = """# Verification manual
 
 This manual lists every case in `cases/` with its references: closed forms, differential equations solved to many
-digits, other programs, and published values, each with its source. It is written by `python scripts/make_docs.py`,
+digits, other programs, and published values, each with its source. It is written by `python -m scripts.make_docs`,
 which solves all cases.
 
 *Allowed* is the tolerance of the case: half a unit of the last printed digit for published values, otherwise the
@@ -91,29 +91,23 @@ def row(check: dict[str, Any]) -> list[str]:
             "ok" if check["met"] else "**not met**", check["source"]]
 
 
-def table(rows: list[list[str]]) -> str:
-    """Return rows, the first of them the head, as a Markdown table."""
-    lines = ["| " + " | ".join(cells) + " |" for cells in rows]
-    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
-
-
 def section(case: Verified) -> str:
     """Return what the manual says of a case."""
     head = ["value", "reference", "computed", "off by", "allowed", "verdict", "source"]
-    found = table([head, *map(row, case.checks)]) if case.checks else "An example; no reference is known."
+    found = table(head, list(map(row, case.checks))) if case.checks else "An example; no reference is known."
     return f"### {case.name}\n\n[{_escaped(case.title)}](../cases/{case.name}.yaml)\n\n{case.about}\n\n{found}\n"
 
 
 def manual() -> str:
     """Return docs/verification.md."""
     found = {area: [verified(file) for file in sorted((CASES / area).glob("*.yaml"))] for area in AREAS}
-    summary = [["", "cases", "references", "met"]]
+    summary = []
     for area, cases in found.items():
         title = AREAS[area]
         anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
-        summary.append([f"[{title}](#{anchor})", str(len(cases)), str(sum(len(c.checks) for c in cases)),
-                        str(sum(c.met for c in cases))])
-    parts = [TOP, table(summary) + "\n"]
+        summary.append([f"[{title}](#{anchor})", len(cases), sum(len(c.checks) for c in cases),
+                        sum(c.met for c in cases)])
+    parts = [TOP, table(["", "cases", "references", "met"], summary) + "\n"]
     for area, cases in found.items():
         parts += [f"## {AREAS[area]}\n", *map(section, cases)]
     return "\n".join(parts)

@@ -1,7 +1,7 @@
 """Test ancf2d with the oldest or the newest versions that pyproject.toml allows of everything that it depends on.
 
-    python scripts/versions.py --python python3.11 --oldest
-    python scripts/versions.py --python python3.13 tests/kernels tests/solve
+    python -m scripts.versions --python python3.11 --oldest
+    python -m scripts.versions --python python3.13 tests/kernels tests/solve
 
 makes an environment in a temporary folder, installs the tree that this file is in, and runs the quick tests (or those
 that are named) with the versions that it prints. Exits as pytest does.
@@ -18,7 +18,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from scripts.pages import ROOT
 
 
 def oldest(requirement: str) -> str:

@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from house import code_lines, cycles, imports, inner_cycles, sources
+
+from scripts.house import code_lines, cycles, imports, inner_cycles, sources
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "ancf2d"

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-from make_docs import markdown_table
 
-ROOT = Path(__file__).resolve().parents[2]
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+from scripts.pages import ROOT
+
 # what differs between runs of the same case: when, how long, where
 PASSING = ("wall", "time", "date", "command", "output", "case_name", "host", "resumed", "summary")
 
@@ -79,8 +78,3 @@ def bits(path: Path) -> str:
     with h5py.File(path) as file:
         file.visititems(take)
     return digest.hexdigest()
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a Markdown table."""
-    return markdown_table([head, *([str(cell) for cell in row] for row in rows)])

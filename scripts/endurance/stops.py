@@ -18,6 +18,7 @@ from pathlib import Path
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import open_results
+from scripts.pages import table
 
 from . import scenes
 
@@ -134,7 +135,7 @@ def stops_report(count: int) -> str:
     rows = [[name, sum(s.codes.values()), s.left["nothing"], s.left["readable"], s.left["whole"], len(s.faults)]
             for name, s in found.items()]
     faults = [f for s in found.values() for f in s.faults]
-    return scenes.table(["command", "stopped", "left nothing", "left what is readable", "had ended", "faults"],
+    return table(["command", "stopped", "left nothing", "left what is readable", "had ended", "faults"],
                           rows) + "".join(f"\n* {f}" for f in faults)
 
 
@@ -224,4 +225,4 @@ def places_report() -> str:
         found = way()
         rows.append([name, len(WRITERS), len(found)])
         faults += found
-    return scenes.table(["place", "commands tried", "faults"], rows) + "".join(f"\n* {f}" for f in faults)
+    return table(["place", "commands tried", "faults"], rows) + "".join(f"\n* {f}" for f in faults)

@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from references import motions as motion_references
 
 from ancf2d.elements.shape import Array
 from ancf2d.study.run import load
+from scripts.pages import CASES, small, table
+from scripts.references import motions as motion_references
 
-from .runs import ROOT, Motion, distance, follow, small, table
+from .runs import Motion, distance, follow
 
-CASES = ROOT / "cases" / "dynamic"
+MOTIONS = CASES / "dynamic"
 
 
 def _as_is(motion: Motion, probe: str) -> Array:
@@ -74,7 +75,7 @@ GREEN = (0.33044, -1.29864)
 
 def finer(name: str) -> list[str]:
     """Return the overrides of a case with twice the elements in flexible bodies and a hundredth of the tolerance."""
-    loaded = load(CASES / f"{name}.yaml").case
+    loaded = load(MOTIONS / f"{name}.yaml").case
     out = [f"bodies.{b}.element.count={2 * body.element.count}" for b, body in loaded.bodies.items()
            if body.element.type != "rigid"]
     return [*out, f"solver.tolerance={loaded.solver.tolerance / 100:g}", "solver.estimate=false"]
@@ -82,7 +83,7 @@ def finer(name: str) -> list[str]:
 
 def moved(name: str, *overrides: str) -> Motion:
     """Return the motion of a case. Raises ComputationError where it fails."""
-    motion = follow(load(CASES / f"{name}.yaml", overrides))
+    motion = follow(load(MOTIONS / f"{name}.yaml", overrides))
     if motion.outcome.failure is not None:
         raise motion.outcome.failure
     return motion
@@ -144,11 +145,11 @@ def _pair(values: Iterable[float | None]) -> str:
 def paper() -> str:
     """Return the table of the paper's elements at the end of each motion, beside both limits."""
     rows = []
-    names = [f.stem.rsplit("_", 1) for f in CASES.glob("*_2d?n_*.yaml")]
+    names = [f.stem.rsplit("_", 1) for f in MOTIONS.glob("*_2d?n_*.yaml")]
     for kind, count in sorted(names, key=lambda n: (n[0], int(n[1]))):
         name = f"{kind}_{count}"
-        loaded = load(CASES / f"{name}.yaml").case
-        beam = load(CASES / f"{name.split('_2d')[0]}_reissner3.yaml").case
+        loaded = load(MOTIONS / f"{name}.yaml").case
+        beam = load(MOTIONS / f"{name.split('_2d')[0]}_reissner3.yaml").case
         motion = moved(name)
         end = motion.place(loaded.goal.probe)[-1]
         exact = [next(c.value for c in beam.expected if (c.probe, c.quantity) == (loaded.goal.probe, q)) for q in "xy"]

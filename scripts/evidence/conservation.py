@@ -9,8 +9,9 @@ import numpy as np
 from ancf2d.elements import registry
 from ancf2d.model.build import build_model
 from ancf2d.solvers.post import Energies, Kinds
+from scripts.pages import small, table
 
-from .runs import Motion, case, follow, follow_from, small, table
+from .runs import Motion, case, follow, follow_from
 
 # a rod of steel that is hit at one end for a hundredth of a second, and then flies, turns and swings
 FLYING = """

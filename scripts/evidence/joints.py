@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .runs import Motion, case, distance, follow, small, table
+from scripts.pages import small, table
+
+from .runs import Motion, case, distance, follow
 
 METHODS = {"radau5": "tolerance: 1e-6", "generalized_alpha": "dt: 5e-4, estimate: false",
            "energy_momentum": "dt: 5e-4, estimate: false"}
@@ -118,6 +120,6 @@ def report() -> str:
                 row += ["refused", ""]
                 continue
             log, seen = hold(joint, f"method: {method}, {solver}")
-            row += [small(log), "" if seen is None else small(seen)]
+            row += [small(log), small(seen)]
         rows.append(row)
     return table(["joint", *(f"{m}{what}" for m in METHODS for what in ("", ", by probes"))], rows)

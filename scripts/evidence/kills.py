@@ -13,8 +13,7 @@ from pathlib import Path
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import open_results, part_path
-
-from .runs import table
+from scripts.pages import table
 
 PENDULUM = """\
 title: Flexible pendulum

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from make_docs import markdown_table
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.shape import Array
@@ -19,8 +16,6 @@ from ancf2d.solvers.post import Energies, Observer
 from ancf2d.solvers.state import State
 from ancf2d.study.record import Progress
 from ancf2d.study.run import Outcome, run_case, vocabulary
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass
@@ -112,13 +107,3 @@ def follow_from(static: str, text: str) -> Motion:
 def distance(a: Array, b: Array) -> float:
     """Return the largest distance of two curves (n, 2)."""
     return float(np.hypot(*(a - b).T).max())
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    return markdown_table([head, *rows])
-
-
-def small(value: float) -> str:
-    """Return two digits of what is small, 0 for what is below round-off of anything."""
-    return "0" if abs(value) < 1e-30 else f"{value:.1e}"

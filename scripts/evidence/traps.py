@@ -9,8 +9,9 @@ import numpy as np
 
 from ancf2d.errors import CaseError
 from ancf2d.solvers.methods import INTEGRATORS
+from scripts.pages import small, table
 
-from .runs import Motion, case, distance, follow, small, table
+from .runs import Motion, case, distance, follow
 
 PENDULUM = """
 title: Pendulum (1)
@@ -85,7 +86,7 @@ def report() -> str:
     """Return the table for dt = 0.01, and what other steps and meshes add to it."""
     rows, more = [], []
     for t in traps(("dt: 0.01",), 8):
-        numbers = ["" if x is None else small(x) for x in (t.truth, t.estimate)]
+        numbers = [small(x) for x in (t.truth, t.estimate)]
         rows.append([t.element, t.method, *numbers, str(t.cut) if t.code != 2 else "", str(t.code), t.said,
                      "ok" if t.honest else "MISLEADS"])
         more.append(t)
@@ -109,6 +110,6 @@ def tolerances() -> str:
         element = "vallejo" if INTEGRATORS[method].conserves else "reissner3"
         found = [trap(element, method, f"tolerance: {t}", count, fine[element]) for t in wanted]
         for what, cells in (("true", [t.truth for t in found]), ("estimated", [t.estimate for t in found])):
-            rows.append([method if what == "true" else "", what, *("" if x is None else small(x) for x in cells)])
+            rows.append([method if what == "true" else "", what, *map(small, cells)])
         rows.append(["", "steps", *(str(t.steps) for t in found)])
     return table(["method", "error", *(f"tolerance {t}" for t in wanted)], rows)

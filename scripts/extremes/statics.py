@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-from evidence import conservation
-
 import ancf2d
+from scripts.evidence import conservation
 
 from .cell import Cell, Found
 from .references import bent_tip, series_tip, stretch_force

@@ -1,13 +1,24 @@
-"""Verdicts on disk, one JSON line each, and the tables that they make."""
+"""All cells of the map in the order of the page, their verdicts on disk, and the tables that they make."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from .cell import VERDICTS, Verdict
+from scripts.pages import table
+
+from . import across, modes, motions, scaling, statics, traps
+from .cell import VERDICTS, Cell, Verdict
+
+ROOMS = (scaling, statics, across, modes, motions, traps)
+
+
+def all_rows() -> Iterator[Cell]:
+    """Yield every cell, in the order of the page."""
+    for room in ROOMS:
+        yield from room.rows()
 
 
 class Store:
@@ -37,10 +48,8 @@ def counts(verdicts: Iterable[Verdict]) -> str:
     for v in verdicts:
         by_axis.setdefault(v.axis, Counter())[v.verdict] += 1
     total = sum(by_axis.values(), Counter())
-    lines = ["| axis | cells | " + " | ".join(VERDICTS) + " |", "| --- |" + " --- |" * (len(VERDICTS) + 1)]
-    for axis, found in [*by_axis.items(), ("all", total)]:
-        lines.append(f"| {axis} | {found.total()} | " + " | ".join(str(found[w]) for w in VERDICTS) + " |")
-    return "\n".join(lines)
+    return table(["axis", "cells", *VERDICTS], [[axis, found.total(), *(found[w] for w in VERDICTS)]
+                                                for axis, found in [*by_axis.items(), ("all", total)]])
 
 
 def _mark(v: Verdict, notes: dict[str, int]) -> str:
@@ -65,11 +74,9 @@ def grids(verdicts: Iterable[Verdict]) -> str:
         place = {(v.subject, v.value): v for v in found}
         limits = sorted({v.limit for v in found})
         ends = " to ".join(f"{x:.2g}" for x in dict.fromkeys((limits[0], limits[-1])))
-        lines = [f"**{axis}**: {measure}. Limit {ends}.", "",
-                 "| | " + " | ".join(values) + " |", "| --- |" + " --- |" * len(values)]
-        for subject in dict.fromkeys(v.subject for v in found):
-            cells = [_mark(place[subject, x], notes) if (subject, x) in place else "" for x in values]
-            lines.append(f"| {subject} | " + " | ".join(cells) + " |")
-        lines += ["", *(f"{number}. {text}" for text, number in notes.items())]
-        out.append("\n".join(lines).rstrip())
+        cells = table(["", *values], [[subject, *(_mark(place[subject, x], notes) if (subject, x) in place else ""
+                                                  for x in values)]
+                                      for subject in dict.fromkeys(v.subject for v in found)])
+        texts = "\n".join(f"{number}. {text}" for text, number in notes.items())
+        out.append(f"**{axis}**: {measure}. Limit {ends}.\n\n{cells}\n\n{texts}".rstrip())
     return "\n\n".join(out)

@@ -7,17 +7,16 @@ import math
 import random
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ancf2d.case.compose import compose
 from ancf2d.case.nodes import Origin, plain_data
+from scripts.pages import ROOT
 
 from . import trees
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("cases/*/*.yaml", "tests/case/valid/*.yaml")
 DEFINITION = ROOT / "tests" / "case" / "definitions" / "own_element.yaml"
 # what makes a case quick: most elements of a body, load steps, modes, time steps

@@ -8,7 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from references.spectral_bars import Bar, Section
+
+from scripts.references.spectral_bars import Bar, Section
 
 from .points import Array
 

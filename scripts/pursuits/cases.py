@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.study.run import load, vocabulary
+from scripts.pages import CASES
 
-CASES = Path(__file__).resolve().parents[2] / "cases"
 STEEL = "{E: 2.07e11, nu: 0.3, rho: 7850}"
 RUBBER = "{E: 1e7, nu: 0.3, rho: 1000}"
 

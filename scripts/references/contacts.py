@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from references.statics import Array, Beam, march, shoot
+from scripts.references.statics import Array, Beam, march, shoot
 
 # ---------------------------------------------------------------------- a strip over a drum
 

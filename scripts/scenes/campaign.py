@@ -152,7 +152,7 @@ def write_case(path: Path, case: Data, text: str) -> None:
 WORDS = ("held", "announced", "refused", "blunt", "unfit", "violated")
 
 
-def table(records: Iterable[Record]) -> list[list[Any]]:
+def counts(records: Iterable[Record]) -> list[list[Any]]:
     """Return rows: check, solver, and the numbers of scenes by outcome (``WORDS``)."""
     counts: Counter[tuple[str, str, str]] = Counter()
     for record in records:

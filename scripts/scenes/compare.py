@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import random
 from collections.abc import Callable
@@ -14,7 +15,6 @@ import numpy as np
 
 from .answer import KINDS, Answer, answer, kind_of_message
 from .balance import with_acting_points
-from .disturb import disturbed
 from .roundoff import roundings, uncertainty
 from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, stiffness
 from .similar import INNER, Similarity
@@ -34,12 +34,27 @@ ILL = "ill-conditioned: round-off leaves fewer than four digits"
 ESTIMATED = 4.0
 # how much the numbers of a scene are disturbed to see what its motion makes of it
 DISTURBED = 1e-7
+DISTURBABLE = ("E", "rho", "EA", "kGA", "EI", "rhoA", "rhoI", "mass", "inertia", "stiffness", "damping", "value",
+           "velocity", "omega", "tension", "axial", "curvature", "gradient")
 # what a warning must speak of to explain that two answers differ
 ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jumps", "not known")
 
 
 # what a nonlinear computation that fails says: it warns of no answer by giving none
 FAILED = ("no equilibrium was found", "did not converge")
+
+
+def disturbed(case: Data, by: float, rng: random.Random) -> Data:
+    """Return a case whose forces, masses and rates are off by a random share of themselves, up to ``by``."""
+    def off(value: Any, key: str) -> Any:
+        if isinstance(value, dict):
+            return {k: v if k == "amplitude" else off(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [off(v, key) for v in value]
+        return value * (1.0 + by * rng.uniform(-1, 1)) if key in DISTURBABLE and isinstance(value, float) else value
+
+    return {key: copy.deepcopy(value) if key in ("output", "solver", "boundary_conditions") else off(value, key)
+            for key, value in case.items()}
 
 
 class Check(Protocol):

@@ -159,13 +159,13 @@ def test_first_case_fits_on_a_screen() -> None:
 
 @pytest.mark.slow
 def test_generated_parts_are_current(capsys: pytest.CaptureFixture[str]) -> None:
-    import make_docs
+    from scripts import make_docs
 
     assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python scripts/make_docs.py"
 
 
 def test_generated_tables_are_compared_but_for_round_off() -> None:
-    from make_docs import same
+    from scripts.make_docs import same
 
     row = "| tip y | -0.300792 | -0.3014365 | 6.4e-04 | ok |"
     assert same(f"a\n{row}", "a\n| tip y | -0.300792 | -0.3014359 | 6.4e-04 | ok |")

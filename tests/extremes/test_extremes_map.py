@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 import pytest
-from extremes import cell, table
-from extremes.all_rows import all_rows
 
 import ancf2d
+from scripts.extremes import cell, table
+from scripts.extremes.table import all_rows
 
 pytestmark = pytest.mark.slow
 

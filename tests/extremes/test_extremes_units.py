@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import helpers
 import pytest
-from extremes import modes, scaling
-from extremes.scenes import DEFAULTS
-from extremes.statics import slender
+
+from scripts.extremes import modes, scaling
+from scripts.extremes.scenes import DEFAULTS
+from scripts.extremes.statics import slender
 
 UNITS = dict(scaling.AXES["all units"])
 

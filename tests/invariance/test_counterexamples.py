@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from scenes import campaign
-from scenes.checks import CHECKS
-from scenes.compare import Scene
+
+from scripts.scenes import campaign
+from scripts.scenes.checks import CHECKS
+from scripts.scenes.compare import Scene
 
 HERE = Path(__file__).parent / "scenes"
 MOVED = ("turned by any angle", "mirrored", "shifted by 1000 sizes", "in other units", "in another order")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import helpers
 import pytest
-from scenes import campaign
+
+from scripts.scenes import campaign
 
 # scenes of each solver, all checks of each; the same command tries any number of others
 SCENES = {"linear_static": range(8), "static": range(4), "eigen": range(6), "buckling": range(4)}

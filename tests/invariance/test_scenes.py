@@ -11,10 +11,6 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from scenes import campaign, checks, rearrange, shapes, shrink
-from scenes.bodies import type_of
-from scenes.generate import SOLVERS, scene
-from scenes.similar import Similarity
 
 import ancf2d
 from ancf2d.case import schema
@@ -23,6 +19,10 @@ from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, names
 from ancf2d.solvers.methods import INTEGRATORS
 from ancf2d.study.run import prepare
+from scripts.scenes import campaign, checks, rearrange, shapes, shrink
+from scripts.scenes.bodies import type_of
+from scripts.scenes.generate import SOLVERS, scene
+from scripts.scenes.similar import Similarity
 
 MANY = [scene(1, number, solver) for number in range(200) for solver in SOLVERS]
 
@@ -198,12 +198,12 @@ def test_a_campaign_that_is_stopped_goes_on(tmp_path: Path) -> None:
     with log.open("a") as file:
         file.write(json.dumps({"number": 4})[:-3])  # cut off as it was written
     assert campaign.kept(log) == {3: record}
-    assert campaign.table([record]) == [["mirrored", "static", 1, 0, 0, 0, 0, 0]]
+    assert campaign.counts([record]) == [["mirrored", "static", 1, 0, 0, 0, 0, 0]]
 
 
 def test_condition_of_a_scaled_matrix() -> None:
     """Units of single coordinates do not count: diag(1, 1e6) K diag(1, 1e6) is scaled back."""
-    from scenes.roundoff import condition
+    from scripts.scenes.roundoff import condition
 
     K = np.array([[2.0, 1.0], [1.0, 2.0]])
     D = np.diag([1.0, 1e6])

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from own_equations import frames as frames_module
-from own_equations import mechanisms as mechanisms_module
-from own_equations.frames import KINDS, frames
-from own_equations.mechanisms import mechanisms
-from own_equations.verdict import Verdict, judge
+
+from scripts.own_equations import frames as frames_module
+from scripts.own_equations import mechanisms as mechanisms_module
+from scripts.own_equations.frames import KINDS, frames
+from scripts.own_equations.mechanisms import mechanisms
+from scripts.own_equations.verdict import Verdict, judge
 
 FRAMES = [0, 1, 3, 4, 5, 30, 7, 8, 9, 22, 11]
 RIGID = [0, 1, 2, 3]

@@ -7,7 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from endurance import repeats, scenes, stops
+
+from scripts.endurance import repeats, scenes, stops
 
 pytestmark = pytest.mark.slow
 

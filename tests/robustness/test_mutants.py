@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
+
+from scripts.fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
 
 pytestmark = pytest.mark.slow
 

@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-import audit_table
 import pytest
 
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.study.audit.examine import CHECKS
+from scripts import audit_table
 
 pytestmark = pytest.mark.slow
 

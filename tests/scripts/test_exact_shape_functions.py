@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
-import shape_functions
 
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.elements.shape import ShapeFunctions
+from scripts import shape_functions
 
 
 @pytest.mark.parametrize("name", ELEMENTS)

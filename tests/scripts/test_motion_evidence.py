@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 
-import motion_evidence
 import pytest
-from evidence import conservation, joints, runs, traps
+
+from scripts import motion_evidence
+from scripts.evidence import conservation, joints, runs, traps
 
 pytestmark = pytest.mark.slow
 

@@ -19,13 +19,13 @@ SHORT = 0.03
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Table 3 on its coarsest mesh alone."""
-    import table3
+    from scripts import table3
 
     monkeypatch.setattr(table3, "PRINTED", {k: v for k, v in table3.PRINTED.items() if k[1] == 16})
 
 
 def test_differences_are_of_the_printed_digits() -> None:
-    from paper_report import difference
+    from scripts.paper_report import difference
 
     assert difference("-0.68367", "-0.68185") == "+0.00182"
     assert difference("332.24", "332.23") == "-0.01"
@@ -34,8 +34,8 @@ def test_differences_are_of_the_printed_digits() -> None:
 
 
 def test_a_table_marks_what_differs_and_what_is_not_as_documented() -> None:
-    import reproduce_paper
-    from paper_report import static_table
+    from scripts import reproduce_paper
+    from scripts.paper_report import static_table
 
     verdicts = [reproduce_paper.judge(e, float(e.computed or e.printed)) for e in reproduce_paper.TABLES["2"].entries]
     html, count = static_table("2", verdicts)
@@ -49,7 +49,7 @@ def test_a_table_marks_what_differs_and_what_is_not_as_documented() -> None:
 
 
 def test_motions_at_other_times_are_not_compared() -> None:
-    from paper_motion import Path2, distance
+    from scripts.paper_motion import Path2, distance
 
     t = np.linspace(0.0, 1.0, 3)
     a = Path2(t, np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 4.0]]))
@@ -62,7 +62,7 @@ def test_motions_at_other_times_are_not_compared() -> None:
 
 
 def test_the_papers_elements_carry_its_shear_unless_told() -> None:
-    from paper_motion import paper_run
+    from scripts.paper_motion import paper_run
 
     assert paper_run("pendulum2", "2d3n", 8).overrides == ("bodies.rod.element={type: 2d3n, count: 8, preset: paper}",)
     run = paper_run("slider_crank", "2d3n", 4, preset=False)
@@ -71,8 +71,8 @@ def test_the_papers_elements_carry_its_shear_unless_told() -> None:
 
 
 def test_captions_say_whether_a_claim_is_borne_out(tmp_path: Path) -> None:
-    from paper_figures import Drawn
-    from paper_report import figure_html
+    from scripts.paper_figures import Drawn
+    from scripts.paper_report import figure_html
 
     file = tmp_path / "a.png"
     file.write_bytes(b"picture")
@@ -84,9 +84,9 @@ def test_captions_say_whether_a_claim_is_borne_out(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_page_holds_every_table_and_figure_and_needs_nothing_else(quick: None, tmp_path: Path) -> None:
-    import reproduce_paper
-    from paper_figures import Workshop
-    from paper_report import page
+    from scripts import reproduce_paper
+    from scripts.paper_figures import Workshop
+    from scripts.paper_report import page
 
     told: list[str] = []
     shop = Workshop(tmp_path, meshes=(2, 4), elements=4, share=SHORT, suffix="svg", told=told.append)
@@ -105,8 +105,8 @@ def test_the_page_holds_every_table_and_figure_and_needs_nothing_else(quick: Non
 
 
 def test_a_wrong_frequency_is_not_as_documented(monkeypatch: pytest.MonkeyPatch) -> None:
-    import table3
-    from paper_report import modes_table
+    from scripts import table3
+    from scripts.paper_report import modes_table
 
     row = SimpleNamespace(name="bending 1", printed="93.40", omega=93.4, same=True, kind="bending 1", remark="")
     monkeypatch.setattr(table3, "analytic", lambda: [("bending 2", "332.24", 332.2345)])

@@ -16,7 +16,7 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 @pytest.fixture
 def reproduce():
-    import reproduce_paper
+    from scripts import reproduce_paper
 
     return reproduce_paper
 
@@ -72,9 +72,8 @@ def test_command_line() -> None:
 
 
 def test_figures_are_drawn_from_the_papers_cases(reproduce, tmp_path: Path) -> None:
-    from paper_figures import Workshop, static_figures
-
     from ancf2d.results import open_results
+    from scripts.paper_figures import Workshop, static_figures
 
     pictures = [d.file for d in static_figures(Workshop(tmp_path, meshes=(2, 4), elements=4))]
     assert [p.name for p in pictures] == ["figure3_ux.png", "figure3_uy.png", "figure4.png", "figure5_linear.png",
@@ -102,7 +101,7 @@ def test_figures_from_the_command_line(reproduce, tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize(("documented", "code"), [(True, 0), (False, 1)])
 def test_the_report_tells_of_verdicts_that_are_not_as_documented(reproduce, tmp_path: Path, documented: bool,
                                                                  code: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    import paper_report
+    from scripts import paper_report
 
     monkeypatch.setattr(paper_report, "page", lambda shop, examine: ("<p>page</p>", documented))
     assert reproduce.main(["--report", str(tmp_path / "a.html")]) == code

@@ -2,7 +2,8 @@
 
 
 import pytest
-import table3
+
+from scripts import table3
 
 pytestmark = pytest.mark.slow
 

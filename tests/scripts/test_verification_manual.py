@@ -17,7 +17,7 @@ CASES = sorted(p.relative_to(ROOT / "cases").with_suffix("").as_posix() for p in
 
 @pytest.fixture
 def manual() -> Any:
-    import verification_manual
+    from scripts import verification_manual
 
     return verification_manual
 

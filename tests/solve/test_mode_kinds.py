@@ -6,7 +6,6 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
-from references.timoshenko import exact_mode, overlap
 
 import ancf2d
 from ancf2d.elements.section import timoshenko
@@ -15,6 +14,7 @@ from ancf2d.solvers.classify import Classifier
 from ancf2d.solvers.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
 from ancf2d.study.verify import refined
+from scripts.references.timoshenko import exact_mode, overlap
 
 THICK = {"height": 0.4, "width": 0.4}
 SOFT = {"E": 1e9, "nu": 0.3, "rho": 7850}

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from references import contacts as c
-from references.statics import Beam, cantilever, march, shoot
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import beta
+
+from scripts.references import contacts as c
+from scripts.references.statics import Beam, cantilever, march, shoot
 
 SLIM = Beam(math.inf, math.inf, 1.0)
 

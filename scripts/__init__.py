@@ -1,0 +1,1 @@
+"""What makes and checks the measured and generated parts of the documents; run as ``python -m scripts.NAME``."""
