@@ -115,6 +115,17 @@ def test_lines_of_code_are_those_of_statements(tmp_path: Path) -> None:
     assert code_lines(path, sources(tmp_path)[path]) == 5
 
 
+def test_scripts_are_a_package_that_takes_nothing_from_the_tests() -> None:
+    tests = {path.stem for path in (ROOT / "tests").rglob("*.py")}
+    wrong = []
+    for path, tree in sources(ROOT / "scripts").items():
+        names = [name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names]
+        names += [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level]
+        wrong += [f"{path.relative_to(ROOT)} imports {name}" for name in names if name.split(".")[0] in tests]
+        wrong += [f"{path.relative_to(ROOT)} changes sys.path"] * ("sys.path" in path.read_text("utf-8"))
+    assert not wrong
+
+
 def test_files_and_functions_are_short() -> None:
     long = []
     for path, tree in SOURCES().items():

@@ -161,7 +161,7 @@ def test_first_case_fits_on_a_screen() -> None:
 def test_generated_parts_are_current(capsys: pytest.CaptureFixture[str]) -> None:
     from scripts import make_docs
 
-    assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python scripts/make_docs.py"
+    assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python -m scripts.make_docs"
 
 
 def test_generated_tables_are_compared_but_for_round_off() -> None:

@@ -1,4 +1,4 @@
-"""Small scenes that once violated an invariance, as ``scripts/invariance.py`` wrote them, and ones that vary."""
+"""Small scenes that once violated an invariance, as ``scripts.invariance`` wrote them, and ones that vary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random scenes that must not change in other words and elsewhere: a few of those of ``scripts/invariance.py``."""
+"""Random scenes that must not change in other words and elsewhere: a few of those of ``scripts.invariance``."""
 
 from __future__ import annotations
 

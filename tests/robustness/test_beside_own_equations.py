@@ -1,4 +1,4 @@
-"""Some of the random frames and mechanisms that ``scripts/independent.py`` compares with equations of their own."""
+"""Some of the random frames and mechanisms that ``scripts.independent`` compares with equations of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""In small what ``scripts/robustness.py`` measures: repeats, processes at once, commands that are stopped."""
+"""In small what ``scripts.robustness`` measures: repeats, processes at once, commands that are stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Some of the mutants that ``scripts/robustness.py`` tries by the thousand, and the trial itself."""
+"""Some of the mutants that ``scripts.robustness`` tries by the thousand, and the trial itself."""
 
 from __future__ import annotations
 
