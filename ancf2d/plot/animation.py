@@ -15,7 +15,7 @@ from matplotlib.transforms import Bbox
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, chosen_kind
 from ancf2d.plot.picture import Picture
-from ancf2d.plot.style import Look, style
+from ancf2d.plot.style import Look, plain_ticks, style
 from ancf2d.results.target import MARK, replacing
 
 
@@ -79,6 +79,7 @@ def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
     if note is not None:
         vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
     picture.render(figure)
+    plain_ticks(figure)
     # axes of one scale settle when drawn, and only then is known how wide their labels are
     figure.draw_without_rendering()
     figure.draw_without_rendering()
@@ -92,6 +93,7 @@ def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
     """Draw a picture with its axes where those of all are."""
     figure.clear()
     picture.render(figure)
+    plain_ticks(figure)
     for axes, (place, x, y) in zip(figure.axes, places, strict=True):
         axes.set_position(place)
         axes.set_xlim(x)

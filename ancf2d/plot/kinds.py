@@ -23,7 +23,7 @@ from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
-from ancf2d.plot.style import Look, style
+from ancf2d.plot.style import Look, plain_ticks, style
 from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
@@ -169,6 +169,7 @@ def rendered(picture: Picture, figure: Figure | None = None, look: Look | None =
         figure.set_layout_engine("constrained")
         figure.set_size_inches(*(look.size or picture.size))
         picture.render(figure)
+        plain_ticks(figure)
         # axes of one scale settle when drawn, and only then is known how wide their labels are
         figure.draw_without_rendering()
     return figure
