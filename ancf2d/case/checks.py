@@ -218,7 +218,7 @@ class _Checker:
             if name in case.inputs[:i]:
                 self.fail(path, f"{dotted(path)}: '{name}' is named twice")
             elif name == "hz":
-                self.fail(path, f"{dotted(path)}: hz is the name of the frequencies in the results", "another name")
+                self.fail(path, f"{dotted(path)}: 'hz' is reserved for the frequencies in the results", "another name")
             elif name in moved and name in loads:
                 self.fail(path, f"{dotted(path)}: '{name}' is the name of a load and of a prescribed motion", "names "
                           "that differ")
@@ -237,9 +237,9 @@ class _Checker:
             probe, _, quantity = name.partition(".")
             self.reference(path, probe, "probes")
             if moved and quantity in ("vx", "vy", "omega"):
-                self.fail(path, f"{dotted(path)}: {name} contains the rate of the prescribed motion '{moved[0]}', and "
-                          "no model y = C x + D u has that", "displacements, whose derivatives by time are the rates; "
-                          "or loads as inputs")
+                self.fail(path, f"{dotted(path)}: {name} contains the rate of the prescribed motion '{moved[0]}', "
+                          "which a model y = C x + D u cannot contain", "displacements, whose derivatives by time are "
+                          "the rates; or loads as inputs")
 
     def limit_point(self, path: Path, number: int) -> None:
         solver: Any = self.case.solver

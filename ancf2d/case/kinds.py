@@ -198,7 +198,7 @@ class ProbeQuantity(Text):
             return text
         assert isinstance(node, Scalar)
         near = binder.nearest(quantity, self.quantities)
-        return binder.fail(node.mark, path, f"{dotted(path)}: {quoted(text)} is no quantity of a probe", self.what,
+        return binder.fail(node.mark, path, f"{dotted(path)}: {quoted(text)} is not a quantity of a probe", self.what,
                            f"{probe}.{near}" if near and probe else "")
 
     def schema(self, book: Book) -> JsonSchema:

@@ -79,16 +79,16 @@ def unit_warnings(case: Any) -> list[str]:
         known = _DENSITIES[0] <= rho <= _DENSITIES[1] and E <= _STIFFEST and E / rho <= _FASTEST**2
         if known or E < _SOFTEST:
             continue
-        out.append(f"bodies.{name}.material: no material is like rho: {m.rho:g} with E: {m.E:g} in {units} (that is "
+        out.append(f"bodies.{name}.material: no known material has rho: {m.rho:g} with E: {m.E:g} in {units} (that is "
                    f"{rho:.3g} kg/m^3 and {E:.3g} Pa). In these units, steel has rho: "
-                   f"{_STEEL['density'] * L**4 / (F * T**2):.3g} and E: {_STEEL['modulus'] * L**2 / F:.3g}. Mend the "
-                   "numbers, or say in 'units' which units they are in")
+                   f"{_STEEL['density'] * L**4 / (F * T**2):.3g} and E: {_STEEL['modulus'] * L**2 / F:.3g}. Correct "
+                   "the numbers, or give their units under 'units'")
     for i, load in enumerate(case.loads):
         g = math.hypot(*load.value) * L / T**2 if getattr(load, "tag", "") == "gravity" else 0.0
         power = round(math.log(g / _EARTH, 1000.0)) if g > 0.0 else 0
         if power and 0.9 < g / _EARTH / 1000.0**power < 1.1:
             out.append(f"loads.{i}: gravity of {math.hypot(*load.value):g} in {units} is {g:.3g} m/s^2. In these "
-                       f"units, that of the earth is {_EARTH * T**2 / L:.4g}. Mend the number, or say in 'units' which "
-                       "units it is in")
+                       f"units, that of the earth is {_EARTH * T**2 / L:.4g}. Correct the number, or give its "
+                       "units under 'units'")
     return out
 

@@ -25,7 +25,8 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
     try:
         width, height = (float(part) for part in value.replace("x", ",").split(","))
     except ValueError:
-        raise click.BadParameter(f"'{value}' is no width and height in inches; expected for example 6.4,4.8") from None
+        raise click.BadParameter(f"'{value}' is not a width and height in inches; "
+                                 "expected for example 6.4,4.8") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
         raise click.BadParameter(f"'{value}' is out of range; expected 0.5 to 100 inches for width and height")
     return width, height

@@ -213,8 +213,8 @@ def _add(load: Eigenstrain | Temperature, values: tuple[AlongBody, AlongBody, Al
         raise LoadError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
     if plan.formulation.natural is None:
         known = [f.name for f in FORMULATIONS.values() if f.natural is not None and f.refuse(plan.element) is None]
-        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' knows no natural strains",
-                        "one of " + ", ".join(known))
+        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support natural "
+                        "strains", "one of " + ", ".join(known))
     out.natural.append(NaturalStrain(mesh, load.from_, load.to, values, context.amplitude))
 
 
@@ -227,7 +227,7 @@ def _issues(load: Eigenstrain | Temperature, empty: str) -> Iterator[Issue]:
     if not load.from_ < load.to:
         yield Issue(("to",), f"{{}}: from must be less than to, got from {load.from_:g} to {load.to:g}")
     if empty:
-        yield Issue((), f"{{}} strains nothing: {empty} are both 0", f"{empty.replace(' and ', ', ')} or both")
+        yield Issue((), f"{{}} has no effect: {empty} are both 0", f"{empty.replace(' and ', ', ')} or both")
 
 
 @load

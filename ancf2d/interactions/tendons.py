@@ -210,8 +210,8 @@ class Tendon:
                             "a body that deforms, or through")
         if plan.element.section_kind == "tangent" and self.y != 0.0 and (
                 not isinstance(self.y, float) or self.stiffness is not None):
-            raise LoadError(("y",), f"{plan.element.name} guides off its axis only tendons of given tension at a "
-                            "constant distance", "reissner3, an ANCF type, or through")
+            raise LoadError(("y",), f"{plan.element.name} guides a tendon off its axis only if the tension is given "
+                            "and the distance constant", "reissner3, an ANCF type, or through")
         more = FEW if self.stiffness is not None else 0 if isinstance(self.y, float) else VARYING
         return guided(context.meshes[self.on], self.from_, self.to, self.y, more)
 
@@ -226,7 +226,7 @@ class Tendon:
         if self.stiffness is not None:
             fields = [f for p in pieces for f in p]
             if len(fields) > MOST:
-                raise LoadError(("stiffness",), f"an elastic tendon of {len(pieces)} pieces couples too many",
+                raise LoadError(("stiffness",), f"an elastic tendon couples all its {len(pieces)} pieces: too many",
                                 f"fewer elements or eyelets, at most {MOST // size} pieces")
             out.springs.append(ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude))
             return

@@ -127,7 +127,7 @@ class Smooth:
             if not all(np.isfinite(part).all() for part in z):
                 bad = next(u[~np.isfinite(part).all(axis=0)][0] for u, part in zip((a, m, b), z, strict=True)
                            if not np.isfinite(part).all())
-                raise AxisError((), f"the curve has no place or no direction at {self._variable} = {bad:.6g}")
+                raise AxisError((), f"the curve has no position or no direction at {self._variable} = {bad:.6g}")
             rate = self._rate(a[:, None] + (b - a)[:, None] * self._x)
             coarse, fine = (b - a) * (np.abs(rate) @ self._w), self._length(a, m) + self._length(m, b)
             whole, size = max(whole, float(fine.sum())), max(size, float(np.abs(z[0][0]).max()))

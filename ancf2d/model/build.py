@@ -166,7 +166,8 @@ class _Builder:
             except LoadError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
             if out is not self.loads and out.springs:
-                self.report(("loads", i, "name"), f"loads.{i}: an elastic tendon is no input", "one of given tension")
+                self.report(("loads", i, "name"), f"loads.{i}: an elastic tendon cannot be an input",
+                            "one of given tension")
         self.springs += self.loads.springs
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.masses]

@@ -334,8 +334,8 @@ def _check_mass(plan: BodyPlan) -> None:
     section = plan.section
     if is_axis_type(plan.element) and abs(section.rhoS) > 1e-9 * section.rhoA * section.height:
         off = section.rhoS / section.rhoA
-        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the mass lies {off:g} off the axis, on which "
-                           f"{plan.element.name} has its mass",
+        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the centre of mass lies {off:g} off the axis, "
+                           f"but {plan.element.name} has its mass on the axis",
                            f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
 
 
@@ -365,7 +365,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if inside:
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
         out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
-                   "cannot kink. Finer meshes gain little then; nodes: acting puts a node there")
+                   "cannot have a kink. Refinement then converges slowly; nodes: acting places a node there")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
     if on_axis and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "

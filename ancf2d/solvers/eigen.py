@@ -53,8 +53,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     state.tables = {"modes": table(entries, verdicts)}
     state.warnings = [*state.warnings, *found.warnings]
     if spec.damped:
-        state.warnings += [f"springs.{k}: its force is of higher order in the rates, and small motions have none of it"
-                           for k in small.rates.of_higher_order()]
+        state.warnings += [f"springs.{k}: its damping force is of higher order in the rates and has no effect on small "
+                           "motions" for k in small.rates.of_higher_order()]
     if not base.loaded and np.any(small.pencil.balance.R):
         state.warnings.append("the reference is not an equilibrium because springs are loaded in it (about: static "
                               "finds the equilibrium)")
@@ -194,7 +194,7 @@ def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
     if vibrating < wanted and pairs.skipped:
         out.append(f"{vibrating} pairs converged, not {wanted}. Ask for fewer, or use fewer or longer elements")
     elif vibrating < wanted:
-        out.append(f"{vibrating} pairs vibrate, not {wanted}; what else moves decays or grows without vibrating")
+        out.append(f"{vibrating} pairs vibrate, not {wanted}; all other motions decay or grow without oscillating")
     if pairs.missing is None:
         out.append("the pairs could not be counted: some may be missing")
     elif pairs.missing > 0:

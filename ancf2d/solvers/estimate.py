@@ -167,14 +167,16 @@ class Estimate:
         said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
                 f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
         if estimate <= count * tolerance and flat:
-            return [said + "Ten times the tolerance leaves about the same error: the steps pass over fast vibrations, "
-                    "which only a much smaller one resolves. If they do not matter, use a larger one" + self._jump()]
+            return [said + "Ten times the tolerance leaves about the same error: the steps skip fast vibrations, "
+                    "which only a much smaller tolerance resolves. If they do not matter, use a larger one"
+                    + self._jump()]
         if estimate <= count * tolerance:
-            return [said + "Errors of single steps keep it and add up: use a smaller one" + self._jump()]
+            return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance"
+                    + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
-        return [said + f"This is more than the errors of all {count} steps together: they grow, because the motion is "
-                "sensitive to its start, as chaotic motions are. A smaller tolerance only delays the time after "
-                "which it is unknown; statistics of the motion may still be right"]
+        return [said + f"The errors of {count} steps do not add up to this: they grow, because the motion is "
+                "sensitive to its initial state, as chaotic motions are. A smaller tolerance only postpones the time "
+                "from which the motion is unknown; its statistics may still be right"]
 
     def _jump(self) -> str:
         """Say that a prescribed motion starts a model at rest as an impact does, where one does."""

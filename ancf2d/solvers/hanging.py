@@ -37,8 +37,8 @@ SHORTEST = 1e-15
 LEVELS = 40
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
-FELL = ("no path of stable equilibria leads from the reference to the whole load: the equilibrium reported is the one "
-        "that the model sinks to from where the path ends")
+FELL = ("no path of stable equilibria leads from the reference to the full load: the model sinks from the end of the "
+        "path to another equilibrium, which is reported")
 
 
 def slack(model: Model) -> bool:
@@ -141,7 +141,7 @@ class _Relaxation:
                 if self.h < self.shortest:
                     raise ComputationError(f"no motion leads from the start to where gravity holds the model: "
                                            f"{error.failure.reason}", at=error.failure.at,
-                                           advice="a start that is not stretched out straight between its supports"
+                                           advice="a reference that is not straight between its supports"
                                            ) from error
                 continue
             moved = self.system.distance(d, self.d)
@@ -164,7 +164,7 @@ class _Relaxation:
             pivots = system.factor(at)
             self.iterations += 1
             if self.checked and pivots.negative > num.n_multipliers and system.knows_inertia:
-                raise ComputationError("the step is longer than the potential is convex", at=at)
+                raise ComputationError("the potential is not convex over the whole step", at=at)
             dz = -system.matrix.solve(R)
             sizes.append(system.norm(dz))
             z += dz

@@ -110,7 +110,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
             if model.remembers:
-                raise fail(f"'{path}' does not tell what the formulation of {', '.join(model.remembers)} remembers",
+                raise fail(f"'{path}' does not hold the internal state of formulation {', '.join(model.remembers)}",
                            "rest or static")
             _check_mesh(model, results, path, fail)
             dofs = [body.dofs for body in results.bodies.values()]

@@ -69,7 +69,8 @@ def _on_the_verge(model: Model) -> list[str]:
     for k, (item, spring) in enumerate(zip(model.case.springs, model.springs, strict=False)):
         f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
         if item.breaks and H.any() and not f.any():
-            found.append(f"springs.{k} acts on one side of the reference alone; the small motions are those with it")
+            found.append(f"springs.{k} acts on only one side of the reference; small motions are computed as if it "
+                         "acted on both")
     return found
 
 

@@ -87,7 +87,7 @@ def left_out(case: Case) -> list[str]:
     """Return what a case says that its solver leaves out of the computation, in words."""
     if isinstance(case.solver, FrequencyResponse | StateSpace):
         idle = case.steady_rotation is None and any(load.name not in case.inputs for load in case.loads)
-        out = ["these motions are about the reference: loads that are no inputs have no effect (about: static finds "
+        out = ["these motions are about the reference: loads other than inputs have no effect (about: static finds "
                "the state that they lead to)"] if idle and case.solver.about == "reference" else []
         if isinstance(case.solver, FrequencyResponse) and case.output.fields:
             out.append(f"the response is of displacements and velocities: {', '.join(case.output.fields)} are those of "

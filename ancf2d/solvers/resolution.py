@@ -233,9 +233,9 @@ class Resolution:
         share = sum(self.lost.values()) / (self.count * self.energy) if self.energy else 0.0
         if share <= UNFOLLOWED:
             return []
-        return [f"the mesh is too coarse for this motion: it does not follow waves and bends that have "
-                f"{100 * share:.2g} % of the energy{self._where(self.lost)}. The error of the time steps does not "
-                f"contain this. {ADVICE}"]
+        return [f"the mesh is too coarse for this motion: it does not resolve waves and bending that carry "
+                f"{100 * share:.2g} % of the energy{self._where(self.lost)}. The error estimate of the time steps "
+                f"does not include this. {ADVICE}"]
 
     def _of_statics(self, state: State) -> list[str]:
         found = {name: body.energies(state) for name, body in self._bodies.items()}

@@ -132,7 +132,7 @@ def test_plot_lists_kinds_and_explains_those_that_do_not_fit(solved: Call, folde
     (["shap"], "did you mean 'shape'?"),
     (["convergence"], "it holds no convergence table"),
     (["history", "--probe", "tipp"], "did you mean 'tip'?"),
-    (["--size", "3"], "no width and height in inches"), (["--size", "0,1e9"], "out of range"),
+    (["--size", "3"], "not a width and height in inches"), (["--size", "0,1e9"], "out of range"),
     (["--style", "nonesuch"], "neither a style file"), (["history", "--scale", "3"], "history has no option 'scale'"),
     (["--state", "99"], "no state 99"),
     (["--save", "figure.xyz"], "unknown suffix '.xyz'"),

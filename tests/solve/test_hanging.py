@@ -104,7 +104,7 @@ def test_a_rope_between_two_points_is_a_catenary(tmp_path: Path, to: float) -> N
     end = found["reactions"]["end"]
     assert (end["fx"], end["fy"]) == pytest.approx((H, G * math.pi / 4), rel=1e-6)
     assert found["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-6)
-    assert ["sinks to" in w for w in found["warnings"]] == ([True] if to == 0.0 else [])
+    assert ["sinks from" in w for w in found["warnings"]] == ([True] if to == 0.0 else [])
 
 
 def test_a_rope_whose_end_moves_in_sags_to_a_catenary(tmp_path: Path) -> None:

@@ -198,7 +198,7 @@ def test_the_work_of_an_actuator_is_counted_in_motion() -> None:
 
 
 REFUSED = [
-    ({"type": "temperature", "value": 0}, {}, "strains nothing: value and gradient are both 0"),
+    ({"type": "temperature", "value": 0}, {}, "has no effect: value and gradient are both 0"),
     ({"type": "eigenstrain", "axial": 1e-3, "from": 0.5, "to": 0.5}, {}, "from must be less than to"),
     ({"type": "temperature", "value": 10}, {"alpha": None}, "body 'strip' has no thermal expansion"),
 ]

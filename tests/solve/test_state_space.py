@@ -151,7 +151,7 @@ def test_static_gain_is_that_of_linear_statics(tmp_path: Path, modes: int) -> No
 
 
 def test_loads_that_are_no_inputs_are_told_about_the_reference(tmp_path: Path) -> None:
-    said = "loads that are no inputs have no effect"
+    said = "loads other than inputs have no effect"
     for names, about, told in ((["push"], "reference", True), (["push"], "static", False),
                                (["push", "turn"], "reference", False)):
         summary, _ = solved(scene(inputs=names, about=about), tmp_path / "a.h5")
@@ -222,7 +222,7 @@ def test_exports_are_read_by_numpy_and_matlab_and_are_replaced(tmp_path: Path) -
 def test_wrong_inputs_and_outputs_are_told() -> None:
     for solver, said in (
             ({"inputs": ["pus"]}, "there is no load or prescribed motion named 'pus'"),
-            ({"outputs": ["tip.uz"]}, "'tip.uz' is no quantity of a probe"),
+            ({"outputs": ["tip.uz"]}, "'tip.uz' is not a quantity of a probe"),
             ({"outputs": ["top.uy"]}, "there is no probe 'top'"),
             ({"outputs": ["tip.uy", "tip.uy"]}, "tip.uy is named twice"),
             ({"inputs": ["base"], "outputs": ["tip.vy"]}, "contains the rate of the prescribed motion 'base'")):

@@ -92,8 +92,8 @@ class Spline:
         for i, (a, b) in enumerate(pairwise(ends)):
             if a == b:
                 last = i + 1 == len(self.points)
-                yield Issue(("points", i if last else i + 1), "{}: the last point is the first one, which is not "
-                            "repeated where the curve is closed" if last else
+                yield Issue(("points", i if last else i + 1), "{}: the last point repeats the first one; leave "
+                            "it out, because the curve is closed" if last else
                             f"{{}}: points {i} and {i + 1} are the same")
         if self.closed and len(self.points) < 3:
             yield Issue(("points",), f"{{}}: a closed spline needs at least 3 points, got {len(self.points)}")

@@ -240,7 +240,7 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
     if not answers:
         return Estimate(None, None, None, False, "no mesh has a value"), math.inf
     if n[-1] == 0.0:
-        return Estimate(None, None, None, True, "every body is rigid: no mesh, no error of one"), 0.0
+        return Estimate(None, None, None, True, "every body is rigid, so there is no mesh error"), 0.0
     f, size = sequence(answers), answers[-1].size
     # meshes that agree by chance are no round-off: the last ones have to
     if len(f) < 3 or round_off_level(f[-2:], size) is not None or round_off_level(f[-3:], size) == 1:
