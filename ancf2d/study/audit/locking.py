@@ -88,7 +88,7 @@ def shear_locking(s: Subject) -> Finding:
                        f"{SLENDER[-1]:g} with 4 elements)")
     cause = _cause(s, *deflected(s, SLENDER[-1], 4, SMALL), large=0.0)
     return Finding(lost, NOTE if cause == ACROSS else FAIL, f"from L/h = {SLENDER[0]:g} to {SLENDER[-1]:g}, 4 "
-                   f"elements, {percent(lost)} of the deflection are lost to {cause}")
+                   f"elements, {percent(lost)} of the deflection is lost to {cause}")
 
 
 def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
@@ -134,10 +134,10 @@ class Lost:
         if self.most <= LOCKS:
             return Finding(max(self.most, 0.0), PASS, good)
         if self.kept <= max(LOCKS, GOES * self.most):
-            return Finding(self.most, NOTE, f"{percent(self.most)} of the bending compliance are lost at nu = "
+            return Finding(self.most, NOTE, f"{percent(self.most)} of the bending compliance is lost at nu = "
                            f"{self.at:g}, but this vanishes with refinement")
         usual = f"{percent(self.usual)} at {NU:g}" if self.usual > LOCKS else f"nothing at {NU:g}"
-        return Finding(self.most, FAIL, f"{bad}: {percent(self.most)} of the bending compliance are lost at nu = "
+        return Finding(self.most, FAIL, f"{bad}: {percent(self.most)} of the bending compliance is lost at nu = "
                        f"{self.at:g}, {usual}{remedy}")
 
 
@@ -188,4 +188,4 @@ def thickness_locking(s: Subject) -> Finding:
                        f"{SLENDER[-1]:g})")
     cause = _cause(s, *deflected(s, SLENDER[-1], 8, F, LARGE), large=1.0)
     return Finding(lost, FAIL if cause == ACROSS else NOTE, f"bent far at L/h = {SLENDER[-1]:g}, 8 elements, "
-                   f"{percent(lost)} of the deflection are lost to {cause}")
+                   f"{percent(lost)} of the deflection is lost to {cause}")
