@@ -13,6 +13,7 @@ import numpy as np
 from ..case import FrequencyResponse
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..model.mesh import Index
 from ..model.model import Model
 from .factors import Factors
 from .inputs import Complex, Input, Inputs, Output, Quadratic, Space, outputs, projected_values, within_constraints
@@ -49,7 +50,7 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
                                advice="name points under output.probes")
     small = small_motions(model, spec.about, "frequency_response")
     state = small.base.state
-    inputs, probes = Inputs(small)(spec.inputs), outputs(small)
+    inputs, probes = Inputs(small)(spec.inputs), outputs(small, spec.inputs)
     problem = Quadratic(small)
     if spec.frequencies is None:
         hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.told_frequencies)
@@ -68,7 +69,8 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
               ) -> tuple[Complex, float | None]:
     """Return the amplitudes (frequencies, inputs, outputs) of what ``probes`` read, and an estimate of their error.
 
-    The error is beside the largest displacement of a probe at the same frequency; None where each frequency is solved.
+    The error is beside the largest displacement of a probe at the same frequency, of section forces beside the
+    largest of these; None where each frequency is solved.
     """
     if problem.n >= LARGE and len(hz) >= MANY:
         found = _Reduced(problem, inputs, probes).settled(np.array(hz))
@@ -107,7 +109,7 @@ class _Placing:
         self.tolerance = spec.resolution
         self.axis: Callable[[Array], Array] = np.log if spec.scale == "log" else np.asarray
         self.back: Callable[[Array], Array] = np.exp if spec.scale == "log" else np.asarray
-        self.moves = _sizes(problem, probes)
+        self.judged = _judged(problem, probes)
 
     def __call__(self, at: Callable[[Array], Complex], hz: Array, poles: Complex) -> Array:
         """Return frequencies ``hz`` and more, where responses ``at`` them bend.
@@ -115,15 +117,17 @@ class _Placing:
         The first that are tried lie in the middle between two neighbours, and at the resonances of ``poles`` [1/s],
         which may be too narrow to be seen from there.
         """
-        values = self._of(at(hz))
+        values = at(hz)
         tries = np.union1d(self._middles(hz), self._resonances(poles, hz[0], hz[-1]))
         while len(tries) and len(hz) < MOST_POINTS:
             tries = np.setdiff1d(tries, hz)
-            found = self._of(at(tries)) if len(tries) else values[:0]
+            found = at(tries) if len(tries) else values[:0]
             guess, size = interpolated(self.axis(hz), values, self.axis(tries))
-            size = np.maximum(size, np.abs(found))
-            size = np.maximum(size, FAINT * size.max(axis=2, keepdims=True, initial=0.0))
-            bends = (np.abs(found - guess) > self.tolerance * size).any(axis=(1, 2))
+            size, bends = np.maximum(size, np.abs(found)), np.zeros(len(tries), dtype=bool)
+            for some, unit in self.judged:
+                gap, near = np.abs(found - guess)[:, :, some] * unit, size[:, :, some] * unit
+                near = np.maximum(near, FAINT * near.max(axis=2, keepdims=True, initial=0.0))
+                bends |= (gap > self.tolerance * near).any(axis=(1, 2))
             new, merged = tries[bends], np.union1d(hz, tries[bends])
             values, old = np.empty((len(merged), *values.shape[1:]), dtype=complex), values
             values[np.searchsorted(merged, hz)], values[np.searchsorted(merged, new)] = old, found[bends]
@@ -131,10 +135,6 @@ class _Placing:
             ends = np.unique(np.concatenate([k - 1, k]))
             tries = self._middles(hz, ends[(ends >= 0) & (ends < len(hz) - 1)])
         return hz
-
-    def _of(self, values: Complex) -> Complex:
-        """Return the displacements (frequencies, inputs, quantities), rotations at the distance of the extent."""
-        return np.asarray((values * self.moves)[:, :, self.moves > 0])
 
     def _middles(self, hz: Array, some: Any = slice(None)) -> Array:
         """Return the middles between neighbours that are not too close."""
@@ -178,10 +178,10 @@ class _Reduced:
     def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
         self.problem, self.inputs, self.probes = problem, inputs, probes
         self.space, self.known = Space(problem, within_constraints(problem)), dict[float, Complex]()
-        self.moves = _sizes(problem, probes)
+        self.judged = _judged(problem, probes)
         self.lifts = np.zeros((len(inputs), problem.n))
         self._forces = [one.f for one in inputs]
-        self._read = np.zeros((len(probes), 0))
+        self._read = np.zeros((3, len(probes), 0))
 
     def settled(self, hz: Array) -> tuple[Complex, float] | None:
         """Return the responses (frequencies, inputs, outputs) and their error, None if too many have to be solved."""
@@ -244,39 +244,51 @@ class _Reduced:
         """Return the responses (frequencies, inputs, outputs) in the space."""
         K, C, M = self.space.project()
         V, num = self.space.V, self.problem.small.model.numbering
-        d, old = np.zeros(len(num.place)), self._read.shape[1]
-        new = np.zeros((len(self.probes), len(V) - old))
-        for column, v in zip(new.T, V[old:], strict=True):
+        d, old = np.zeros(len(num.place)), self._read.shape[2]
+        new = np.zeros((len(V) - old, len(self.probes), 3))
+        for rows, v in zip(new, V[old:], strict=True):
             num.expand(v, d)
-            column[:] = [probe.of(d).real for probe in self.probes]
-        self._read = np.hstack([self._read, new])
+            rows[:] = [probe.of(d) for probe in self.probes]
+        self._read = np.concatenate([self._read, new.T], axis=2)
         F = np.array([f @ V.T for f in self._forces])
-        held = np.zeros((len(self.inputs), len(self.probes)), dtype=complex)
-        for row, one, lift in zip(held, self.inputs, self.lifts, strict=True):
+        held, direct = np.zeros((len(self.inputs), len(self.probes), 3)), _direct_parts(self.inputs, self.probes)
+        for rows, one, lift in zip(held, self.inputs, self.lifts, strict=True):
             num.expand(lift, d)
-            row[:] = [probe.of(d + one.p) for probe in self.probes]
-        order = np.array([probe.order for probe in self.probes])
+            rows[:] = [probe.of(d + one.p) for probe in self.probes]
+        rates = [k for k in range(3) if self._read[k].any() or held[:, :, k].any()]
         out = np.zeros((len(hz), len(self.inputs), len(self.probes)), dtype=complex)
         for first in range(0, len(hz), BLOCK):
             s = 2j * math.pi * hz[first:first + BLOCK, None, None]
             y = np.linalg.solve(K + s * C + s * s * M, (F[:, 0] + s * F[:, 1] + s * s * F[:, 2]).transpose(0, 2, 1))
-            out[first:first + BLOCK] = (y.transpose(0, 2, 1) @ self._read.T + held) * s**order
+            y = y.transpose(0, 2, 1)
+            out[first:first + BLOCK] = direct + sum((y @ self._read[k].T + held[:, :, k]) * s**k for k in rates)
         return out
 
     def _off(self, new: Complex, old: Complex) -> Array:
-        """Return how far responses (m, inputs, outputs) are apart beside the largest displacement of a probe (m,)."""
-        size = np.abs(new * self.moves).max(axis=2)
-        off = np.abs((new - old) * self.moves).max(axis=2)
-        return np.asarray((off / np.where(size > 0.0, size, 1.0)).max(axis=1))
+        """Return how far responses (m, inputs, outputs) are apart, beside the largest of their sort (m,)."""
+        out = np.zeros(len(new))
+        for some, unit in self.judged:
+            size, off = (np.abs(x[:, :, some] * unit).max(axis=2) for x in (new, new - old))
+            out = np.maximum(out, (off / np.where(size > 0.0, size, 1.0)).max(axis=1))
+        return out
 
 
-def _sizes(problem: Quadratic, probes: Sequence[Output]) -> Array:
-    """Return what makes displacements of what probes read (outputs,), 0 for rates, which follow from displacements.
+def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
+    """Return which outputs are displacements, and which section forces, with what makes them comparable.
 
-    Rotations count as displacements at the distance of the extent.
+    Rotations count as displacements at the distance of the extent, moments as forces there. Velocities follow from
+    displacements.
     """
-    extent = problem.small.model.extent
-    return np.array([0.0 if p.order else extent if p.quantity == "theta" else 1.0 for p in probes])
+    extent, quantities = problem.small.model.extent, [p.quantity for p in probes]
+    sorts = [{"x": 1.0, "y": 1.0, "ux": 1.0, "uy": 1.0, "theta": extent}, {"N": 1.0, "Q": 1.0, "M": 1.0 / extent}]
+    found = [(np.array([k for k, q in enumerate(quantities) if q in sort], dtype=np.int64),
+              np.array([sort[q] for q in quantities if q in sort])) for sort in sorts]
+    return [(some, unit) for some, unit in found if len(some)]
+
+
+def _direct_parts(inputs: Sequence[Input], probes: Sequence[Output]) -> Array:
+    """Return what each input adds to each output by itself (inputs, outputs)."""
+    return np.array([[probe.direct.get(one.name, 0.0) for probe in probes] for one in inputs])
 
 
 def interpolated(x: Array, values: Complex, at: Array) -> tuple[Complex, Array]:
@@ -330,13 +342,13 @@ def _read(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output],
           ) -> Complex:
     """Return what probes read (inputs, outputs) of motions z (n,) at s."""
     num = problem.small.model.numbering
-    out = np.zeros((len(inputs), len(probes)), dtype=complex)
+    out, rates = _direct_parts(inputs, probes).astype(complex), s ** np.arange(3)
     d = np.zeros((2, len(num.place)))
     for row, one, z in zip(out, inputs, Z, strict=True):
         num.expand(np.ascontiguousarray(z.real), d[0])
         num.expand(np.ascontiguousarray(z.imag), d[1])
         full = d[0] + 1j * d[1] + one.p
-        row[:] = [s**probe.order * probe.of(full) for probe in probes]
+        row += [complex(rates @ probe.of(full)) for probe in probes]
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,9 @@ from ..model.rotation import Rotation
 from ..model.timing import Drive
 from .linear import full_mass
 from .linearised import Linearised
-from .post import place_rate
+from .post import FORCES, asks_for_forces, place_rate
+from .section_forces import has_section_forces
+from .small_forces import SmallForces
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -53,17 +55,30 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """A quantity of a probe: sum of weights * d[coords], or its rate where ``order`` is 1."""
+    """A quantity of a probe: sum of weights[k] @ d[coords] over the coordinates d, their rates and second rates.
+
+    ``weights`` (3, n); ``direct``: what an input adds by itself, by its name.
+    """
 
     probe: str
     quantity: str
     coords: Index
     weights: Array
-    order: int
+    direct: dict[str, float] = field(default_factory=dict)
 
-    def of(self, d: Array) -> complex:
-        """Return its value for coordinates d (n_full,), or for their rates where ``order`` is 1."""
-        return complex(self.weights @ d[self.coords])
+    @property
+    def order(self) -> int:
+        """The lowest rate that it depends on."""
+        return int(np.flatnonzero(self.weights.any(axis=1))[0]) if self.weights.any() else 0
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a section force."""
+        return self.quantity in FORCES
+
+    def of(self, d: Array) -> Array:
+        """Return what it is of coordinates d (n_full,), of rates and of second rates like these (3,)."""
+        return np.asarray(self.weights @ d[self.coords])
 
 
 class Inputs:
@@ -144,11 +159,20 @@ def load_forces(small: Linearised, loads: LoadSet) -> Array:
     return out
 
 
-def outputs(small: Linearised) -> list[Output]:
-    """Return x, y, ux, uy, theta, vx, vy and omega of every probe, as changes from the state of ``small``."""
+def outputs(small: Linearised, inputs: Sequence[str] = ()) -> list[Output]:
+    """Return x, y, ux, uy, theta, vx, vy and omega of every probe, as changes from the state of ``small``.
+
+    N, Q and M too where the case asks for them, with what ``inputs`` add to them by themselves.
+    """
     model, out = small.model, []
     for name, at in model.case.output.probes.items():
-        out += _of_probe(small, name, model.point(at.at, at.y))
+        point = model.point(at.at, at.y)
+        out += _of_probe(small, name, point)
+        if asks_for_forces(model.case) and has_section_forces(point.mesh):
+            found = SmallForces(small, name, point)
+            direct = {one: found.direct(one) for one in inputs}
+            out += [Output(name, q, found.coords, found.weights[k], {one: float(f[k]) for one, f in direct.items()})
+                    for k, q in enumerate(FORCES)]
     return out
 
 
@@ -166,8 +190,8 @@ def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
     along = dict(zip(("x", "y", "theta"), values, strict=True))
     names = {"x": "x", "y": "y", "ux": "x", "uy": "y", "theta": "theta"}
     rates = {"vx": "x", "vy": "y", "omega": "theta"}
-    return [Output(name, q, coords, along[of], order) for order, group in enumerate((names, rates))
-            for q, of in group.items()]
+    return [Output(name, q, coords, np.eye(3)[order][:, None] * along[of])
+            for order, group in enumerate((names, rates)) for q, of in group.items()]
 
 
 Complex = NDArray[np.complex128]

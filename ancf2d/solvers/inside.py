@@ -87,6 +87,23 @@ def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
     return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state)]
 
 
+def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
+    """Return the coordinates and multipliers that element ``ie`` and what springs and joints do inside it depend on.
+
+    None where supports or joints without multipliers hold it there: their forces depend on the whole model.
+    """
+    coords, owners = [mesh.dofs[ie]], {owner for owner, k, _ in _places(model, mesh, state) if k == ie}
+    for spring, patch in zip(model.case.springs, model.springs, strict=False):
+        ends = (model.point(p) for p in spring.between if not isinstance(p, GroundPoint))
+        if any(is_inside(end, mesh) and end.ie == ie for end in ends):
+            coords.append(patch.coordinates)
+    if any(row.owner in owners for row in model.rows):
+        return None
+    for _, _, _, dofs in model.interactions.constraints(state.d, state.side):
+        coords += [one for one in dofs if model.constraints[int(one[-1]) - model.n_q].owner in owners]
+    return np.unique(np.concatenate(coords))
+
+
 def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d = _displacements(model, state)
     for load in model.case.loads:
@@ -120,8 +137,8 @@ def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             yield from (_at(end, force) for end, force in zip(inside, forces, strict=True) if end is not None)
 
 
-def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    """Yield what supports and joints do."""
+def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:
+    """Return owner, element and xi of the supports and joints that hold a body between the ends of its elements."""
     places = [(owner, point.ie, point.xi) for owner, point in model.supports if is_inside(point, mesh)]
     for i, joint in enumerate(model.case.joints):
         for value in (getattr(joint, f.name) for f in fields(joint)):
@@ -129,7 +146,13 @@ def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
                 if isinstance(p, Point) and is_inside(point := model.point(p), mesh):
                     places.append((joint.name or f"joints.{i}", point.ie, point.xi))
     d = _displacements(model, state)
-    places += [(c.owner, *c.foot(d)) for c in model.constraints if isinstance(c, OnAxis) and c.body == mesh.plan.name]
+    return places + [(c.owner, *c.foot(d)) for c in model.constraints
+                     if isinstance(c, OnAxis) and c.body == mesh.plan.name]
+
+
+def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    """Yield what supports and joints do."""
+    places = _places(model, mesh, state)
     if not places:
         return
     lam, _ = equilibrium_rows(model, state)

@@ -89,9 +89,10 @@ def left_out(case: Case) -> list[str]:
         idle = case.steady_rotation is None and any(load.name not in case.inputs for load in case.loads)
         out = ["these motions are about the reference: loads other than inputs have no effect (about: static finds "
                "the state that they lead to)"] if idle and case.solver.about == "reference" else []
-        if isinstance(case.solver, FrequencyResponse) and case.output.fields:
-            out.append(f"the response is of displacements and velocities: {', '.join(case.output.fields)} are those of "
-                       "the state about which the model oscillates")
+        fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]
+        if isinstance(case.solver, FrequencyResponse) and fields:
+            out.append(f"the response is of probes: {', '.join(fields)} are those of the state about which the model "
+                       "oscillates")
         return out
     if not isinstance(case.solver, Eigen):
         return []

@@ -153,7 +153,7 @@ class _Part:
     # ------------------------------------------------------------------ what acts on the elements
 
     def _accelerations(self) -> Array | None:
-        """Return nodal coordinates (m, n_shape, nc) of gravity, centrifugal acceleration and -a together."""
+        """Return nodal coordinates (m, n_shape, nc) of gravity, centrifugal and Coriolis acceleration and -a."""
         body, model = self.body, self.body.model
         out, found = np.zeros_like(self.e), False
         for load in model.case.loads:
@@ -165,6 +165,10 @@ class _Part:
         if spin is not None:
             centre = np.where(body.is_r[:, None], np.array(spin.about, float), 0.0)
             out[..., :2] += self.state.t * spin.omega**2 * (self.e[..., :2] - centre)
+            if self.state.v is not None:
+                v = self.state.v[self.dofs].reshape(self.e.shape)
+                out[..., 0] += 2.0 * spin.omega * v[..., 1]
+                out[..., 1] -= 2.0 * spin.omega * v[..., 0]
             found = True
         a = inertia_rates(model, self.state)
         if a is not None:

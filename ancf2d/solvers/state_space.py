@@ -30,13 +30,17 @@ UNITS = "consistent units; u = 1 is the load or the motion as the case gives it"
 
 @dataclass
 class LinearModel:
-    """x' = A x + B u, y = C x + D u: A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), names of x (n,)."""
+    """x' = A x + B u, y = C x + D u: A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), names of x (n,).
+
+    ``through`` (outputs, inputs) is what rates among the outputs have of u', which no D can hold.
+    """
 
     A: Array
     B: Array
     C: Array
     D: Array
     states: list[str]
+    through: Array
 
     def static_gain(self) -> Array:
         """Return D - C A^-1 B (outputs, inputs)."""
@@ -46,28 +50,38 @@ class LinearModel:
 def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     """Yield the one state that moves, with the linear model of small motions about it.
 
-    A prescribed motion is an input as displacement. Rates are outputs of loads only: those of motions have the rate of
-    the input in them.
+    A prescribed motion is an input as displacement. Where rates are among the outputs, its own rate, which they have in
+    them, is one more input.
     """
     small = small_motions(model, spec.about, "state_space")
     base = small.base
     inputs, outputs = Inputs(small)(spec.inputs), _Outputs(small, spec.outputs)
     found, warnings = _symmetric(small, spec, inputs, outputs) if base.model.symmetric else \
         _unsymmetric(small, spec, inputs, outputs)
+    names = _with_rates(found, list(spec.inputs), [k for k, one in enumerate(inputs) if one.name not in model.inputs])
     state = base.state
     entries = poles(found.A)
-    state.report = {"state_space": {"inputs": list(spec.inputs), "outputs": list(spec.outputs),
+    state.report = {"state_space": {"inputs": names, "outputs": list(spec.outputs),
                                     "states": found.states, "poles": entries}}
     state.arrays = {f"state_space/{name}": (data, UNITS, text) for name, data, text in (
         ("A", found.A, "x' = A x + B u: rows and columns are the states x"),
         ("B", found.B, "x' = A x + B u: rows are the states x, columns the inputs u"),
         ("C", found.C, "y = C x + D u: rows are the outputs y, columns the states x"),
         ("D", found.D, "y = C x + D u: rows are the outputs y, columns the inputs u"))}
-    state.tables = {"inputs": {"input": list(spec.inputs)}, "outputs": {"output": list(spec.outputs)},
+    state.tables = {"inputs": {"input": names}, "outputs": {"output": list(spec.outputs)},
                     "states": {"state": found.states},
                     "poles": {k: [p[k] for p in entries] for k in ("omega", "hz", "growth", "damping")}}
     state.warnings = [*state.warnings, *warnings]
     yield state
+
+
+def _with_rates(found: LinearModel, names: list[str], motions: list[int]) -> list[str]:
+    """Add the rates of motions to the inputs of a model where outputs have them in them; return all names."""
+    if not found.through[:, motions].any():
+        return names
+    found.B = np.hstack([found.B, np.zeros((len(found.B), len(motions)))])
+    found.D = np.hstack([found.D, found.through[:, motions]])
+    return [*names, *(f"{names[k]}.rate" for k in motions)]
 
 
 def poles(A: Array) -> list[dict[str, float]]:
@@ -97,12 +111,14 @@ class _Outputs:
         return self._of(d)
 
     def _of(self, d: Array) -> Array:
-        return np.array([d[:, one.coords] @ one.weights for one in self.items])
+        return np.array([d[:, one.coords] @ one.weights[one.order] for one in self.items])
 
     def static(self, inputs: list[Input], X: Array) -> Array:
-        """Return the outputs (outputs, inputs) of static responses X (inputs, n), rates zero."""
-        moved = self._of(np.array([i.p for i in inputs]))
-        return np.where(self.rates[:, None], 0.0, self(X) + moved)
+        """Return the outputs (outputs, inputs) of responses X (inputs, n) and the motion of the inputs themselves.
+
+        Rates are those of responses to u' = 1.
+        """
+        return self(X) + self._of(np.array([i.p for i in inputs]))
 
 
 def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
@@ -122,10 +138,11 @@ def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs
     psi = _left_out(small, Phi, inputs) if free.any() else _static(small, inputs) - (f0.T / values) @ Phi
     b = f1 - Phi @ (damping @ psi.T) - C @ f2
     y, rates = outputs(Phi), outputs.rates[:, None]
+    rest = outputs.static(inputs, psi) + y @ f2
     found = LinearModel(np.block([[np.zeros((m, m)), np.eye(m)], [-K, -C]]), np.vstack([b, f0 - C @ b - K @ f2]),
                         np.hstack([np.where(rates, 0.0, y), np.where(rates, y, 0.0)]),
-                        np.where(rates, y @ b, outputs.static(inputs, psi) + y @ f2),
-                        [f"q{k}{rate}" for rate in ("", "'") for k in range(1, m + 1)])
+                        np.where(rates, y @ b, rest),
+                        [f"q{k}{rate}" for rate in ("", "'") for k in range(1, m + 1)], np.where(rates, rest, 0.0))
     return found, mode_warnings(spec.modes, modes)
 
 
@@ -158,10 +175,12 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
     B = np.vstack([one for one, _ in rows])
     places, velocities = (np.vstack([X[:, k] for _, X in rows]) for k in (0, 1))
     rates = outputs.rates[:, None]
-    C = np.where(rates, outputs(velocities), outputs(places))
-    found = LinearModel(block_diag(*blocks), B, C, np.zeros((len(C), len(inputs))), states)
-    # rates vanish in a static response too
-    found.D = outputs.static(inputs, _static(small, inputs)) - found.static_gain()
+    A, C, C_rates = block_diag(*blocks), outputs(places), outputs(velocities)
+    gains = np.linalg.solve(A, B)
+    rest = outputs.static(inputs, _static(small, inputs)) + C @ gains
+    # rates vanish in a static response
+    found = LinearModel(A, B, np.where(rates, C_rates, C), np.where(rates, C_rates @ gains, rest), states,
+                        np.where(rates, rest, 0.0))
     return found, pair_warnings(spec.modes, pairs, pairs.s)
 
 

@@ -11,7 +11,7 @@ from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
 from .points import PROBE, Probe
 
 PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
-RESPONSE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
+RESPONSE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega", "N", "Q", "M")
 PARTS = ("abs", "re", "im", "phase")
 REACTION_QUANTITIES = ("fx", "fy", "m")
 CASE_QUANTITIES = ("strain_energy",)
@@ -29,7 +29,7 @@ def _probe() -> Any:
 def _quantity() -> Any:
     return key(Choice(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
                "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
-               "reaction; strain_energy of the case; x, y, ux, uy, theta, vx, vy, omega of a response",
+               "reaction; strain_energy of the case; x, y, ux, uy, theta, vx, vy, omega, N, Q, M of a response",
                default=None, example="uy")
 
 
