@@ -78,12 +78,12 @@ def _critical(found: list[dict[str, Any]], labels: Labels) -> list[str]:
 
 
 def _response(found: dict[str, Any], labels: Labels) -> list[str]:
-    """Return the largest amplitudes of displacements and rotations, where they are and what phase they have."""
+    """Return the largest amplitudes of displacements, rotations and section forces, where they are, and their phase."""
     hz = found["hz"]
     rows = [["response to", "probe", "largest amplitude", "", "at f [Hz]", "phase [degrees]"]]
     for name in (n for n in found if n != "hz"):
         for probe, quantities in found[name].items():
-            for q in ("ux", "uy", "theta"):
+            for q in (q for q in ("ux", "uy", "theta", "N", "Q", "M") if q in quantities):
                 values = [complex(*v) for v in zip(quantities[q]["re"], quantities[q]["im"], strict=True)]
                 k = max(range(len(values)), key=lambda i: abs(values[i]))
                 if values[k]:

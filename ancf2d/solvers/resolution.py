@@ -97,7 +97,7 @@ class _Body:
         """Return eps*^T D eps*/2, which the natural strains of a state would store if nothing moved."""
         if not any(load.mesh is self.mesh for load in self.model.loads.natural):
             return 0.0
-        alone = nodal_forces(self.model, self.mesh, state, self.some)[2]
+        alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))[2]
         zero, Q = (np.zeros(alone.dofs.size) for _ in range(2))
         self.model.set_natural(None, natural_rates(self.model, state))
         energy = natural_slope(alone, zero, Q)
@@ -111,7 +111,7 @@ class _Body:
         strains of the motion store; what the state's forces do in it is not among it.
         """
         dofs = self.mesh.dofs[self.some]
-        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some)
+        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))
         self.model.set_natural(None)
         d, v = state.d[:self.model.n_q][dofs].ravel(), shape[dofs].ravel()
         asked, stored = self._asked(forces), 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
@@ -156,7 +156,7 @@ class _Body:
     def _stored(self, state: State) -> float:
         """Return the strain energy, of the strains eps + tau d eps/dt where a viscous stress is among the forces."""
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
-        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some)
+        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
         if state.linear or state.v is None or not tau:
             return self.weight * energy
         d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))

@@ -39,18 +39,24 @@ def has_section_forces(mesh: BodyMesh) -> bool:
     return not mesh.plan.rigid
 
 
-def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index) -> tuple[Array, float, Any]:
-    """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
-
-    In this group each element has coordinates of its own, so that nothing is summed.
-    """
+def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
+    """Return the group of chosen elements (m,) in which each has coordinates of its own, so that nothing is summed."""
     pool, first = place_of(model.pools, mesh)
     group, dofs = model.groups[pool], mesh.dofs[chosen]
     some = first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
-    alone = Record(group.values._replace(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
-                                         memory=memory_of_some(group.values.memory, some),
-                                         dofs=np.arange(dofs.size).reshape(dofs.shape)))
+    return Record(group.values._replace(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
+                                        memory=memory_of_some(group.values.memory, some),
+                                        dofs=np.arange(dofs.size).reshape(dofs.shape)))
+
+
+def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alone: Any = None
+                 ) -> tuple[Array, float, Any]:
+    """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
+
+    It is that of ``apart``, which may be given.
+    """
+    alone, dofs = alone or apart(model, mesh, chosen), mesh.dofs[chosen]
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:
         zero, natural = np.zeros_like(d), np.zeros_like(d)
@@ -101,6 +107,13 @@ class SectionForces:
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
         self.along = gauss(POINTS)
+        self._apart: tuple[Index, Any] = np.zeros(0, dtype=np.int64), None
+
+    def apart(self, chosen: Index) -> Any:
+        """Return the group of ``apart``, which is kept as long as the same elements are asked for."""
+        if not np.array_equal(self._apart[0], chosen):
+            self._apart = chosen, apart(self.model, self.mesh, chosen)
+        return self._apart[1]
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -242,7 +255,7 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        Q, _, alone = nodal_forces(body.model, body.mesh, state, self.chosen)
+        Q, _, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.apart(self.chosen))
         if not state.linear and state.v is not None and body.tau:
             d, v = (x[:body.model.n_q][self.dofs].ravel() for x in (state.d, state.v))
             viscous_force(alone, body.tau, d, v, Q.reshape(-1))
