@@ -13,7 +13,7 @@ import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.errors import ComputationError
 from ancf2d.model.build import build_model
-from ancf2d.solvers.mass import coriolis_matrix, full_mass
+from ancf2d.solvers.linear import coriolis_matrix, full_mass
 
 HZ = np.geomspace(0.05, 22.0, 200)  # four resonances
 SECTION = {"EA": 1.0e7, "kGA": 1.0e7, "EI": 1, "rhoA": 1, "rhoI": 1.0e-7}
