@@ -2,47 +2,15 @@
 
 from __future__ import annotations
 
-import helpers as h
 import numpy as np
 import pytest
-from motions import GRAVITY, orders, ride, rigid, rod
+from motions import GRAVITY, orders, ride, rod
 from scipy.integrate import solve_ivp
 
-SOFT = {"E": 1e5, "nu": 0.3, "rho": 1000.0}
-ORDER = {"newmark": 2, "hht": 2, "generalized_alpha": 2, "energy_momentum": 2, "radau5": 5, "radau9": 9}
+from scripts.evidence.orders import ORDER, PAIRS, SCENES, SMOOTHEST
 
-
-def soft():
-    """Return a rod so soft that the steps of these tests resolve all that it does."""
-    return h.body(h.line(1.0), h.element("cable", 1), {"height": 0.1, "width": 0.05}, SOFT)
-
-
-def told(value):
-    return {"type": "expression", "value": value}
-
-
-UPPER, LOWER = rigid([0, 0], [1, 0], 1.3, 0.2), rigid([1, 0], [1.6, -0.7], 0.9, 0.11)
-KNEE = {"type": "pin", "between": ["a@1", "b@0"]}
-SCENES = {
-    "pendulum": ({"bodies": {"a": soft()}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}, 0.32),
-    "shaken": ({"bodies": {"a": soft()}, "bc": [{
-        "type": "prescribed", "at": "a@0", "ux": told("0.03*sin(6*t)^3"), "uy": told("0.05*(1-cos(7*t))^2")}]}, 0.32),
-    "double pendulum": ({"bodies": {"a": UPPER, "b": LOWER}, "bc": [{"type": "pin", "at": "a@0"}], "joints": [KNEE],
-                         "loads": GRAVITY}, 0.64),
-    "slider-crank": ({
-        "bodies": {"a": rigid([0, 0], [0.2, 0.22], 1.3, 0.2), "b": rigid([0.2, 0.22], [1, 0], 0.9, 0.11)},
-        "bc": [{"type": "pin", "at": "a@0"}],
-        "joints": [KNEE, {"type": "slider", "at": "b@1", "through": [0, 0], "along": [1, 0]}], "loads": GRAVITY}, 0.64),
-    "driven arm": ({"bodies": {"a": rigid([0, 0], [0.3, 0], 1.3, 0.2), "b": rigid([0.3, 0], [0.6, -0.7], 0.9, 0.11)},
-                    "bc": [{"type": "prescribed", "at": "a@0", "ux": 0, "uy": 0, "angle": told("0.8*(1-cos(6*t))")}],
-                    "joints": [KNEE], "loads": GRAVITY}, 0.64),
-}
 # how many steps the runs take; order 9 is at round-off soon
 STEPS = {2: (64, 256), 5: (48, 96), 9: (14, 21)}
-# newmark is refused where there are multipliers: without damping their forces swing up
-PAIRS = [(s, m) for s in SCENES for m in ORDER if m != "newmark" or s in ("pendulum", "shaken")]
-SMOOTHEST = ("slider-crank", "driven arm")
-# of the size: a little above round-off, below which no iteration is sure to get
 TIGHT = {"tight": 2e-15, "max_iterations": 40}
 
 
