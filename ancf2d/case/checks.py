@@ -11,7 +11,7 @@ from typing import Any
 from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import Source, quoted
 from .records import walk
-from .schema import Case, Layers, LimitPoints, Point, Stiffness
+from .schema import Case, Layers, LimitPoints, MovingPoint, Point, Stiffness
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")
@@ -46,6 +46,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
     checker.names()
     if case.solver is not INVALID:
         checker.sections()
+        checker.moving()
         checker.goals()
         checker.masses()
         checker.times()
@@ -125,6 +126,16 @@ class _Checker:
                               f"name of {section}.{seen[name]} (line {line})")
                 else:
                     seen[name] = i
+
+    def moving(self) -> None:
+        """Check that points move in motions alone."""
+        for path, value, _ in walk(self.case):
+            if isinstance(value, MovingPoint) and self.solver != "dynamic":
+                self.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
+                          f"{self.solver}, only with dynamic", "BODY@S")
+            elif isinstance(value, MovingPoint) and getattr(self.case.solver, "method", None) == "energy_momentum":
+                self.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with method "
+                          "energy_momentum", "another method")
 
     def sections(self) -> None:
         """Check that no section is for another solver."""

@@ -22,6 +22,8 @@ Index = NDArray[np.int64]
 
 # how far an element's polynomial is followed beyond its ends: a quarter of its length
 REACH = 1.5
+# the element of a point that is off its body
+OFF = -1
 # how far beyond the end of a body a foot point counts as on it: round-off of a point that rests there
 END = 1.0 + 1e-6
 
@@ -54,6 +56,38 @@ class Sliding(NamedTuple):
     dof_first: Index
     dofs: Index
     memory: Array
+
+
+class Moving(NamedTuple):
+    """Point laws at points that move along bodies, s(t) of the way.
+
+    Per item (k,): ``item`` its place among the point laws; ``mass`` [kg]; ``signal`` the row of s in the amplitudes;
+    ``sign`` and ``base`` (k, 2): its first two fields are base + sign r(s); ``derivatives``: how many derivatives of r
+    by s the fields behind have; ``stretches``: whether the length of p0 is among the constants of the law; ``element``
+    where the point is, OFF where it is off the body; ``begin`` the first element of its body in ``starts``, ``lengths``
+    (shares of the arc length) and ``coef_first``; ``shapes``, ``terms`` of the shape functions, powers of z from
+    ``coef_first`` on in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by
+    element. ``fixed`` : the mass matrix without them, empty where none has a mass.
+    """
+
+    item: Index
+    mass: Array
+    signal: Index
+    sign: Array
+    base: Array
+    derivatives: Index
+    stretches: Index
+    element: Index
+    begin: Index
+    starts: Array
+    lengths: Array
+    coef_first: Index
+    shapes: Index
+    terms: Index
+    coef: Array
+    dof_first: Index
+    dofs: Index
+    fixed: Array
 
 
 def point_at(table, i, d):  # type: ignore[no-untyped-def]

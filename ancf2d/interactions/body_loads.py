@@ -14,6 +14,7 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Flag, Name, Number, Vector
 from ..case.schema.amplitudes import Amplitude
+from ..case.schema.points import MovingPoint
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.formulations import FORMULATIONS
 from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
@@ -84,6 +85,9 @@ class Gravity:
                 dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
                 out.dead.append(context.dead(dofs, Q, gravity=True))
         for mass in context.masses:
+            if isinstance(mass.at, MovingPoint):
+                out.patches.append(context.moving(mass.at, [mass.mass * a for a in self.value]))
+                continue
             for (coords, weights), a in zip(context.point(mass.at).position(), self.value, strict=True):
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
 

@@ -15,13 +15,14 @@ from ..case.kinds import Choice, Name, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
-from ..case.schema.points import ENDS, POINT, GroundPoint, Point, check_ends
+from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
 from ..model.natural import NaturalStrain
 from ..model.point_patch import PointPatch, constants_of, position_fields, turn_fields
 from ..model.points import PointRef
+from .moving import MovingPatch, moving_force
 
 R = TypeVar("R", bound=type)
 NAME = Name()
@@ -77,6 +78,13 @@ class LoadContext:
     point: Callable[[Any], PointRef]
     amplitude: Callable[[float], float]
     masses: Sequence[Any] = ()
+    # what follows another amplitude
+    follow: Callable[[Amplitude], Callable[[float], float]] | None = None
+
+    def moving(self, at: MovingPoint, value: Sequence[float]) -> MovingPatch:
+        """Return a force of fixed direction that moves along a body and follows the amplitude."""
+        assert self.follow is not None
+        return moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
 
     def dead(self, dofs: Index, values: Array, gravity: bool = False) -> DeadLoad:
         """Return a load of fixed direction that follows the amplitude."""
@@ -132,14 +140,22 @@ class Force:
     """A force of constant direction."""
 
     tag = "force"
-    at: Point = key(POINT, "Where it acts", example="beam@1")
+    at: Point | MovingPoint = key(PLACE, "Where it acts, which may move along a body (dynamic)", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
+    def check(self) -> Iterator[Issue]:
+        """Yield a force that moves and is spread."""
+        if isinstance(self.at, MovingPoint) and self.spread is not None:
+            yield Issue(("spread",), "{}.spread: a force that moves along a body acts on its axis", "no spread")
+
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the force on the coordinates of its point."""
+        if isinstance(self.at, MovingPoint):
+            out.patches.append(context.moving(self.at, self.value))
+            return
         columns = context.point(self.at).position(self.spread)
         out.dead += [context.dead(coords, weights * f) for (coords, weights), f in
                      zip(columns, self.value, strict=True)]

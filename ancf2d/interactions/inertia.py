@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Name, Number
 from ..case.schema.case import SteadyRotation, register
-from ..case.schema.points import POINT, Point
+from ..case.schema.points import PLACE, MovingPoint, Point
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index, mass_matrix
 from ..model.points import PointRef
@@ -20,10 +22,16 @@ from ..model.rotation import Rotation
 class Mass:
     """A point mass, with an optional moment of inertia."""
 
-    at: Point = key(POINT, "Point at which the mass is attached", example="rod@1")
+    at: Point | MovingPoint = key(PLACE, "Point at which the mass is attached, which may move along a body (dynamic)",
+                                  example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)
     inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", default=0.0)
     name: str | None = key(Name(), "Name", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield a moment of inertia that moves along a body."""
+        if isinstance(self.at, MovingPoint) and self.inertia:
+            yield Issue(("inertia",), "{}.inertia: what moves along a body has no moment of inertia", "no inertia")
 
 
 register("masses", Mass)

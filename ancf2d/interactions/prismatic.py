@@ -33,7 +33,7 @@ def foot_point(plan: BodyPlan, r: Array) -> tuple[float, float]:
     return s, distance
 
 
-def _axis_coefficients(mesh: BodyMesh) -> tuple[Index, Array]:
+def axis_coefficients(mesh: BodyMesh) -> tuple[Index, Array]:
     """Return where each element's coefficients begin (ne,), and the shape functions on the axis as powers of z."""
     element = mesh.plan.element
     parts = []
@@ -57,7 +57,7 @@ def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
         e0[m.first_dof:m.first_dof + m.n_dofs] = m.e0
         size += float(np.abs(m.e0[m.kinds < 2]).max())
     (x, weights), (y, _) = point.position()
-    first, coef = _axis_coefficients(mesh)
+    first, coef = axis_coefficients(mesh)
     dofs = mesh.dofs.reshape(len(mesh.dofs), -1, element.components)[:, :, :2].reshape(-1, 2)
     ie, xi, _ = mesh.element_at(s)
     return Sliding(e0, _index(-1), np.zeros(1), np.array([size]), _index(len(weights)), _index(0),

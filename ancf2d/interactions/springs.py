@@ -13,10 +13,11 @@ from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number
 from ..case.records import tag_of
 from ..case.schema.case import register
-from ..case.schema.points import ENDS, GroundPoint, Point, check_ends
+from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
 from ..elements.shape import Array
 from ..errors import PluginError
+from ..model.mesh import BodyMesh
 from ..model.point_patch import (
     NOTHING,
     Field,
@@ -26,7 +27,9 @@ from ..model.point_patch import (
     table_of,
     turns,
 )
-from ..model.points import PointRef
+from ..model.points import PointRef, point_ref
+from ..model.timing import Timing
+from .moving import MovingPatch
 from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
@@ -92,6 +95,22 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
     kinds, _ = turns(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
     return Spring(law, _sum(_turning(ends)), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
+
+
+def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point], PointRef],
+                  timing: Timing) -> MovingPatch:
+    """Return a spring of the case, one of whose ends moves along a body.
+
+    Unless the case says otherwise, its length is that between its ends at t = 0 in the reference.
+    """
+    k = next(k for k, p in enumerate(item.between) if isinstance(p, MovingPoint))
+    end, other = item.between[k], item.between[1 - k]
+    mesh, course = meshes[end.on], timing.follow(end.s)
+    place: list[End] = [point_ref(mesh, min(max(course(0.0), 0.0), 1.0))] * 2
+    place[1 - k] = other if isinstance(other, GroundPoint) else point(other)
+    spring: Spring = item.place(place)
+    return MovingPatch(mesh, course, spring.law, spring.par.tolist(), None, sign=(-1.0, 1.0)[k],
+                       others=_distance(place)[1 - k], stretches=True)
 
 
 def end_forces(patch: Spring, ends: list[End], d: Array, v: Array | None, t: float,
@@ -194,8 +213,8 @@ class TranslationalSpring:
     """A spring and damper along the line between two points; one-sided with ``only``, a stop with ``gap``."""
 
     tag = "translational"
-    between: tuple[Point | GroundPoint, ...] = key(ENDS, "The two ends",
-                                                   example=["a@1", [0, 1]])
+    between: tuple[Point | GroundPoint | MovingPoint, ...] = key(
+        SPRING_ENDS, "The two ends, one of which may move along a body (dynamic)", example=["a@1", [0, 1]])
     stiffness: float = key(Number("N/m", ge=0), "Stiffness", default=0.0)
     damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
     length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "

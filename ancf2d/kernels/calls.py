@@ -90,6 +90,8 @@ point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _ca
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
 solve, solve_complex = _call(_nothing, None, _x, _x), _call(_nothing, None, _z, _z)
 product, mass_product = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
+# (p, factor, matrix) of masses that move
+moving_mass = _call(_nothing, None, _f, _x)
 add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
 # the equations of motion: kernels.dynamics
 forces = _call(_pair, None, _SCRATCH, _x, _x)

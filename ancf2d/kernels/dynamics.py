@@ -11,6 +11,8 @@ from .bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, s
 from .lowlevel.arrays import rank, ranked
 from .lowlevel.jit import addressed, inner, kernel
 from .lowlevel.records import array_at
+from .motion import evaluate
+from .moving import moving_inertia, place_moving
 from .patches import add_patch_tangent, patch_forces, patch_noise, violation
 
 # constraints hold where they are off by no more than this share of their scale
@@ -24,7 +26,8 @@ class Problem(NamedTuple):
 
     groups : addresses of those of elements; states : all that their laws with memory remember, one group after another;
     calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
-    [s]; points, sliding : tables of point laws and prismatic joints; patched : whether there are any; turning :
+    [s]; points, sliding, moving : tables of point laws, prismatic joints and points
+    that move along bodies; patched : whether there are any; turning :
     section directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place,
     indptr, index, value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of
     ``width`` entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are
@@ -40,6 +43,7 @@ class Problem(NamedTuple):
     tau: Any
     points: Any
     sliding: Any
+    moving: Any
     patched: bool
     turning: Any
     winds: bool
@@ -183,6 +187,7 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     w.Q[:] = 0.0
     w.counts[FORCES] += 1
     set_natural(p, w.amps, w.amps)
+    place_moving(p, w.d, w.amps)
     energy = elastic(p, w.d, w.Q)
     power = viscous(p, w.d, w.v, w.Q)
     more, lost = patch_forces(p, w.d, w.v, w.amps, w.Q)
@@ -202,6 +207,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     w.A[:] = 0.0
     w.counts[TANGENTS] += 1
     set_natural(p, w.amps, w.amps)
+    place_moving(p, w.d, w.amps)
     energy = elastic_tangent(p, c, w.d, w.Q, w.A)
     viscous(p, w.d, w.v, w.Q)
     add_patch_tangent(p, w.d, w.v, w.amps, c, w.Q, w.A)
@@ -209,25 +215,47 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     return energy
 
 
+@kernel
+def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
+    """Place what moves along bodies where it is at t."""
+    evaluate(p.programs, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    place_moving(p, w.d, w.amps)
+
+
+@kernel
+def inertia_at(p, w, a):  # type: ignore[no-untyped-def]
+    """Add the inertia of masses that move, where they were placed last, to w.Q."""
+    moving_inertia(p, w.amps, a, w.Q)
+
+
 @inner
 def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
     """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""
     w.other[:] = 0.0
+    place_moving(p, w.d, w.amps)
     add_patch_tangent(p, w.d, w.v, w.amps, c, w.other, w.A)
 
 
 @inner
 def residual(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q."""
+    """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q, to which the inertia of masses that move is added.
+
+    Mass damping is none of theirs.
+    """
+    moving_inertia(p, w.amps, a, w.Q)
     to_unknowns(p, w.Q, w.R, False)
     add_inertia(p, w, v, a, w.R)
 
 
 @inner
 def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
-    """Add factor M to A."""
+    """Add factor M to A, masses that move where they were placed last."""
     for i in range(len(A)):
         A[i] += factor * p.mass[i]
+    if len(p.moving.fixed) > 0:
+        calls.moving_mass(p.calls, (p, factor, A))
 
 
 @inner
@@ -264,6 +292,7 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0
     set_natural(p, w.amps, w.amps)
+    place_moving(p, w.d, w.amps)
     elastic_noise(p, w.d, w.other)
     patch_noise(p, w.d, w.other)
     for m in range(len(p.load_coord)):
@@ -317,6 +346,9 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
     w.other[:] = 0.0
     total += patch_forces(p, w.d, w.v, w.amps, w.other)[1]
+    # masses that move act as loads do: what they take is work
+    moving_inertia(p, w.amps, a, w.other)
+    moving_inertia(p, w.amps, a, w.Q)
     for i in range(len(w.other)):
         total -= w.other[i] * w.v[i]
     # the forces that prescribed motion takes, on what moves: M a + Q - F there

@@ -11,6 +11,7 @@ from .dynamics import add_mass, factor, norm, remember, residual, settled, solve
 from .lowlevel.arrays import copy
 from .lowlevel.jit import addressed, inner
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
+from .moving import add_moving_product
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2
@@ -52,6 +53,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     for k in range(len(m.alg)):
         w.x[k] = m.alg[k] - s.extra[0, k]
     calls.mass_product(p.calls, (p, w.x, w.y))
+    add_moving_product(p, w.x, w.y)
     factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor

@@ -38,7 +38,7 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     s.a[:] = 0.0
     calls.forces(p.calls, (p, w, s.z, s.v))
     residual(p, w, s.v, s.a)
-    if not constrained:
+    if not constrained and len(p.moving.fixed) == 0:
         s.a[:] = -w.R
         calls.solve(p.calls, (p, factors, s.a))
         return True

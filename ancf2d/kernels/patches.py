@@ -7,6 +7,7 @@ from typing import Any
 from . import calls
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import whole
+from .moving import MOVING_MASS
 from .points import (
     point_accept,
     point_constraint_rates,
@@ -61,13 +62,15 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, mean: bool, problem: Any,
+def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_moving: bool, mean: bool, problem: Any,
                     ) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
 
-    ``mean`` : whether forces of a step that keeps energy are wanted.
+    ``has_moving`` : whether masses move along bodies; ``mean`` : whether forces of a step that keeps energy are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {}
+    if has_moving:
+        out[calls.moving_mass] = MOVING_MASS[fronts], problem
     if has_points:
         points = problem.place["points"][1].whole()
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),

@@ -19,7 +19,9 @@ class Points(NamedTuple):
     entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (rows of G one
     after another); par : (n, MAX_PAR); mem : (n, MAX_MEM) last angles;
     signal : (n,) row of the amplitudes, -1 for a constant 1; fed : (n,) field that the signal prescribes, or -1;
-    multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms.
+    multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
+    on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
+    fields have while their coordinates rest.
     """
 
     forces: Any
@@ -37,6 +39,8 @@ class Points(NamedTuple):
     fed: Any
     multiplier: Any
     scale: Any
+    on: Any
+    drift: Any
 
 
 class Turning(NamedTuple):
@@ -67,6 +71,14 @@ def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _rates(points, i, v, out):  # type: ignore[no-untyped-def]
+    """Fill the rates of the fields of item i."""
+    _fields(points, i, v, out)
+    for k in range(points.field[i + 1] - points.field[i]):
+        out[k] += points.drift[points.field[i] + k]
+
+
+@inner
 def _amplitude(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
     """Fill the amplitude of item i, and the field that it prescribes with its rate."""
     k = points.signal[i]
@@ -94,7 +106,7 @@ def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
 @inner
 def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill fields, rates, amplitude and f, H, C of item i; return (energy, dissipated power)."""
-    _fields(points, i, v, w)
+    _rates(points, i, v, w)
     return _evaluate_at(points, i, d, amps, u, w, a, f, H, C)
 
 
@@ -116,6 +128,11 @@ def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     f[:m] = 0.0
     H[:m * m] = 0.0
     C[:m * m] = 0.0
+    if not points.on[i]:
+        if points.multiplier[i] >= 0:
+            f[m - 1] = u[m - 1]
+            H[m * m - 1] = 1.0
+        return 0.0, 0.0
     return call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m],
                                           array_at(H, 0, (m, m)), array_at(C, 0, (m, m))))
 
@@ -216,7 +233,7 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
     for i in range(len(points.forces)):
         m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i]
         _fields(points, i, d, u)
-        _fields(points, i, v, w)
+        _rates(points, i, v, w)
         if linear and fed >= 0:
             held = u[fed]
             _amplitude(points, i, amps, u, w, a)
@@ -256,6 +273,11 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         if points.multiplier[i] >= 0 and not lam_from_d1:
             u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
+        if not points.on[i]:
+            if points.multiplier[i] >= 0:
+                f[m - 1] = u1[m - 1]
+            _add(points, i, f, Q)
+            continue
         U, lost = call_mean(points.mean[i], (points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
                                              points.mem[i], f[:m]))
         energy += U
@@ -301,7 +323,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
         return worst
     u, w, a, f, H, C = _work_arrays(points)
     for i in range(len(points.forces)):
-        if points.multiplier[i] >= 0:
+        if points.multiplier[i] >= 0 and points.on[i]:
             _evaluate(points, i, d, d, amps, u, w, a, f, H, C)
             g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
             if not g <= worst:

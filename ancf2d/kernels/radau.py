@@ -30,6 +30,7 @@ from .motion import (
     SIZE,
     evaluate,
 )
+from .moving import add_moving_product
 from .patches import violation
 from .reused_tangent import count, place, tangent, turn, turns
 
@@ -226,6 +227,7 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     calls.mass_product(p.calls, (p, w.x, w.y))
+    add_moving_product(p, w.x, w.y)
     if kept:
         turn(m, p, 0, -1.0, w.y)
     solve_with(p, m.B, w.y)

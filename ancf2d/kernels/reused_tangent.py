@@ -50,7 +50,7 @@ def turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
 @inner
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the held state; return whether they could be."""
-    stages, size, A, B, M = len(m.c), len(w.A), w.A, m.B, p.mass
+    stages, A, B, M = len(m.c), w.A, m.B, p.mass
     z, v = s.extra[stages], s.extra[stages + 1]
     evaluate(p.programs, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
@@ -59,6 +59,18 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
         copy(A, B)
     calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
     directions(p, w.d, m.facing[0], m.facing[1])
+    if len(p.moving.fixed) > 0:
+        calls.moving_mass(p.calls, (p, 1.0, M))
+    factored = _factors(m, p, w, h)
+    if len(p.moving.fixed) > 0:
+        copy(p.moving.fixed, M)
+    return factored
+
+
+@inner
+def _factors(m, p, w, h):  # type: ignore[no-untyped-def]
+    """Factor the bands with the tangent in w.A; return whether they could be."""
+    size, A, B, M = len(w.A), w.A, m.B, p.mass
     for k in range(len(m.mus)):
         f = m.mus[k] / h
         g = f * (f + p.alpha)

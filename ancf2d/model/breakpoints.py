@@ -49,14 +49,15 @@ class Piece(NamedTuple):
     stop: float
 
 
-def pieces(signals: Iterable[Signal], t_end: float) -> list[Piece]:
-    """Return the pieces of a motion from 0 to t_end, between the breaks of any of its signals.
+def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) -> list[Piece]:
+    """Return the pieces of a motion from 0 to t_end, between the breaks of any of its signals, and ``more``.
 
     Breaks that 0 cannot be told from lie before the first piece; one that t_end cannot be told from ends the last.
     """
     near, first = CLOSE * t_end, math.nextafter(0.0, 1.0)
     out: list[Piece] = []
-    for b in _merged((b for s in dict.fromkeys(signals) for b in breakpoints(s, 0.0, t_end)), t_end):
+    found = [b for s in dict.fromkeys(signals) for b in breakpoints(s, 0.0, t_end)]
+    for b in _merged([*found, *more], t_end):
         if b.t > t_end - near:
             return [*out, Piece(first, b.before, t_end)]
         if b.t > near:

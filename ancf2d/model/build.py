@@ -16,6 +16,7 @@ from ..case import (
     LinearStatic,
     LoadedCase,
     LoadFactor,
+    MovingPoint,
     Point,
     SmallMotions,
     Static,
@@ -25,7 +26,8 @@ from ..errors import CaseError
 from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
-from ..interactions.springs import Spring
+from ..interactions.moving import moving_mass
+from ..interactions.springs import Spring, moving_spring
 from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .elimination import Elimination, eliminate, inconsistent
@@ -151,13 +153,23 @@ class _Builder:
                     self.report(("joints", i, *key), message, expected)
 
     def add_springs(self) -> None:
-        for spring in self.case.springs:
-            ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
-            self.springs.append(spring.place(ends))
+        for k, spring in enumerate(self.case.springs):
+            if k in self.case.resting_springs:
+                ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
+                self.springs.append(spring.place(ends))
+            else:
+                self.loads.patches.append(moving_spring(spring, self.meshes, self.point, self.timing))
+
+    def add_masses(self) -> None:
+        for mass in self.case.masses:
+            if isinstance(mass.at, MovingPoint):
+                course = self.timing.follow(mass.at.s)
+                self.loads.patches.append(moving_mass(self.meshes[mass.at.on], course, mass.mass))
 
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
-            context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), self.case.masses)
+            context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), self.case.masses,
+                                  self.timing.follow)
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
@@ -170,7 +182,7 @@ class _Builder:
                             "one of given tension")
         self.springs += self.loads.springs
         if self.case.steady_rotation is not None:
-            masses = [(m, self.point(m.at)) for m in self.case.masses]
+            masses = [(m, self.point(m.at)) for m in self.case.resting_masses]
             self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
 
     def check_motions(self) -> None:
@@ -234,7 +246,8 @@ class _Builder:
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions
         for motion in motions:
-            idle = [f"springs.{k}" for k, (item, spring) in enumerate(zip(self.case.springs, self.springs, strict=True))
+            idle = [f"springs.{k}" for (k, item), spring in
+                    zip(self.case.resting_springs.items(), self.springs, strict=True)
                     if item.breaks and not spring.reference_stiffness().any()]
             more = f" ({', '.join(idle)}: not acting in the reference)" if idle else ""
             self.report(("boundary_conditions",), f"{motion}, so there is no static solution{more}",
@@ -264,6 +277,7 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     b.check_mechanism()
     if b.problems:
         raise CaseError(b.problems)
+    b.add_masses()
     b.add_loads()
     if b.problems:
         raise CaseError(b.problems)

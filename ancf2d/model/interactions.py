@@ -75,7 +75,8 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
     forces, mean, accept = column(list(addresses), np.int64).reshape(-1, 3).T.copy()
     return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, column(rows, np.int64),
                   column([p.fed for p in items], np.int64), column([p.multiplier for p in items], np.int64),
-                  column([p.scale for p in items], np.float64))
+                  column([p.scale for p in items], np.float64), column([p.on for p in items], np.bool_),
+                  np.zeros_like(p0))
 
 
 def turning_table(turns: Turns) -> Turning:

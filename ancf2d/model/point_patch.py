@@ -61,7 +61,7 @@ class Items(NamedTuple):
     """A law over m sets of n coordinates each, as tables have it.
 
     dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, MAX_MEM); what they follow, the
-    field that it prescribes, their multiplier and the size of their terms (``PointPatch``).
+    field that it prescribes, their multiplier and the size of their terms (``PointPatch``), and whether they act.
     """
 
     law: PointLaw
@@ -74,6 +74,7 @@ class Items(NamedTuple):
     fed: int = -1
     multiplier: int = -1
     scale: float = 1.0
+    on: bool = True
 
 
 def constants_of(item: Any) -> list[float]:

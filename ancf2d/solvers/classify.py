@@ -183,7 +183,7 @@ class Classifier:
         """Return twice the kinetic energy of the point masses by section motion (4,)."""
         out = np.zeros(4)
         e = self.model.e0 + self.d[:self.model.n_q]
-        for item in self.model.case.masses:
+        for item in self.model.case.resting_masses:
             point = self.model.point(item.at)
             for term in mass_terms(item, point):
                 rate = np.array([dot(c, v) for c in term.columns])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, Initial, LoadedCase, Ramp, Static
+from ..case import Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, ResultsError
 from ..model.build import build_model
@@ -72,7 +72,17 @@ def static_case(case: Case) -> Case:
         changes = {k: float(s.value(0.0)) for k, s in support.motions.items() if hasattr(s, "value")}
         return replace(support, **changes)
 
-    return replace(case, loads=tuple(scaled(load) for load in case.loads), initial=None, damping=None,
+    def still(item: Any) -> Any:
+        """Return what moves along a body where it is at t = 0."""
+        def at(point: Any) -> Any:
+            return replace(point, s=Constant(float(point.s.value(0.0)))) if isinstance(point, MovingPoint) else point
+
+        if hasattr(item, "between"):
+            return replace(item, between=tuple(map(at, item.between)))
+        return replace(item, at=at(item.at)) if hasattr(item, "at") else item
+
+    return replace(case, loads=tuple(still(scaled(load)) for load in case.loads), initial=None, damping=None,
+                   masses=tuple(map(still, case.masses)), springs=tuple(map(still, case.springs)),
                    boundary_conditions=tuple(held(s) for s in case.boundary_conditions), solver=Static())
 
 

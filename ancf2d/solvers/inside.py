@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ..case import GroundPoint, Point
 from ..elements.shape import Array
+from ..elements.sliding import OFF
 from ..interactions.forces import LoadContext, LoadSet
+from ..interactions.moving import MovingPatch
 from ..interactions.prismatic import OnAxis
 from ..interactions.springs import end_forces
 from ..model.mesh import BodyMesh, Index
@@ -84,7 +86,8 @@ def constraint_forces(model: Model, state: State) -> list[tuple[Index, Array]]:
 
 def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
     """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
-    return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state)]
+    return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state),
+            *_moving(model, mesh, state)]
 
 
 def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
@@ -93,7 +96,7 @@ def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
     None where supports or joints without multipliers hold it there: their forces depend on the whole model.
     """
     coords, owners = [mesh.dofs[ie]], {owner for owner, k, _ in _places(model, mesh, state) if k == ie}
-    for spring, patch in zip(model.case.springs, model.springs, strict=False):
+    for spring, patch in zip(model.case.resting_springs.values(), model.springs, strict=False):
         ends = (model.point(p) for p in spring.between if not isinstance(p, GroundPoint))
         if any(is_inside(end, mesh) and end.ie == ie for end in ends):
             coords.append(patch.coordinates)
@@ -108,7 +111,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d = _displacements(model, state)
     for load in model.case.loads:
         at = getattr(load, "at", None)
-        if at is None or not is_inside(point := model.point(at), mesh):
+        if not isinstance(at, Point) or not is_inside(point := model.point(at), mesh):
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         follows = model.timing.follow(load.amplitude)
@@ -128,13 +131,22 @@ def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         d = state.d[:model.n_q]
         model.turns.recall(model.springs, model.e0 + d, d, state.turned)
     # behind the springs of the case stand elastic tendons
-    for spring, patch in zip(model.case.springs, model.springs, strict=False):
+    for spring, patch in zip(model.case.resting_springs.values(), model.springs, strict=False):
         ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
         inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
         if inside != [None, None]:
             v = None if state.v is None else state.v[:model.n_q]
             forces = end_forces(patch, ends, state.d[:model.n_q], v, state.side, state.linear)
             yield from (_at(end, force) for end, force in zip(inside, forces, strict=True) if end is not None)
+
+
+def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    """Yield what is exerted at points that move along the body."""
+    if state.v is None or state.a is None:
+        return
+    for patch in model.loads.patches:
+        if isinstance(patch, MovingPatch) and patch.mesh is mesh and (m := patch.element(state.side)) != OFF:
+            yield Inside(m, *patch.acting(m, state.side, state.d, state.v, state.a))
 
 
 def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:

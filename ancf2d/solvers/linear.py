@@ -243,7 +243,7 @@ def make_matrix(model: Model) -> TangentMatrix:
 
 def point_masses(model: Model, e: Array | None = None) -> Iterator[tuple[Index, Array]]:
     """Yield (coordinates (n,), matrix (n, n)) of each point mass; see ``mass_terms`` for ``e``."""
-    for item in model.case.masses:
+    for item in model.case.resting_masses:
         yield mass_block(mass_terms(item, model.point(item.at), e))
 
 
@@ -288,8 +288,8 @@ def coriolis_matrix(model: Model, omega: float) -> csr_matrix:
             G = np.zeros_like(M)
             G[:, 0::nc], G[:, 1::nc] = M[:, 1::nc], -M[:, 0::nc]
             blocks.append((mesh.dofs[mesh.cls == k], 2.0 * omega * G))
-    terms = [term for m in model.case.masses for term in mass_terms(m, model.point(m.at)) if len(term.columns) == 2]
-    for term in terms:
+    terms = (term for m in model.case.resting_masses for term in mass_terms(m, model.point(m.at)))
+    for term in (term for term in terms if len(term.columns) == 2):
         (cx, wx), (cy, wy) = term.columns
         block = 2.0 * omega * term.inertia * np.outer(np.append(0.0 * wx, wy), np.append(wx, 0.0 * wy))
         blocks.append((np.append(cx, cy)[None, :], block - block.T))

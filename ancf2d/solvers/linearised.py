@@ -66,7 +66,7 @@ def _on_the_verge(model: Model) -> list[str]:
     """Return what is to be told of springs that act on one side of the reference alone."""
     found = []
     # behind the springs of the case stand elastic tendons
-    for k, (item, spring) in enumerate(zip(model.case.springs, model.springs, strict=False)):
+    for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
         f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
         if item.breaks and H.any() and not f.any():
             found.append(f"springs.{k} acts on only one side of the reference; small motions are computed as if it "

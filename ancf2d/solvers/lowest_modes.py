@@ -160,7 +160,7 @@ def characteristic(pencil: Pencil) -> float:
     model = pencil.model
     plans = [m.plan for m in model.meshes.values()]
     length = sum(p.length for p in plans)
-    mass = sum(p.section.rhoA * p.length for p in plans) + sum(m.mass for m in model.case.masses)
+    mass = sum(p.section.rhoA * p.length for p in plans) + sum(m.mass for m in model.case.resting_masses)
     stiff = [p.section.EI for p in plans if not p.rigid]
     if stiff and mass:
         return min(stiff) / (mass * length**3)

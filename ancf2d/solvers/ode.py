@@ -17,6 +17,7 @@ from ..kernels.ode import accelerations, mass_factors, place, powers, rates, set
 from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
+from .breaks import pass_break
 from .methods import SCHEMES
 from .stepping import LOG, Row, Stepper
 
@@ -119,7 +120,7 @@ class OdeStepper(Stepper):
         longest = min(self.dt or np.inf, self._largest())
         more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
         # SciPy's own first step knows a second, and so a unit of time
-        more["first_step"] = min(self._first_step(), longest, 0.5 * (stop - self.t))
+        more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self.tolerance, atol=self._weights(), **more)
         if self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
@@ -142,7 +143,7 @@ class OdeStepper(Stepper):
                 self.solver = self._begin(stop)
             self._step(found)
             if self.t >= stop and not self.done:
-                self._pass_break()
+                pass_break(self)
             if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))

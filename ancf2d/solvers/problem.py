@@ -9,6 +9,7 @@ import numpy as np
 
 from ..case.programs import programs
 from ..elements.shape import Array
+from ..interactions.moving import MovingPatch, moving_table
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
@@ -165,10 +166,11 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
+    carries = any(isinstance(p, MovingPatch) and p.mass for p in model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
-            **patch_functions(fronts, acts, slides, method.conserves, layout),
+            **patch_functions(fronts, acts, slides, carries, method.conserves, layout),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
 
 
@@ -178,7 +180,8 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, states=x, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x), patched=False,
+        groups=n, states=x, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
+        moving=moving_table([], int, x), patched=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -208,6 +211,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "straining": straining,
         "coordinate": own.astype(float),
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
+    data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     followed = programs((s.amplitude, s.factor, s.offset) for s in signals.all)
     p = Record(Problem(programs=followed, patched=patched, **data))
@@ -221,9 +225,17 @@ def own(problem: Record, model: Model) -> Record:
     p: Problem = problem.values
     groups, states = with_states(model.groups)
     p = p._replace(groups=addresses(groups), states=states)
-    return Record(p._replace(points=p.points._replace(mem=p.points.mem.copy()),
-                             sliding=p.sliding._replace(memory=p.sliding.memory.copy()),
-                             programs=p.programs._replace(window=p.programs.window.copy())), others=groups)
+    if len(p.moving.item):
+        # what moves writes where it is
+        p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par", "drift"), moving=_own(p.moving, "element"),
+                       **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
+    return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory"),
+                             programs=_own(p.programs, "window")), others=groups)
+
+
+def _own(table: Any, *names: str) -> Any:
+    """Return a table with copies of some of its arrays."""
+    return table._replace(**{name: getattr(table, name).copy() for name in names})
 
 
 def driving(p: Record) -> list[int]:

@@ -103,7 +103,7 @@ class SectionForces:
         kinds: dict[Any, int] = {}
         kind = [kinds.setdefault((id(c.shape), c.sampler.cuts), len(kinds)) for c in mesh.classes]
         self.kind = np.array(kind)[mesh.cls]
-        points = [(item, model.point(item.at)) for item in model.case.masses]
+        points = [(item, model.point(item.at)) for item in model.case.resting_masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
         self.along = gauss(POINTS)

@@ -12,12 +12,11 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.prismatic import OnAxis
 from ..kernels import advance as kernels
-from ..kernels.consistent import consistent, kinetic, onto_constraints
-from ..kernels.dynamics import forces, to_full
+from ..kernels.consistent import consistent, onto_constraints
+from ..kernels.dynamics import forces, inertia_at, to_full
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import (
     COUNT,
-    GRID,
     LOST,
     NOT_FINITE,
     SINGULAR,
@@ -36,6 +35,7 @@ from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
 from ..model.timing import Signal
+from .breaks import MovingPoints, pass_break
 from .initial import goes_on
 from .linear import full_mass, unknowns_to_coordinates
 from .methods import DEFAULT, INTEGRATORS, MAKERS, Method, newton_tolerance
@@ -73,8 +73,9 @@ class Stepper:
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
-        self.pieces: list[Piece] = pieces(signals, spec.t_end)
-        self._enter(0)
+        self.moving = MovingPoints(model, spec.t_end)
+        self.pieces: list[Piece] = pieces(signals, spec.t_end, self.moving.crossings)
+        self.enter(0)
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
         self.steps = 64
@@ -115,12 +116,12 @@ class Stepper:
         self._begin_from(d, v, turned)
         self.s.numbers[SIZE] = LEAST * self.p.extent
         if self.dt == 0.0:
-            self.s.numbers[STEP_SIZE] = self._first_step()
+            self.s.numbers[STEP_SIZE] = self.first_step()
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
         self._place(d, v, turned)
         given = self.s.v.copy()
-        self._consistent(0.0, self._impulse(v))
+        self.consistent(0.0, self._impulse(v))
         if self.method.conserves and goes_on(self.model):
             # rates that keep the energy meet constraints in the mean of steps alone
             self.s.v[:] = given * self.p.coordinate
@@ -147,7 +148,7 @@ class Stepper:
             return np.zeros(len(self.s.z))
         return np.asarray(unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing))
 
-    def _consistent(self, t: float, impulse: Array) -> None:
+    def consistent(self, t: float, impulse: Array) -> None:
         if not consistent(self.p, self.w, self.s, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
@@ -174,7 +175,7 @@ class Stepper:
         if self.m is not None:
             self.m.restart(self.s)
 
-    def _first_step(self) -> float:
+    def first_step(self) -> float:
         """Return a step in which little happens, by rates and accelerations at the start."""
         weights = self.p.weights
         size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
@@ -191,7 +192,7 @@ class Stepper:
     def expect(self, size: float) -> None:
         """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
         self.s.numbers[SIZE] = size
-        self.s.numbers[STEP_SIZE] = self._first_step()
+        self.s.numbers[STEP_SIZE] = self.first_step()
 
     @property
     def size(self) -> float:
@@ -247,7 +248,7 @@ class Stepper:
             if why == kernels.FAILED:
                 raise self._failure(outcome)
             if why == kernels.REACHED and stop < end:
-                self._pass_break()
+                pass_break(self)
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
 
@@ -271,38 +272,11 @@ class Stepper:
         return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
                    turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
 
-    def _enter(self, piece: int) -> None:
+    def enter(self, piece: int) -> None:
         """Take signals as they are in a piece of the motion."""
         self.piece = piece
         self.p.programs.window[:] = self.pieces[piece][:2]
-
-    def _pass_break(self) -> None:
-        """Start anew behind a break of the signals.
-
-        Prescribed rates may jump, by an impulse that acts on all that is free. Its work is what the kinetic energy
-        gains: the impulse times the mean of the rates before and after.
-        """
-        t, s, given = self.t, self.s, self.s.v.copy()
-        before, after = np.zeros((len(self.signals), 3)), np.zeros((len(self.signals), 3))
-        evaluate(self.p.programs, t, before)
-        if self.p.patched:
-            onto_constraints(self.p, self.w, s.z, s.v, t)
-        # as where a motion goes on: what rates are off the constraints stays
-        off = given - s.v if self.method.conserves else np.zeros_like(given)
-        s.v[:] += off
-        energy = kinetic(self.p, self.w, s, t)
-        s.v[:] -= off
-        self._enter(self.piece + 1)
-        evaluate(self.p.programs, t, after)
-        jump = after[:, 1] - before[:, 1]
-        self._consistent(t, -jump[self.p.motion_mass_signal] @ self.p.motion_mass)
-        s.v[:] += off
-        if jump[self.driving].any():
-            s.numbers[WORK] += kinetic(self.p, self.w, s, t) - energy
-        if self.dt > 0.0:
-            self.s.numbers[GRID] = np.floor(t / self.dt + kernels.NEAR)
-        else:
-            self.s.numbers[STEP_SIZE] = min(self.s.numbers[STEP_SIZE], 10.0 * self._first_step())
+        self.moving.enter(self.p, self.pieces[piece])
 
     def _here(self) -> Row:
         s = self.s
@@ -330,6 +304,8 @@ class Stepper:
         p = self._at_row(row)
         evaluate(p.programs, row.side, self.w.amps)
         forces(p, self.w, row.z, row.v)
+        if self.moving:
+            inertia_at(p, self.w, row.a)
         return self.w.Q.copy()
 
     def _at_row(self, row: Row) -> Record:
@@ -337,6 +313,8 @@ class Stepper:
         self.past.points.mem[:] = row.turns
         self.past.sliding.memory[:] = row.feet
         self.past.states[:] = row.states
+        if self.moving:
+            self.moving.enter(self.past, next(piece for piece in self.pieces if row.side <= piece.last))
         return self.past
 
     # ------------------------------------------------------------------ going on later
@@ -358,7 +336,7 @@ class Stepper:
             value[:] = kept[name]
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
-        self._enter(int(kept["places"][1]))
+        self.enter(int(kept["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = kept[name]
 

@@ -29,10 +29,10 @@ class Moments(Stepper):
 
         Raises ComputationError where these have no solution.
         """
-        self._enter(next(k for k, piece in enumerate(self.pieces) if t <= piece.stop or piece is self.pieces[-1]))
+        self.enter(next(k for k, piece in enumerate(self.pieces) if t <= piece.stop or piece is self.pieces[-1]))
         self._place(d, v, turned)
         self.s.numbers[TIME] = t
-        self._consistent(t, np.zeros(len(self.s.z)))
+        self.consistent(t, np.zeros(len(self.s.z)))
         row = self.last()
         d, v, a = self.full(row)
         F = self.model.external(row.side)

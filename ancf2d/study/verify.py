@@ -64,7 +64,7 @@ class Fields:
     def __call__(self, v: Array) -> Array:
         """Return the vector of a mode (n_q,)."""
         out = [np.sqrt(item.mass) * np.array([dot(c, v) for c in self.model.point(item.at).position()])
-               for item in self.model.case.masses]
+               for item in self.model.case.resting_masses]
         for name, mesh in self.model.meshes.items():
             nc, finer = mesh.plan.element.components, self.finer[name]
             field = np.zeros((self.fine.meshes[name].plan.count, *finer[0].dm.shape, nc))

@@ -29,7 +29,7 @@ from .case import (
 )
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
 from .output import Expected, Goal, Output, Units
-from .points import GroundPoint, Point, Probe
+from .points import GroundPoint, MovingPoint, Point, Probe
 from .profiles import Profile, ProfileExpression, ProfileTable
 from .solvers import (
     Buckling,
@@ -50,8 +50,8 @@ __all__ = [
     "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
     "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse",
     "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece", "LinearStatic",
-    "LoadFactor", "Material", "MaterialDamping", "Output", "PathGeometry", "Point", "Polyline", "Probe", "ProbeReaches",
-    "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
-    "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
+    "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Point", "Polyline", "Probe",
+    "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate",
+    "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
     "SteadyRotation", "Stiffness", "Table", "Units", "register",
 ]

@@ -13,6 +13,7 @@ from ..nodes import Node, quoted
 from ..records import OneOf, Record, Registered, RegisteredRecord, keys_of, tag_of
 from .body import Body
 from .output import Expected, Goal, Output, Units
+from .points import MovingPoint
 from .solvers import Solver
 
 PLACE = Vector(Number("m"))
@@ -142,6 +143,16 @@ class Case:
     def inputs(self) -> tuple[str, ...]:
         """The names of the loads and prescribed motions that are inputs of small motions; empty for other solvers."""
         return getattr(self.solver, "inputs", ())
+
+    @property
+    def resting_masses(self) -> tuple[Any, ...]:
+        """The point masses that do not move along a body."""
+        return tuple(m for m in self.masses if not isinstance(m.at, MovingPoint))
+
+    @property
+    def resting_springs(self) -> dict[int, Any]:
+        """The springs by number, but for those with an end that moves along a body."""
+        return {k: s for k, s in enumerate(self.springs) if not any(isinstance(p, MovingPoint) for p in s.between)}
 
     @property
     def told_frequencies(self) -> tuple[float, ...]:

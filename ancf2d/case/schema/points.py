@@ -9,9 +9,10 @@ from typing import Any
 from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..emit import number_text
-from ..kinds import Book, JsonSchema, Kind, ListOf, Number, Vector, good_name
+from ..kinds import Book, JsonSchema, Kind, ListOf, Name, Number, Vector, good_name
 from ..nodes import Node, Scalar, quoted, resolve
-from ..records import ByShape, Record
+from ..records import ByShape, OneOf, Record
+from .amplitudes import Amplitude
 
 
 @record
@@ -36,6 +37,15 @@ class GroundPoint:
     def written(self) -> tuple[float, float]:
         """Return the point as a case has it: ``[x, y]``."""
         return (self.x, self.y)
+
+
+@record
+class MovingPoint:
+    """A point that moves along a body; what is there acts while 0 <= s <= 1."""
+
+    on: str = key(Name("the name of a body"), "Body along which it moves", refers="bodies", example="beam")
+    s: Amplitude = key(OneOf(Amplitude), "Where it is over time, as a share of the arc length",
+                       example={"type": "ramp", "t1": 2})
 
 
 class PointText(Kind):
@@ -65,6 +75,8 @@ class PointText(Kind):
 
 POINT = PointText()
 POSITION = Number("m")
+# a point of a body, or one that moves along it
+PLACE = ByShape(text=POINT, map=Record(MovingPoint))
 
 
 @record
@@ -87,11 +99,17 @@ def named_twice(points: tuple[object, ...]) -> Iterator[Issue]:
 
 
 PROBE = Record(Probe, short="at")
-ENDS = ListOf(ByShape(text=POINT, list=Vector(POSITION, "x, y", GroundPoint)), "ends, each BODY@S or [x, y]", 2, 2)
+_GROUND = Vector(POSITION, "x, y", GroundPoint)
+ENDS = ListOf(ByShape(text=POINT, list=_GROUND), "ends, each BODY@S or [x, y]", 2, 2)
+# of springs, one of whose ends may move along a body
+SPRING_ENDS = ListOf(ByShape(text=POINT, list=_GROUND, map=Record(MovingPoint)),
+                     "ends, each BODY@S, [x, y] or {on: BODY, s: AMPLITUDE}", 2, 2)
 
 
 def check_ends(points: tuple[object, ...]) -> Iterator[Issue]:
     """Yield what two ENDS cannot be: the same point, or both on the ground."""
     yield from named_twice(points)
+    if all(isinstance(end, MovingPoint) for end in points):
+        yield Issue(("between",), "{}.between: both ends move along bodies", "at least one point BODY@S or [x, y]")
     if all(isinstance(end, GroundPoint) for end in points):
         yield Issue(("between",), "{}.between: both ends are on the ground", "at least one point BODY@S")

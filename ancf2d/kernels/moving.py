@@ -1,0 +1,145 @@
+"""Points that move along bodies: where they are now, and the inertia of the masses there.
+
+Forces at such points are point laws (``kernels.points``) whose coordinates and weights are written anew for every
+configuration. A mass at r(s(t), t) has the acceleration S q'' + 2 s' S_s q' + (s'' S_s + s'^2 S_ss) e: the first term
+is added to the mass matrix, the others are a point law's. The table: elements.sliding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .lowlevel.arrays import array
+from .lowlevel.jit import addressed, inner, named
+from .matrix import scatter
+from .symmetric import in_band, in_fronts
+
+
+@inner
+def place_moving(p, d, amps):  # type: ignore[no-untyped-def]
+    """Write coordinates, weights and rates at rest of all points that move, at displacements d (n_full,)."""
+    for j in range(len(p.moving.item)):
+        if p.moving.element[j] >= 0:
+            _place(p, j, d, amps)
+
+
+@inner
+def _place(p, j, d, amps):  # type: ignore[no-untyped-def]
+    moving, points = p.moving, p.points
+    m, i, k = moving.element[j], moving.item[j], moving.signal[j]
+    e, shapes, terms, sign = moving.begin[j] + m, moving.shapes[j], moving.terms[j], moving.sign[j]
+    scale = 2.0 / moving.lengths[e]
+    z = (amps[k, 0] - moving.starts[e]) * scale - 1.0
+    first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
+    at, field, where = points.entry[i], points.field[i], moving.dof_first[j] + m * shapes
+    for c in range(2):
+        points.p0[field + c], points.drift[field + c] = moving.base[j, c], 0.0
+        for r in range(moving.derivatives[j]):
+            points.p0[field + 2 * (r + 1) + c] = 0.0
+    for q in range(shapes):
+        s0, s1, s2 = 0.0, 0.0, 0.0
+        for t in range(terms - 1, -1, -1):
+            s2 = s2 * z + 2.0 * s1
+            s1 = s1 * z + s0
+            s0 = s0 * z + moving.coef[moving.coef_first[e] + q * terms + t]
+        s0, s1, s2 = sign * s0, sign * s1 * scale, sign * s2 * scale * scale
+        for c in range(2):
+            dof = moving.dofs[where + q, c]
+            points.dofs[first + 2 * q + c] = dof
+            points.G[at + c * n + 2 * q + c] = s0
+            points.p0[field + c] += s0 * p.e0[dof]
+            points.drift[field + c] += amps[k, 1] * s1 * (p.e0[dof] + d[dof])
+            if moving.derivatives[j] > 0:
+                points.G[at + (2 + c) * n + 2 * q + c] = s1
+                points.G[at + (4 + c) * n + 2 * q + c] = s2
+                points.p0[field + 2 + c] += s1 * p.e0[dof]
+                points.p0[field + 4 + c] += s2 * p.e0[dof]
+    if moving.stretches[j] != 0:
+        points.par[i, 1] = math.sqrt(points.p0[field]**2 + points.p0[field + 1]**2)
+
+
+@inner
+def _coordinate(p, c, x, amps, order):  # type: ignore[no-untyped-def]
+    """Return full coordinate c from the unknowns x, and with ``order`` > 0 what is prescribed of that rate of it."""
+    k, s = p.place[c], 0.0
+    if k >= 0:
+        return x[k]
+    if k <= -2:
+        for m in range(p.indptr[-2 - k], p.indptr[-1 - k]):
+            s += p.value[m] * x[p.index[m]]
+    if order > 0:
+        for m in range(len(p.motion_coord)):
+            if p.motion_coord[m] == c:
+                s += p.motion_factor[m] * amps[p.motion_signal[m], order]
+    return s
+
+
+@inner
+def _of_point(p, j, x, amps, order):  # type: ignore[no-untyped-def]
+    """Return S x: both components at point j, as ``_coordinate`` has x."""
+    points, i = p.points, p.moving.item[j]
+    first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+    out_x, out_y = 0.0, 0.0
+    for c in range(n):
+        u = _coordinate(p, points.dofs[first + c], x, amps, order)
+        out_x += points.G[at + c] * u
+        out_y += points.G[at + n + c] * u
+    return out_x, out_y
+
+
+@inner
+def moving_inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
+    """Add m S^T S q'' of the masses that move to Q (n_full,), from second rates a (n,) of the unknowns."""
+    for j in range(len(p.moving.item)):
+        m = p.moving.mass[j]
+        if m > 0.0 and p.moving.element[j] >= 0:
+            ax, ay = _of_point(p, j, a, amps, 2)
+            points, i = p.points, p.moving.item[j]
+            first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+            for c in range(n):
+                Q[points.dofs[first + c]] += m * (points.G[at + c] * ax + points.G[at + n + c] * ay)
+
+
+@inner
+def add_moving_product(p, x, y):  # type: ignore[no-untyped-def]
+    """Add what the masses that move make of x (n,) to y (n,), where they were placed last."""
+    for j in range(len(p.moving.item)):
+        m = p.moving.mass[j]
+        if m > 0.0 and p.moving.element[j] >= 0:
+            ax, ay = _of_point(p, j, x, p.along, 0)
+            points, i = p.points, p.moving.item[j]
+            first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+            for c in range(n):
+                f = m * (points.G[at + c] * ax + points.G[at + n + c] * ay)
+                k = p.place[points.dofs[first + c]]
+                if k >= 0:
+                    y[k] += f
+                elif k <= -2:
+                    for q in range(p.indptr[-2 - k], p.indptr[-1 - k]):
+                        y[p.index[q]] += p.value[q] * f
+
+
+def _with_matrix(stored: Any, kind: str) -> Any:
+    """Return what adds to matrices of a kind what the masses that move add to the mass matrix."""
+    def moving_mass(p, factor, A):  # type: ignore[no-untyped-def]
+        most = 0
+        for i in p.moving.item:
+            most = max(most, p.points.dof[i + 1] - p.points.dof[i])
+        room = array(most, most)
+        for j in range(len(p.moving.item)):
+            m = p.moving.mass[j] * factor
+            if m > 0.0 and p.moving.element[j] >= 0:
+                points, i = p.points, p.moving.item[j]
+                first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+                for a in range(n):
+                    for b in range(n):
+                        room[a, b] = m * (points.G[at + a] * points.G[at + b]
+                                          + points.G[at + n + a] * points.G[at + n + b])
+                dofs = points.dofs[first:first + n].reshape((1, n))
+                scatter(stored(p, A), room, dofs, 0, p.place, p.indptr, p.index, p.value)
+
+    return addressed(named(moving_mass, kind))
+
+
+MOVING_MASS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")

@@ -1,0 +1,162 @@
+"""Forces, masses and springs that move along bodies, against series, modes and conserved quantities."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import ancf2d
+
+Array = NDArray[np.float64]
+# of a beam of unit length, mass per length and bending stiffness: the first mode is as long as the way at this speed
+CRITICAL = math.pi
+
+
+def bridge(speed: float, count: int = 12, tolerance: float = 1e-6, **more: Any) -> dict[str, Any]:
+    """A simply supported slender beam, and s of a point that crosses it at a share of the critical speed."""
+    return {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"EA": 1e4, "kGA": 1e6, "EI": 1, "rhoA": 1, "rhoI": 0},
+                                "element": {"type": "cable", "count": count}}},
+            "boundary_conditions": [{"type": "pin", "at": "beam@0"}, {"type": "roller", "at": "beam@1", "fixed": "y"}],
+            "solver": {"type": "dynamic", "t_end": 1.0 / (speed * CRITICAL), "tolerance": tolerance, "estimate": False},
+            "output": {"probes": {"mid": "beam@0.5"}, "interval": 1.0 / (speed * CRITICAL) / 200}, **more}
+
+
+def along(speed: float) -> dict[str, Any]:
+    return {"on": "beam", "s": {"type": "expression", "value": f"{speed * CRITICAL!r}*t"}}
+
+
+def moving_force(speed: float, x: float, t: Array, force: float, modes: int = 60) -> Array:
+    """Deflection of the beam under a force that crosses it (Timoshenko; Fryba 1972, Eq. 1.31)."""
+    out = np.zeros_like(t)
+    v = speed * CRITICAL
+    for j in range(1, modes + 1):
+        w, drive = (j * math.pi) ** 2, j * math.pi * v
+        q = ((np.sin(drive * t) - drive / w * np.sin(w * t)) / (w * w - drive * drive) if abs(drive - w) > 1e-9 * w
+             else (np.sin(w * t) - w * t * np.cos(w * t)) / (2 * w * w))
+        out += 2.0 * force * q * math.sin(j * math.pi * x)
+    return out
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 1.0, 2.0])
+def test_force_that_crosses_a_beam(speed: float) -> None:
+    force = -1e-3
+    solved = ancf2d.solve(bridge(speed, 20, loads=[{"type": "force", "at": along(speed), "value": [0, force]}]))
+    t = solved.course_t
+    expected = moving_force(speed, 0.5, t, force)
+    found = solved.course["mid"]["uy"]
+    assert found == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+    # the peak factor beside the static deflection, and when it comes
+    static = force / 48.0
+    assert (found / static).max() == pytest.approx((expected / static).max(), rel=2e-4)
+    assert np.argmax(found / static) == pytest.approx(np.argmax(expected / static), abs=1)
+
+
+def moving_mass(speed: float, mass: float, t: Array, modes: int = 40) -> Array:
+    """Deflection of the middle under a mass that crosses the beam, by modes: M q'' + C q' + K q = m g."""
+    v, k = speed * CRITICAL, math.pi * np.arange(1, modes + 1)
+
+    def rates(t: float, y: Array) -> Array:
+        q, dq = y[:modes], y[modes:]
+        s, c = np.sin(k * v * t), k * np.cos(k * v * t)
+        M = 0.5 * np.eye(modes) + mass * np.outer(s, s)
+        f = -mass * s - 0.5 * k**4 * q - 2 * mass * v * s * (c @ dq) + mass * v * v * s * ((k * k * s) @ q)
+        return np.concatenate([dq, np.linalg.solve(M, f)])
+    y = solve_ivp(rates, (0, t[-1]), np.zeros(2 * modes), "DOP853", t, rtol=1e-8, atol=1e-11).y
+    return np.sin(k * 0.5) @ y[:modes]
+
+
+@pytest.mark.parametrize(("speed", "mass"), [(0.2, 0.5), (0.6, 1.0)])
+def test_mass_that_crosses_a_beam(speed: float, mass: float) -> None:
+    g = 1e-3
+    # the beam's own weight is carried otherwise
+    solved = ancf2d.solve(bridge(speed, 16, masses=[{"at": along(speed), "mass": mass}],
+                                 loads=[{"type": "gravity", "value": [0, -g]},
+                                        {"type": "distributed", "on": "beam", "value": [0, g]}]))
+    expected = g * moving_mass(speed, mass, solved.course_t)
+    assert solved.course["mid"]["uy"] == pytest.approx(expected, abs=3e-3 * np.abs(expected).max())
+    assert solved.summary["energy_drift"] < 1e-4
+
+
+BAR = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+       "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 3, "rhoI": 0}, "element": {"type": "rigid"}}
+
+
+@pytest.mark.parametrize("method", ["radau5", "radau9", "generalized_alpha", "DOP853"])
+def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
+    # inertia of the bar 1, of the mass r^2: omega (1 + r^2) stays, by the Coriolis force alone
+    solved = ancf2d.solve({
+        "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
+        "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": "0.2 + 0.6*t^2"}}, "mass": 1}],
+        "initial": {"rotation_rate": {"omega": 2}},
+        "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-8, "method": method},
+        "output": {"probes": {"tip": "bar@1"}, "interval": 0.25}})
+    r = 0.2 + 0.6 * solved.course_t**2
+    assert solved.course["tip"]["omega"] == pytest.approx(2 * 1.04 / (1 + r * r), rel=3e-5)
+
+
+def test_reactions_hold_a_moving_mass() -> None:
+    # on a bar that two supports hold the mass moves freely: reactions follow its weight and where it is
+    solved = ancf2d.solve({
+        "bodies": {"bar": BAR},
+        "boundary_conditions": [{"name": "left", "type": "pin", "at": "bar@0"},
+                                {"name": "right", "type": "roller", "at": "bar@1", "fixed": "y"}],
+        "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": "t^2"}}, "mass": 2}],
+        "loads": [{"type": "gravity", "value": [0, -10]}],
+        "solver": {"type": "dynamic", "t_end": 0.5, "tolerance": 1e-6}, "output": {"interval": 0.1}})
+    assert solved.reactions["right"]["fy"] == pytest.approx(15 + 20 * 0.25)
+    # the drive pushes the mass by 2 m along the bar, which is taken from the bar
+    assert solved.reactions["left"]["fx"] == pytest.approx(2 * 2.0)
+
+
+def test_mass_falls_off_the_end() -> None:
+    # a bar on a pin with a spring: behind s = 1 nothing is there, and the motion is that of the bar alone
+    def run(after: float) -> Array:
+        solved = ancf2d.solve({
+            "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
+            "springs": [{"type": "rotational", "between": [[0, 0], "bar@0"], "stiffness": 9}],
+            "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": f"t if t < 1 else {after}"}},
+                        "mass": 1}],
+            "initial": {"rotation_rate": {"omega": 0.1}},
+            "solver": {"type": "dynamic", "t_end": 2, "tolerance": 1e-8},
+            "output": {"probes": {"tip": "bar@1"}, "interval": 0.01}})
+        return solved.course["tip"]["theta"]
+    off = run(2.0)
+    # theta'' = -9 theta with the inertia of the bar, 1; from t = 1 on
+    A = np.array([[math.cos(3 * x), math.sin(3 * x)] for x in np.linspace(0, 1, 101)])
+    part = np.linalg.lstsq(A, off[100:], rcond=None)[0]
+    assert A @ part == pytest.approx(off[100:], abs=1e-7)
+    assert run(3.0) == pytest.approx(off)
+
+
+def test_spring_with_an_end_that_moves() -> None:
+    # a car of mass 1 on a spring of stiffness 4 over a level rigid bar: it bounces as on the ground
+    solved = ancf2d.solve({
+        "bodies": {"road": {**BAR, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}},
+                   "car": {**BAR, "geometry": {"type": "line", "start": [0, 1], "end": [0, 2]},
+                           "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 1, "rhoI": 0}}},
+        "boundary_conditions": [{"type": "clamp", "at": "road@0"},
+                                {"type": "prescribed", "at": "car@0", "x": {"type": "expression", "value": "2*t"},
+                                 "angle": 0}],
+        "springs": [{"type": "translational", "between": [{"on": "road", "s": {"type": "ramp", "t1": 2}}, "car@0"],
+                     "stiffness": 4, "damping": 0.4}],
+        "loads": [{"type": "gravity", "value": [0, -1]}],
+        "solver": {"type": "dynamic", "t_end": 1.5, "tolerance": 1e-8}, "output": {"probes": {"seat": "car@0"}}})
+    c, w = 0.2, math.sqrt(4 - 0.04)
+    t = solved.course_t
+    expected = -0.25 * (1 - np.exp(-c * t) * (np.cos(w * t) + c / w * np.sin(w * t)))
+    assert solved.course["seat"]["uy"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_moves_is_checked() -> None:
+    case = bridge(0.5, loads=[{"type": "force", "at": {"on": "beams", "s": {"type": "ramp"}}, "value": [0, 1]}])
+    with pytest.raises(ancf2d.CaseError, match="there is no body 'beams'"):
+        ancf2d.load(case)
+    case = bridge(0.5, loads=[{"type": "force", "at": along(0.5), "value": [0, 1]}])
+    with pytest.raises(ancf2d.CaseError, match="only with dynamic"):
+        ancf2d.load({**case, "solver": {"type": "static"}, "output": {}})
