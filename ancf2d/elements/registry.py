@@ -1,4 +1,4 @@
-"""The one place where element types are listed, each a few lines of data, the rigid bar among them."""
+"""The one place where element types are listed, each a few lines of data, those of rigid bodies among them."""
 
 from __future__ import annotations
 
@@ -105,6 +105,9 @@ def names() -> tuple[str, ...]:
 
 RIGID_TYPE = ElementType("rigid", ("1", "x"), (NodeSpec(0.0, ("r",)), NodeSpec(1.0, ("r",))), formulation="rigid",
                          source="natural coordinates of Garcia de Jalon & Bayo 1994")
+# its one node, which all elements of a body share, is the place where the body starts: no end of an element
+RIGID_FRAME = ElementType("rigid", ("1", "x", "y"), (NodeSpec(-1.0, ("r", "r_x", "r_y")),), formulation="rigid",
+                          source=RIGID_TYPE.source)
 
 
 def _no_law(*_: Any) -> Any:
@@ -112,5 +115,5 @@ def _no_law(*_: Any) -> Any:
 
 
 RIGID = Formulation("rigid", PointLaw(0, 0, 0, _no_law, _no_law),
-                    lambda e: None if e is RIGID_TYPE else f"{e.name} deforms", lambda e: (1, 1), lambda e: (1, 1),
-                    _no_law, RIGID_TYPE.source, "no strain: the length is kept")
+                    lambda e: None if e in (RIGID_TYPE, RIGID_FRAME) else f"{e.name} deforms", lambda e: (1, 1),
+                    lambda e: (1, 1), _no_law, RIGID_TYPE.source, "no strain: lengths are kept")

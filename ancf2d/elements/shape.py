@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +13,9 @@ from numpy.typing import NDArray
 from .definition import ElementType, derivative_order
 
 Array = NDArray[np.float64]
+
+# of the sets of points at which shape functions are asked for, so many are kept: those of one rule, again and again
+KEPT = 32
 
 
 class UnsolvableBasisError(ValueError):
@@ -96,6 +102,8 @@ class ShapeFunctions:
         A = np.array(rows)
         inverse = _solve(A, np.eye(len(A), dtype=np.longdouble))
         self._coefficients = np.einsum("bk,bij->kij", inverse, basis)
+        self._across: dict[Any, NDArray] = {}
+        self._values: dict[Any, Array] = {}
 
     def _basis_values(self, basis: NDArray, xi: NDArray, eta: NDArray, i: int, j: int) -> NDArray:
         mx = _monomials(self._dx, xi, i) * (2 / np.longdouble(self.l)) ** i
@@ -107,20 +115,67 @@ class ShapeFunctions:
 
         ``xi01`` runs from 0 to 1 along the element, ``eta = 2 y/h`` from -1 to 1 across.
         """
-        xi = 2 * np.atleast_1d(np.asarray(xi01, dtype=np.longdouble)) - 1
-        eta = np.broadcast_to(np.asarray(eta, dtype=np.longdouble), xi.shape)
-        return self._basis_values(self._coefficients, xi, eta, i, j).astype(np.float64)
+        at = np.atleast_1d(np.asarray(xi01, dtype=float))
+        across = np.ascontiguousarray(np.broadcast_to(np.asarray(eta, dtype=float), at.shape))
+        place = (at.tobytes(), across.tobytes(), i, j)
+        return _kept(self._values, place, lambda: self._evaluated(at, across, i, j)).copy()
+
+    def _evaluated(self, xi01: Array, eta: Array, i: int, j: int) -> Array:
+        def along() -> NDArray:
+            mx = _monomials(self._dx, 2 * xi01.astype(np.longdouble) - 1, i) * (2 / np.longdouble(self.l)) ** i
+            return np.einsum("pi,kij->pkj", mx, self._coefficients)
+
+        # of an element whose height varies, points differ in y alone from those of its neighbours
+        polynomials = _kept(self._across, (xi01.tobytes(), i), along)
+        my = _monomials(self._dy, eta.astype(np.longdouble), j) * (2 / np.longdouble(self.h)) ** j
+        return np.einsum("pkj,pj->pk", polynomials, my).astype(np.float64)
+
+
+def _kept(known: dict[Any, NDArray], place: Any, found: Callable[[], NDArray]) -> NDArray:
+    """Return what is known at a place, or find it, and forget others where they are many."""
+    if place not in known:
+        if len(known) >= KEPT:
+            known.clear()
+        known[place] = found()
+    return known[place]
+
+
+class FrameShape(ShapeFunctions):
+    """The shape functions 1, X and Y of a stretch of a rigid curved body, with X and Y its coordinates in the frame.
+
+    The frame lies where the body starts, along its axis. ``curve(x, n)`` returns X + i Y and n derivatives by the arc
+    length x [m] from the start of the stretch, each (places,); ``l`` is its length.
+    """
+
+    def __init__(self, element: ElementType, l: float, h: float, curve: Callable[[Array, int], Any]) -> None:
+        self.element, self.l, self.h, self._curve = element, l, h, curve
+
+    def __call__(self, xi01: Array, eta: Array, i: int = 0, j: int = 0) -> Array:
+        """Return d^(i+j) s_k/dx^i dy^j at points, as ``ShapeFunctions`` does, of r(x, y) = c(x) + y n(x)."""
+        xi = np.atleast_1d(np.asarray(xi01, dtype=float))
+        z, y = self._curve(self.l * xi, i + 1), 0.5 * self.h * np.broadcast_to(eta, xi.shape)
+        w = z[i] + 1j * y * z[i + 1] if j == 0 else 1j * z[i + 1] if j == 1 else 0.0 * z[i]
+        return np.stack([np.full(len(xi), float(i == j == 0)), w.real, w.imag], axis=1)
 
 
 def gauss(n: int) -> tuple[Array, Array]:
     """Return the n Gauss points in [0, 1] and their weights (sum 1)."""
-    x, w = np.polynomial.legendre.leggauss(n)
+    x, w = _legendre(n)
     return (1 + x) / 2, w / 2
 
 
 def lobatto(n: int) -> tuple[Array, Array]:
     """Return the n >= 2 Gauss-Lobatto points in [0, 1], ends included, and their weights (sum 1)."""
+    x, w = _lobatto(n)
+    return (1 + x) / 2, 1.0 * w
+
+
+_legendre = lru_cache(np.polynomial.legendre.leggauss)
+
+
+@lru_cache
+def _lobatto(n: int) -> tuple[Array, Array]:
     P = np.polynomial.legendre.Legendre.basis(n - 1)
     inner = np.sort(P.deriv().roots().real) if n > 2 else np.zeros(0)
     x = np.concatenate([[-1.0], 0.5 * (inner - inner[::-1]), [1.0]])
-    return (1 + x) / 2, 1.0 / (n * (n - 1) * P(x) ** 2)
+    return x, 1.0 / (n * (n - 1) * P(x) ** 2)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..elements.point_laws import PointLaw, half_sine, with_multiplier
+from ..elements.registry import RIGID_FRAME
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .breakpoints import jumps
@@ -180,8 +181,17 @@ def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointCo
 
 
 def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
-    """Ask that the pieces of a rigid body keep their lengths."""
-    for dofs in mesh.dofs if mesh.plan.rigid else ():
+    """Ask that the pieces of a rigid body keep their lengths; of a frame that r_y is r_x turned, which is linear."""
+    if not mesh.plan.rigid:
+        return
+    if mesh.plan.element is RIGID_FRAME:
+        _, _, *axes = mesh.dofs[0].tolist()
+        fields = [Field(np.array([a]), np.ones(1), float(mesh.e0[a - mesh.first_dof])) for a in axes[:2]]
+        for x, y, sign in ((axes[0], axes[3], -1.0), (axes[1], axes[2], 1.0)):
+            out.rows.append(Row(np.array([x, y]), np.array([sign, 1.0]), mesh.plan.name, "direction of its frame"))
+        out.constraints.append(PointConstraint(FIXED_LENGTH, fields, [1.0], mesh.plan.name, LENGTH, 1.0))
+        return
+    for dofs in mesh.dofs:
         a, b = dofs[:2], dofs[2:]
         p0 = mesh.e0[b - mesh.first_dof] - mesh.e0[a - mesh.first_dof]
         L = float(np.hypot(*p0))

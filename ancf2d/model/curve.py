@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 AT_NODE = 1e-9
 # of a body's length: points that are closer share one node, as a shorter element would spoil the arithmetic
 TOGETHER = 1e-5
+# stretches of a rigid curved body
+LEAST, LONGEST = 4, 400
 # of an element: shares of a count that differ by less are equal, whatever round-off says
 ALIKE = 1e-6
 
@@ -201,6 +203,19 @@ def jumps(geometry: Geometry) -> list[float]:
     pieces = _undivided(geometry)[0]
     length = pieces[-1].s0 + pieces[-1].length
     return [b.s0 / length for a, b in pairwise(pieces) if b.continues and a.kappa != b.kappa]
+
+
+def short_pieces(geometry: Geometry, turn: float) -> tuple[Piece, ...]:
+    """Return the pieces of a smooth geometry cut into stretches that turn by about ``turn`` [rad], ``LONGEST`` at most.
+
+    Ends of stretches are where derivatives jump, too. Raises AxisError where the geometry is no curve.
+    """
+    whole, places = _undivided(geometry)
+    length = whole[-1].s0 + whole[-1].length
+    most = max(LEAST, math.ceil(min(turning(geometry) / turn, LONGEST)))
+    cut = _stretches(whole, [s / length for s in places])
+    return tuple(part for p in cut for n in [math.ceil(most * p.length / length)]
+                 for part in _split(p, [p.length * k / n for k in range(1, n)]))
 
 
 def is_closed(geometry: Geometry) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -15,20 +15,17 @@ from numpy.typing import NDArray
 from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import across_mass, cross, product_points
-from ..elements.registry import RIGID_TYPE
+from ..elements.registry import RIGID_FRAME, RIGID_TYPE
 from ..elements.section import CONSTANTS, Section
-from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
+from ..elements.shape import Array, FrameShape, ShapeFunctions, gauss, lobatto
 from .axis import Bend
 from .curve import AT_NODE, Piece
 from .plan import BodyPlan
+from .profiles import SectionsAlong
 
 Index = NDArray[np.int64]
 # where along an element its axis is looked at
 STATIONS = np.array([0.0, 0.5, 1.0])
-# places along an element at which its section is compared: one that is the same there does not vary
-PLACES = np.linspace(0.0, 1.0, 9)
-# sections at so many sets of stations are kept for each element
-KNOWN = 8
 # points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
 MORE, RIGID_POINTS = 3, 20
 
@@ -123,12 +120,16 @@ class BodyMesh:
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int]) -> Index:
         """Return the classes (n,) of the elements of a piece, those that are new added."""
         found, samplers, turns = [], self._samplers_of(piece), piece.turns()
-        length = float(f"{piece.l:.13e}")
-        starts = [None] if self.plan.varying is None and len(samplers) == 1 else list(range(piece.count))
+        length, mean, varying = float(f"{piece.l:.13e}"), self.plan.section, self.plan.varying
+        begin: Array = piece.s0 + piece.l * np.arange(piece.count, dtype=float)
+        along = None if varying is None else SectionsAlong(varying, begin / self.plan.length,
+                                                           piece.l / self.plan.length, self.plan.cuts)
+        starts = [None] if along is None and len(samplers) == 1 else list(range(piece.count))
         for ie in starts:
-            section, profile, cuts, place = self._section(piece, ie)
+            section, profile, cuts = (mean, None, ()) if along is None else along.of(ie or 0)
+            place = () if profile is None else (self.plan.name, ie)
             k = (ie or 0) % len(samplers)
-            bend = (piece.axis, piece.begin + piece.l * k) if piece.kappa is None else (piece.kappa,)
+            bend = (piece.kappa,) if self._alike(piece) else (piece.axis, piece.begin + piece.l * k)
             key = (section, length, *bend, *place)
             if key not in keys:
                 keys[key] = len(self.classes)
@@ -137,43 +138,36 @@ class BodyMesh:
             found.append(keys[key])
         return np.array(found * (piece.count // len(found)))
 
-    def _section(self, piece: Piece, ie: int | None,
-                 ) -> tuple[Section, Callable[[Array], Section] | None, tuple[float, ...], tuple[str | float, ...]]:
-        """Return section, profile and cuts of an element's sampler, and the place that tells it from others."""
-        varying, plan = self.plan.varying, self.plan
-        if varying is None or ie is None:
-            return plan.section, None, (), ()
-        a, l = (piece.s0 + piece.l * ie) / plan.length, piece.l / plan.length
-
-        known: dict[bytes, Section] = {}
-
-        def profile(xi: Array) -> Section:
-            # the same few stations are asked for again and again
-            place = np.asarray(xi, dtype=float).tobytes()
-            if place not in known:
-                if len(known) >= KNOWN:
-                    known.clear()
-                known[place] = varying.at(a + l * np.asarray(xi, dtype=float), a, a + l)
-            return known[place]
-
-        cuts = tuple((s - a) / l for s in plan.cuts if 1e-9 < (s - a) / l < 1.0 - 1e-9)
-        at = profile(PLACES)
-        some = {name: np.atleast_1d(getattr(at, name)) for name in CONSTANTS}
-        if not cuts and all(np.all(v == v[0]) for v in some.values()):
-            numbers: dict[str, Any] = {name: float(v[0]) for name, v in some.items()}
-            return replace(plan.section, **numbers), None, (), ()
-        return plan.section, profile, cuts, (plan.name, a)
-
     def _samplers_of(self, piece: Piece) -> list[Sampler]:
         """Return the samplers of a piece's elements, with the mean section; one where its curvature is constant."""
         plan = self.plan
-        key = (piece.l, piece.axis, piece.begin) if piece.kappa is None else (piece.l, piece.kappa)
+        key = (piece.l, piece.kappa) if self._alike(piece) else (piece.l, piece.axis, piece.begin)
+        if plan.element is RIGID_FRAME:
+            return [self._frame_sampler(piece)]
         if key not in self._samplers:
             shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
             named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
             self._samplers[key] = [Sampler(shape, e0, plan.section)
                                    for e0 in _reference(named, piece, plan.element.has_theta)]
         return self._samplers[key]
+
+    def _alike(self, piece: Piece) -> bool:
+        """Whether all elements of a piece have the same reference but for a rotation."""
+        return piece.kappa is not None and self.plan.element is not RIGID_FRAME
+
+    def _frame_sampler(self, piece: Piece) -> Sampler:
+        """Return the sampler of a piece, one element, of a rigid body that has a frame where it starts."""
+        plan, first = self.plan, self.plan.pieces[0]
+        origin, turn = complex(*first.start), np.exp(-1j * first.angle)
+
+        def curve(x: Array, n: int) -> list[Any]:
+            z = piece.position(x)[0] @ np.array([1.0, 1.0j])
+            return [(z - origin) * turn, *(piece.axis.derivatives(piece.begin + x, n) * turn)]
+
+        back = np.exp(-1j * piece.angle)
+        e0 = np.array([(origin - complex(*piece.start)) * back, back / turn, 1j * back / turn])
+        shape = FrameShape(RIGID_FRAME, piece.l, plan.section.height, curve)
+        return Sampler(shape, np.stack([e0.real, e0.imag], axis=1), plan.section)
 
     def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
         """Return the sampler of a straight element of a class's length, or of the given one, with the mean section."""
@@ -186,6 +180,9 @@ class BodyMesh:
     def _reference_values(self, piece: Piece) -> Array:
         """Return e0 of one piece, node by node."""
         element, n, nc = self.plan.element, piece.count, self.plan.element.components
+        if element is RIGID_FRAME:
+            x, y = np.cos(self.plan.pieces[0].angle), np.sin(self.plan.pieces[0].angle)
+            return np.array([*self.plan.pieces[0].start, x, y, -y, x])
         out = np.zeros(self.stride * n + self.node_sizes[-1])
         offset = 0
         for k, spec in enumerate(element.nodes):
@@ -338,12 +335,11 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
     """
     element = sampler.shape.element
     along = lobatto(element.degree_x + 1) if ends else _along(sampler, upto)
-    xi, eta, w = product_points(along, across_mass(sampler))
+    # the mass of a rigid body is on its axis, with a rotary inertia
+    on_axis = element.degree_y == 0 or element is RIGID_FRAME
+    xi, eta, w = product_points(along, (np.array([0.5]), np.ones(1)) if on_axis else across_mass(sampler))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
-    if element.degree_y == 0:
-        density = np.hypot(rx[:, 0], rx[:, 1])
-    else:
-        density = cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
+    density = np.hypot(rx[:, 0], rx[:, 1]) if on_axis else cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
     dv, section = w * density * sampler.shape.l, sampler.at(xi)
     return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
 
@@ -352,9 +348,9 @@ def _along(sampler: Sampler, upto: float) -> tuple[Array, Array]:
     """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
     element = sampler.shape.element
     if sampler.profile is None:
-        x, w = gauss(element.degree_x + 2)
+        x, w = gauss(RIGID_POINTS if element is RIGID_FRAME else element.degree_x + 2)
         return upto * x, upto * w
-    x, w = gauss(RIGID_POINTS if element is RIGID_TYPE else element.degree_x + 2 + MORE)
+    x, w = gauss(RIGID_POINTS if element in (RIGID_TYPE, RIGID_FRAME) else element.degree_x + 2 + MORE)
     ends = [0.0, *(c for c in sampler.cuts if c < upto), upto]
     return (np.concatenate([a + (b - a) * x for a, b in pairwise(ends)]),
             np.concatenate([(b - a) * w for a, b in pairwise(ends)]))
@@ -371,8 +367,8 @@ def mass_matrix(sampler: Sampler) -> Array:
 
     It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
     their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
-    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length; the cable has
-    no rotary inertia.
+    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
+    it at each of its axes; the cable has no rotary inertia.
     """
     element, nc = sampler.shape.element, sampler.e0.shape[1]
     S, dm, dI = over_body(sampler)
@@ -386,4 +382,6 @@ def mass_matrix(sampler: Sampler) -> Array:
         M[k::nc, k::nc] = parts[1] if k == 2 else parts[0]
         if element is RIGID_TYPE:
             M[k::nc, k::nc] += dI.sum() / sampler.shape.l**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        elif element is RIGID_FRAME:
+            M[k::nc, k::nc] += 0.5 * dI.sum() * np.diag([0.0, 1.0, 1.0])
     return M

@@ -27,16 +27,17 @@ from ..case import (
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
-from ..elements.registry import RIGID, RIGID_TYPE
+from ..elements.registry import RIGID, RIGID_FRAME, RIGID_TYPE
 from ..elements.section import Section
 from ..errors import CaseError, Problem
 from .axis import AxisError
-from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of
+from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
+SHORT = 0.1  # angle by which an element of a rigid curved body turns about [rad]
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
@@ -265,6 +266,9 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     curved = any(p.kappa != 0.0 for p in pieces)
     theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation, curved)
+    if isinstance(body.section, Layers) and formulation.name == "continuum" and not rule.uniform:
+        raise RefusedError(("element", "quadrature"), "layers in formulation continuum have one rule for all strains",
+                           "[nx, ny], where ny is the number of points across each layer")
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
@@ -277,18 +281,16 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
-    """Resolve a rigid body: one element per straight piece, whatever its count."""
-    if not isinstance(body.geometry, Line | Polyline):
-        raise RefusedError(("geometry", "type"), f"bodies.{name}: a rigid body is straight, or of straight pieces",
-                           "line or polyline")
+    """Resolve a rigid body, whatever its count: a bar per straight piece, or short stretches of a curve in a frame."""
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "refine"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain, so {key} has no effect",
                                f"no {key}")
-    pieces = pieces_of(body.geometry, body.geometry.least)
+    bars = isinstance(body.geometry, Line | Polyline)
+    pieces = pieces_of(body.geometry, body.geometry.least) if bars else short_pieces(body.geometry, SHORT)
     section, varying = rigid_section(body, pieces)
-    return BodyPlan(name, RIGID_TYPE, RIGID, Rule((1, 1), (1, 1)), section, pieces, varying=varying,
-                    cuts=tuple(s for s, _ in profile_breaks(body)))
+    return BodyPlan(name, RIGID_TYPE if bars else RIGID_FRAME, RIGID, Rule((1, 1), (1, 1)), section, pieces,
+                    varying=varying, cuts=tuple(s for s, _ in profile_breaks(body)))
 
 
 def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, BodyPlan], list[Problem]]:

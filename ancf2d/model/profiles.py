@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..case import Body, Profile, ProfileExpression, ProfileTable
-from ..elements.section import Section
+from ..case.series import series
+from ..elements.section import CONSTANTS, Section
 from ..elements.shape import Array, gauss
 from .breakpoints import breakpoints
 from .timing import Signal
@@ -20,6 +21,10 @@ from .timing import Signal
 SIDE = 1e-12
 # of the larger one: slopes of a table that differ by less are one straight line
 STRAIGHT = 1e-9
+# places along an element at which its section is compared: one that is the same there does not vary
+PLACES = np.linspace(0.0, 1.0, 9)
+# sections at so many sets of stations are kept, each of so many elements, which are found at once
+KNOWN, TOGETHER = 32, 512
 # profiles whose jumps make the strains jump
 STIFF = ("height", "width", "A", "I", "EA", "kGA", "EI", "E")
 
@@ -50,9 +55,32 @@ def _corners(table: ProfileTable) -> Iterator[tuple[float, int]]:
 
 def values(profile: float | Profile, s: Array) -> Array:
     """Return the values (n,) of a profile, or of a number, at places s (n,)."""
-    if isinstance(profile, ProfileExpression | ProfileTable):
-        return np.array([profile.value(x) for x in s.tolist()])
-    return np.full(len(s), float(profile))
+    if isinstance(profile, ProfileTable):
+        return _interpolated(profile, s)
+    if not isinstance(profile, ProfileExpression):
+        return np.full(len(s), float(profile))
+    found: Array = profile.scale * series(profile.tree, s, 0)[0]
+    if not np.isfinite(found).all():
+        # tells why, or is infinite only in a branch that is not taken
+        found = np.array([profile.value(x) for x in s.tolist()])
+    return found
+
+
+def _interpolated(table: ProfileTable, s: Array) -> Array:
+    """Return the values (n,) of a table at places s (n,), as ``ProfileTable.value`` does."""
+    places, v = np.array(table.s), np.array(table.value_)
+    i = np.searchsorted(places, s, side="right") - 1
+    inner = (i >= 0) & (i < len(places) - 1)
+    out: Array = v[np.maximum(i, 0)]
+    i = i[inner]
+    h, d = places[i + 1] - places[i], v[i + 1] - v[i]
+    x = (s[inner] - places[i]) / h
+    if table.smooth:
+        m0, m1 = h * np.array(table.slopes).T[:, i]
+        out[inner] = v[i] + x * (m0 + x * (3 * d - 2 * m0 - m1 + x * (m0 + m1 - 2 * d)))
+    else:
+        out[inner] = v[i] + d * x
+    return out
 
 
 def mean(profile: Profile) -> float:
@@ -101,15 +129,64 @@ class VaryingSection:
     body: Body
     resolve: Callable[[Body], Section]
 
-    def at(self, s: Array, first: float = 0.0, last: float = 1.0) -> Section:
-        """Return the constants at places s (n,) of the stretch from ``first`` to ``last``: arrays where they vary.
+    def at(self, s: Array, first: float | Array = 0.0, last: float | Array = 1.0) -> Section:
+        """Return the constants at places s (n,) of stretches from ``first`` to ``last``: arrays where they vary.
 
-        Where the section jumps at an end of the stretch, they are those within.
+        Where the section jumps at an end of a stretch, they are those within.
         """
-        inside = np.clip(s, first + SIDE, max(last - SIDE, first + SIDE))
+        inside = np.clip(s, first + SIDE, np.maximum(last - SIDE, first + SIDE))
         return self.resolve(with_numbers(self.body, lambda p: values(p, inside)))
 
-    @property
+    @cached_property
     def mean(self) -> Section:
         """The section of the mean values, by which sizes are judged."""
         return self.resolve(with_numbers(self.body, mean))
+
+
+class SectionsAlong:
+    """The sections of elements of one length, of a body of which something varies.
+
+    ``starts`` (n,) are the places S where they begin, ``l`` their length and ``cuts`` where the body kinks or jumps, as
+    fractions of the body's length.
+    """
+
+    def __init__(self, varying: VaryingSection, starts: Array, l: float, cuts: Sequence[float]) -> None:
+        self.varying, self.starts, self.l, self.cuts = varying, starts, l, cuts
+        self.known: dict[Any, dict[str, Any]] = {}
+        # of the element that was asked for last
+        self.last, self.now = -1, dict[bytes, Section]()
+
+    def _together(self, block: int, xi: Array) -> dict[str, Any]:
+        """Return the constants at stations of a block of elements: arrays (elements, stations) where they vary."""
+        place = (block, xi.tobytes())
+        if place not in self.known:
+            # the same few stations of one element after another are asked for, again and again
+            if len(self.known) >= KNOWN:
+                self.known.clear()
+            a = self.starts[block * TOGETHER:(block + 1) * TOGETHER, None]
+            first, last = (np.repeat(v, len(xi), axis=1).ravel() for v in (a, a + self.l))
+            found = self.varying.at((a + self.l * xi).ravel(), first, last)
+            self.known[place] = {name: v.reshape(len(a), -1) if np.ndim(v := getattr(found, name)) else v
+                                 for name in CONSTANTS}
+        return self.known[place]
+
+    def at(self, ie: int, xi: Array) -> Section:
+        """Return the section constants at stations xi (n,) of an element."""
+        stations = np.asarray(xi, dtype=float)
+        place = stations.tobytes()
+        if ie != self.last:
+            self.last, self.now = ie, {}
+        if place not in self.now:
+            k, some = ie % TOGETHER, self._together(ie // TOGETHER, stations)
+            self.now[place] = Section(**{name: v[k] if isinstance(v, np.ndarray) else v for name, v in some.items()})
+        return self.now[place]
+
+    def of(self, ie: int) -> tuple[Section, Callable[[Array], Section] | None, tuple[float, ...]]:
+        """Return the section of an element that does not vary, or the mean one with a function of xi and its cuts."""
+        a, k = float(self.starts[ie]), ie % TOGETHER
+        cuts = tuple(x for s in self.cuts if 1e-9 < (x := (s - a) / self.l) < 1.0 - 1e-9)
+        at = self._together(ie // TOGETHER, PLACES)
+        if cuts or not all(np.ndim(v) == 0 or np.all(v[k] == v[k, 0]) for v in at.values()):
+            return self.varying.mean, partial(self.at, ie), cuts
+        numbers: dict[str, Any] = {name: float(v[k, 0] if np.ndim(v) else v) for name, v in at.items()}
+        return replace(self.varying.mean, **numbers), None, ()

@@ -81,7 +81,7 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
         alpha = (body.material.alpha if body.material else None) or 0.0
         return _from_stiffness(body.section, element, formulation, alpha)
     if isinstance(body.section, Layers):
-        return _from_layers(body.section, element, formulation, k)
+        return _from_layers(body.section, k)
     material = body.material
     # a case without them is refused
     assert material is not None
@@ -104,12 +104,7 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
                    alpha=material.alpha or 0.0)
 
 
-def _from_layers(given: Layers, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
-    """Return the section of layers. Sections that warp by themselves have their own shear factor, 1."""
-    if element.common_coefficients or formulation.name in ("enhanced", "strain_split"):
-        what = "ties y^2 to x^2" if element.common_coefficients else f"has no layers in formulation {formulation.name}"
-        raise SectionError(("section", "layers"), f"{element.name} {what}",
-                           "formulation continuum or structural, or a type of cable, reissner3, vallejo, ancf")
+def _from_layers(given: Layers, k: str | float | None) -> Section:
     heights = [layer.height for layer in given.layers]
     E, total = [float(layer.material.E) for layer in given.layers], sum(heights)  # type: ignore[arg-type]
     ends = np.concatenate([[0.0], np.cumsum(heights)])
@@ -122,10 +117,7 @@ def _from_layers(given: Layers, element: ElementType, formulation: Formulation, 
         m = layer.material
         layers.append(Layer(low, high, e, m.nu or 0.0, float(m.rho or 0.0), m.alpha or 0.0))  # type: ignore[arg-type]
     section = laminate(given.width, tuple(layers), k if isinstance(k, float) else 1.0)
-    if given.axis == "centroid":
-        section = replace(section, ES=0.0)
-    warps = not is_axis_type(element) and formulation.name == "continuum" and element.degree_y > 2
-    return replace(section, k_s=k if isinstance(k, float) else 1.0) if warps else section
+    return replace(section, ES=0.0) if given.axis == "centroid" else section
 
 
 def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alpha: float) -> Section:

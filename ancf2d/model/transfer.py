@@ -52,6 +52,10 @@ def _alike(old: BodyMesh, new: BodyMesh) -> bool:
 def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:
     """Fill in the coordinates of a body: displacements and their derivatives at its nodes."""
     element = new.plan.element
+    if new.plan.rigid:
+        # its mesh is always the same
+        out[new.dofs] = d[old.dofs]
+        return
     nc = element.components
     for c, (node, name) in enumerate(element.functionals):
         at = element.nodes[node].at

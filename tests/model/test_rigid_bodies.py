@@ -6,8 +6,12 @@ import helpers
 import numpy as np
 import pytest
 
+import ancf2d
 from ancf2d.errors import CaseError
+from ancf2d.model.mechanism import rigid_motion
 from ancf2d.model.mesh import mass_matrix
+from ancf2d.model.point_patch import dot
+from ancf2d.model.points import point_ref
 from ancf2d.solvers.linear import full_mass
 
 PIN = [{"type": "pin", "at": "b@0"}]
@@ -110,7 +114,6 @@ def test_rigid_bodies_have_no_strain_and_no_group():
 
 
 @pytest.mark.parametrize(("body", "word"), [
-    (rigid(helpers.ARC), "straight"),
     (rigid(quadrature=[2, 2]), "quadrature has no effect"),
     (rigid(formulation="cable"), "formulation has no effect"),
 ])
@@ -242,3 +245,64 @@ def test_a_slider_that_is_not_on_its_line_is_refused():
     slider = {"type": "slider", "at": "b@1", "through": [0, 0.5], "along": [2, 0]}
     with pytest.raises(CaseError, match=r"b@1 is at \(1, 0\), 0\.5 away from the line"):
         helpers.build({"b": body}, bc=PIN, joints=[slider])
+
+
+RING = {"type": "arc", "center": [0.3, -0.2], "radius": 2.0, "from": 2.8, "to": -0.4}
+ELLIPSE = {"type": "curve", "x": "2*cos(2*pi*s)", "y": "sin(2*pi*s)", "closed": True}
+SPLINE = {"type": "spline", "points": [[0, 0], [1, 0.4], [2, 0], [2.5, -1]]}
+PATH = {"type": "path", "start": [0, 0], "heading": 0.3,
+        "pieces": [{"line": 1}, {"arc": 0.5, "angle": 2.0}, {"line": 0.4}]}
+BAR = {"height": 0.2, "width": 0.1}
+
+
+def test_a_rigid_arc_has_the_mass_centre_and_inertia_of_an_arc():
+    model = model_of(rigid(RING, section=BAR, material={"rho": 10.0}))
+    R, half = 2.0, 1.6
+    mass, inertia = 10.0 * 0.02 * 2 * half * R, 10.0 * 0.1 * 0.2**3 / 12 * 2 * half * R
+    off, angle = R * np.sin(half) / half, 2.8 - half
+    centre = np.array([0.3, -0.2]) + off * np.array([np.cos(angle), np.sin(angle)])
+
+    def energy(vx, vy, omega):
+        coords = np.arange(model.n_q)
+        motions = rigid_motion(model.meshes["b"], coords, model.e0, centre)
+        return kinetic(model, motions @ [vx, vy, omega])
+
+    assert energy(0.6, -0.8, 0.0) == pytest.approx(0.5 * mass, rel=1e-13)
+    about = mass * (R**2 - off**2) + inertia
+    assert energy(0.0, 0.0, 1.5) == pytest.approx(0.5 * about * 1.5**2, rel=1e-13)
+    assert energy(0.6, -0.8, 1.5) == pytest.approx(0.5 * mass + 0.5 * about * 1.5**2, rel=1e-13)
+
+
+@pytest.mark.parametrize("geometry", [RING, ELLIPSE, SPLINE, PATH])
+def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
+    model = model_of(rigid(geometry, section=BAR, mass=3.0))
+    turn = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
+    frame = model.e0.reshape(-1, 2)
+    turned = np.concatenate([frame[:1], frame[1:] @ turn.T]).ravel()
+    for s in (0.0, 0.13, 0.5, 0.87, 1.0):
+        r, angle = model.meshes["b"].plan.position(s)
+        for y in (0.0, 0.05):
+            there = r + y * np.array([-np.sin(angle), np.cos(angle)])
+            columns = point_ref(model.meshes["b"], s, y).position()
+            np.testing.assert_allclose([dot(c, model.e0) for c in columns], there, atol=1e-13)
+            moved = frame[0] + turn @ (there - frame[0])
+            np.testing.assert_allclose([dot(c, turned) for c in columns], moved, atol=1e-13)
+
+
+@pytest.mark.parametrize("geometry", [RING, ELLIPSE, SPLINE, PATH])
+def test_a_spring_turns_a_rigid_curve_against_its_inertia_alone(geometry):
+    body = rigid(geometry, section=BAR, mass=3.0, inertia=0.7)
+    plan = model_of(body).meshes["b"].plan
+    axis = np.array([plan.position(s)[0] for s in (np.arange(4000) + 0.5) / 4000])
+    J = 0.7 + 3.0 * np.sum((axis.mean(axis=0) - axis[0]) ** 2)
+    case = {"bodies": {"b": body}, "boundary_conditions": PIN, "springs": [HINGE],
+            "solver": {"type": "eigen", "modes": 1}}
+    (mode,) = ancf2d.solve(case, states=False).summary["frequencies"]
+    assert mode["omega"] == pytest.approx(J**-0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("hold", [None, "section"])
+def test_a_clamp_holds_all_of_a_rigid_curve(hold):
+    clamp = [{"type": "clamp", "at": "b@0.4", **({"hold": hold} if hold else {})}]
+    model = model_of(rigid(RING, mass=1.0), bc=clamp, springs=[])
+    assert model.numbering.n_unknowns == 0

@@ -29,6 +29,7 @@ def strip(kind: Any, layers: list[dict[str, Any]], loads: list[dict[str, Any]], 
           formulation: str | None = None, **more: Any) -> dict[str, Any]:
     element: dict[str, Any] = {"type": kind} if isinstance(kind, str) else {"type": "ancf", "order": kind}
     element |= {"count": count, **({"formulation": formulation} if formulation else {})}
+    element |= {"quadrature": more.pop("quadrature")} if "quadrature" in more else {}
     section = {"width": WIDTH, "layers": layers, "axis": axis}
     return {"bodies": {"strip": {"geometry": {"type": "line", "start": [0, 0], "end": [L, 0]}, "section": section,
                                  "element": element}},
@@ -64,6 +65,47 @@ def test_a_bimetal_continuum_bends_so_away_from_its_ends(low: float, high: float
     found = probes(case)
     curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
     assert curvature == pytest.approx(-timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-6)
+
+
+@pytest.mark.parametrize("formulation", ["enhanced", "strain_split"])
+@pytest.mark.parametrize("axis", ["middle", 0.0])
+@pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
+def test_bimetal_strips_bend_so_where_sections_stretch_evenly(formulation: str, axis: Any, low: float, high: float,
+                                                             E1: float, E2: float) -> None:
+    """Whatever nu the layers have, and wherever the axis is."""
+    layers = [layer(low, E1, 1e-5, nu=0.1), layer(high, E2, 2.5e-5)]
+    found = probes(strip("vallejo", layers, HEAT, axis, 16, formulation))
+    curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
+    assert curvature == pytest.approx(-timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-9)
+
+
+@pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
+def test_bimetal_strips_bend_so_where_y2_is_tied_to_x2_by_nu(low: float, high: float, E1: float, E2: float) -> None:
+    found = probes(strip("2d3n-nu", [layer(low, E1, 1e-5), layer(high, E2, 2.5e-5)], HEAT, count=16))
+    curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
+    assert curvature == pytest.approx(-timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-3)
+
+
+SANDWICH = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
+
+
+@pytest.mark.parametrize(("kind", "formulation", "within"), [
+    ("vallejo", "enhanced", 1e-3), ("vallejo", "strain_split", 1e-3), ("li", "enhanced", 1e-3),
+    ("vallejo", "continuum", 0.01), ([2, 2], "continuum", 0.01), ([2, 2], "enhanced", 0.02),
+    ([3, 3], "continuum", 0.02),
+    ("2d3n-nu", "continuum", 0.04),
+])
+def test_a_short_sandwich_shears_as_equilibrium_asks(kind: Any, formulation: str, within: float) -> None:
+    """Of its deflection 30 % are shear; ends of a clamp, and what each type cannot follow of the section, remain."""
+    EA, ES, EI = moments(SANDWICH, 2.25e-3)
+    ends = np.cumsum([0.0, *(h for h, _ in SANDWICH)]) - 2.25e-3
+    kGA = laminate(WIDTH, tuple(Layer(a, b, E, 0.3, 0, 0) for (a, b), (_, E)
+                                in zip(pairwise(ends), SANDWICH, strict=True))).kGA
+    case = strip(kind, [layer(h, E) for h, E in SANDWICH], [{"type": "force", "at": "strip@1", "value": [0, F]}],
+                 formulation=formulation, count=8)
+    case["bodies"]["strip"]["geometry"]["end"] = [0.04, 0]
+    expected = F * 0.04**3 / (3 * (EI - ES**2 / EA)) + F * 0.04 / kGA
+    assert probes(case)["tip"]["uy"] == pytest.approx(expected, rel=within)
 
 
 @pytest.mark.parametrize("kind", ["reissner3", [3, 3]])
@@ -146,8 +188,7 @@ def test_frequencies_do_not_depend_on_where_the_axis_lies() -> None:
 
 @pytest.mark.parametrize(("kind", "changes", "says"), [
     ("reissner3", {"solver": {"type": "eigen", "modes": 1}}, "mass lies"),
-    ("2d2n", {}, "ties y\\^2 to x\\^2"),
-    ("vallejo", {"formulation": "enhanced"}, "has no layers in formulation enhanced"),
+    ("vallejo", {"formulation": "continuum", "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one rule"),
 ])
 def test_what_layers_cannot_be_is_refused(kind: str, changes: dict[str, Any], says: str) -> None:
     case = strip(kind, [layer(1e-3, 2e11, rho=7800), layer(2e-3, 1e11)], [], **changes)

@@ -6,13 +6,17 @@ One strain function serves them all; they differ by the constant matrix between 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..definition import ElementType
-from ..section import Section
+from ..section import Section, shear_flow
 from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, rule_points
+from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section
+
+# points across a layer that integrate squares of its shear stress
+POINTS = 6
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -87,14 +91,46 @@ def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Arra
 _NORMAL = np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
 
 
+def _across(section: Section, points: int) -> tuple[Array, Array]:
+    """Return eta of so many Gauss points across a section, across each of its layers, and their weights (sum 1)."""
+    y, w = gauss(points)
+    if not section.layers:
+        return 2 * y - 1, w
+    thick = [layer.top - layer.bottom for layer in section.layers]
+    heights = [layer.bottom + t * y for layer, t in zip(section.layers, thick, strict=True)]
+    return np.concatenate(heights) * (2.0 / section.height), np.concatenate([t * w for t in thick]) / section.height
+
+
+def _rule_points(sampler: Sampler, rule: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Return xi, eta and weights (sum 1) of a rule, whose points across are those of each layer; x slowest."""
+    (x, wx), (eta, wy) = gauss(rule[0]), _across(sampler.section, rule[1])
+    return np.repeat(x, len(eta)), np.tile(eta, len(x)), np.outer(wx, wy).ravel()
+
+
+def _elasticity_at(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array]:
+    """Return D and D0 at points. Those of layers have the nu of the section, whose stretch across is one for all."""
+    section = sampler.at(xi)
+    if not section.layers:
+        return elasticity(section)
+    y = 0.5 * section.height * eta
+    k = _shear_share(sampler, apart=False)
+    E, G = (section.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: k * l.G))
+    return elasticity(replace(section, E=E, kGA=G * section.height * section.width, layers=()))
+
+
 def _stations(sampler: Sampler, rule: tuple[int, int], choose: Callable[[Array, Array], Array],
               ) -> tuple[Array, Array, Array]:
     """Sample with the stiffness that is chosen of D and D0."""
-    xi, eta, w = rule_points(rule)
+    xi, eta, w = _rule_points(sampler, rule)
     B, ref, det = _points(sampler, xi, eta)
     section = sampler.at(xi)
     volume = w * det * sampler.shape.l * section.height * section.width
-    return B, ref, volume[:, None, None] * choose(*elasticity(section))
+    return B, ref, volume[:, None, None] * choose(*_elasticity_at(sampler, xi, eta))
+
+
+def _centroid(section: Section) -> float:
+    """Return eta of the centroid of stiffness: 0, or beside the axis of layers."""
+    return 2.0 * section.ES / (section.EA * section.height) if section.layers else 0.0
 
 
 def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -108,18 +144,22 @@ def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]
 
 
 def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample the enhanced form: D0 over the volume, D - D0 on the axis only."""
-    axis = _stations(sampler, (rule.normal[0], 1), lambda D, D0: D - D0)
+    """Sample the enhanced form: D0 over the volume, D - D0 on the axis only, of layers on the line of centroids."""
+    x, w = gauss(rule.normal[0])
+    B, ref, det = _points(sampler, x, np.full(len(x), _centroid(sampler.section)))
+    section = sampler.at(x)
+    D, D0 = elasticity(section)
+    axis = B, ref, (w * det * sampler.shape.l * section.height * section.width)[:, None, None] * (D - D0)
     if rule.uniform:
         return join(_stations(sampler, rule.normal, lambda D, D0: D0), axis)
     return join(_stations(sampler, rule.normal, lambda D, D0: D0 * _NORMAL),
                 _stations(sampler, rule.shear, lambda D, D0: D0 - D0 * _NORMAL), axis)
 
 
-def _split_points(rule: Rule) -> tuple[Array, Array]:
-    """Return xi and eta of points that share x, of which the first is on the axis."""
-    (x, _), (y, _) = gauss(rule.normal[0]), gauss(rule.normal[1])
-    return np.repeat(x, len(y) + 1), np.tile(np.concatenate([[0.0], 2 * y - 1]), len(x))
+def _split_points(sampler: Sampler, rule: Rule) -> tuple[Array, Array]:
+    """Return xi and eta of points that share x, of which the first is on the axis, of layers at their centroid."""
+    x, (eta, _) = gauss(rule.normal[0])[0], _across(sampler.section, rule.normal[1])
+    return np.repeat(x, len(eta) + 1), np.tile(np.concatenate([[_centroid(sampler.section)], eta]), len(x))
 
 
 def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
@@ -127,12 +167,12 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
 
     This is Patel & Shabana's energy with its symmetric part: points that share x form one station.
     """
-    nx, ny = rule.normal
-    wx, wy = gauss(nx)[1], gauss(ny)[1]
-    xi, eta = _split_points(rule)
+    nx, wx, wy = rule.normal[0], gauss(rule.normal[0])[1], _across(sampler.section, rule.normal[1])[1]
+    ny = len(wy)
+    xi, eta = _split_points(sampler, rule)
     B, ref, det = _points(sampler, xi, eta)
     section = sampler.at(xi)
-    D, D0 = (np.broadcast_to(m, (len(xi), 3, 3)).reshape(nx, ny + 1, 3, 3) for m in elasticity(section))
+    D, D0 = (np.broadcast_to(m, (len(xi), 3, 3)).reshape(nx, ny + 1, 3, 3) for m in _elasticity_at(sampler, xi, eta))
     volume = np.outer(wx, np.concatenate([[0.0], wy])).ravel() * det
     volume = (volume * sampler.shape.l * section.height * section.width).reshape(nx, ny + 1)
     n_dof = B.shape[-1]
@@ -145,26 +185,44 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
     return B.reshape(nx, 4 * (ny + 1), n_dof), ref.reshape(nx, 4 * (ny + 1)), DD
 
 
-def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array) -> Array:
+def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array, even: bool = False) -> Array:
     """Return what points (n, 3) of a free element are stretched by along and across, without shear.
 
     Fibres of a curved reference are shorter on its inner side, so that a curvature stretches them more. Temperature
     stretches alike in all directions as far as the section can: its gradient needs a y^2 of its own, and sections whose
-    y^2 is tied to x^2 stretch across as they bend.
+    y^2 is tied to x^2 stretch across as they bend. With ``even`` all layers stretch alike across.
     """
     axial, curvature, value, gradient = free(xi)
     section, element = sampler.at(xi), sampler.shape.element
     y = 0.5 * section.height * eta
     alpha = section.of_layer(y, lambda layer: layer.alpha, section.alpha)
-    length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0[:, :2], axis=1)
-                    for at in (eta, 0.0 * eta))
-    along = (axial - curvature * y) * axis / length + alpha * (value + gradient * y)
+    along = (axial - curvature * y) * _fibres(sampler, xi, eta) + alpha * (value + gradient * y)
+    alpha = section.alpha if even or element.common_coefficients else alpha
     across = alpha * value
     if element.common_coefficients:
-        across = across + _tied(sampler) * (curvature - alpha * gradient) * y
+        across = across + _tied(sampler) * section.free(axial, curvature, value, gradient)[1] * y
     elif element.degree_y > 1:
         across = across + alpha * gradient * y
     return np.stack([along, across, np.zeros_like(along)], axis=1)
+
+
+def _fibres(sampler: Sampler, xi: Array, eta: Array) -> Array:
+    """Return the length of the axis over that of the fibre at points of a curved reference (n,)."""
+    length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0[:, :2], axis=1)
+                    for at in (eta, 0.0 * eta))
+    shares: Array = axis / length
+    return shares
+
+
+def natural_on_axis(sampler: Sampler, free: Free, xi: Array) -> Array:
+    """Return what the axis (n, 3) of a free element is stretched by; of layers the line of their centroids, with which
+    they are stretched as a whole."""
+    eta = np.full(len(xi), _centroid(sampler.section))
+    out = natural_at(sampler, free, xi, eta, even=True)
+    if sampler.section.layers:
+        axial, curvature, _ = of_section(sampler, free, xi)
+        out[:, 0] = (axial - 0.5 * sampler.section.height * eta * curvature) * _fibres(sampler, xi, eta)
+    return out
 
 
 def _tied(sampler: Sampler) -> float:
@@ -174,16 +232,6 @@ def _tied(sampler: Sampler) -> float:
         if {(2, 0), (0, 2)} <= set(factors):
             return factors[0, 2] / factors[2, 0]
     return 0.0
-
-
-def _layer_points(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Return xi, eta and weights across [m] of the points of all layers at each place along, place by place."""
-    half = 0.5 * sampler.section.height
-    (x, _), (y, wy) = gauss(rule.normal[0]), gauss(rule.normal[1])
-    layers = sampler.section.layers
-    eta = np.concatenate([(l.bottom + (l.top - l.bottom) * y) / half for l in layers])
-    w = np.concatenate([(l.top - l.bottom) * wy for l in layers])
-    return np.repeat(x, len(eta)), np.tile(eta, len(x)), np.tile(w, len(x))
 
 
 def _jumps(sampler: Sampler, eta: Array, w: Array) -> Array:
@@ -205,6 +253,23 @@ def _jumps(sampler: Sampler, eta: Array, w: Array) -> Array:
     return np.linalg.svd(left, full_matrices=False)[0][:, :own.max() * (degree + 1)] / root
 
 
+def _shear_share(sampler: Sampler, apart: bool) -> float:
+    """Return the shear factor that gives layers kGA, whose shear strain is what sections of the type can have of it.
+
+    Equilibrium asks for tau(y). A section is strained by the polynomial in y that does the same work; where layers
+    strain ``apart``, each as it likes, tau itself becomes that polynomial.
+    """
+    section, degree = sampler.section, sampler.shape.element.degree_y
+    eta, w = _across(section, POINTS)
+    y, w = 0.5 * section.height * eta, w * section.height * section.width
+    tau = shear_flow(section.layers, (section.EA, section.ES, section.EI), y)
+    G = section.of_layer(y, lambda l: l.G, 0.0)
+    powers = eta[:, None] ** np.arange(degree)
+    weight = w if apart else w * G
+    share = powers @ np.linalg.solve(powers.T @ (weight[:, None] * powers), powers.T @ (w * tau))
+    return section.kGA * float(w @ (share**2 / G if apart else share**2 * G))
+
+
 def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample a section of layers: the points at one place along are one station.
 
@@ -213,18 +278,18 @@ def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     assumed strains; Simo & Rifai 1990). Their mean over the section is zero.
     """
     nx, section = rule.normal[0], sampler.section
-    xi, eta, across = _layer_points(sampler, rule)
+    xi, eta, w = _rule_points(sampler, rule.normal)
     B, ref, det = _points(sampler, xi, eta)
     P, y = len(xi) // nx, 0.5 * section.height * eta
     E, nu, G = (section.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: l.nu, lambda l: l.G))
-    volume = (np.repeat(gauss(nx)[1], P) * across * det * sampler.shape.l * section.width).reshape(nx, P)
+    volume = (w * det * sampler.shape.l * section.height * section.width).reshape(nx, P)
     D = np.zeros((len(xi), 3, 3))
     D[:, 0, 0] = D[:, 1, 1] = E / (1.0 - nu**2)
     D[:, 0, 1] = D[:, 1, 0] = nu * D[:, 0, 0]
-    D[:, 2, 2] = section.k_s * G
+    D[:, 2, 2] = _shear_share(sampler, apart=True) * G
     stiffness = (volume.reshape(-1, 1, 1) * D).reshape(nx, P, 3, 3)
     out = np.zeros((nx, 3 * P, 3 * P))
-    modes = _jumps(sampler, eta[:P], across[:P])
+    modes = _jumps(sampler, eta[:P], w[:P])
     for i in range(nx):
         for p in range(P):
             out[i, 3 * p:3 * p + 3, 3 * p:3 * p + 3] = stiffness[i, p]
@@ -237,22 +302,29 @@ def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 def natural_continuum(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return the natural strains at the points of the rule, or of the two rules."""
-    if sampler.section.layers:
-        return natural_at(sampler, free, *_layer_points(sampler, rule)[:2]).reshape(rule.normal[0], -1)
+    found = _natural_over(sampler, rule, free, even=False)
+    # layers at one place along are one station
+    return found.reshape(rule.normal[0], -1) if sampler.section.layers else found
+
+
+def _natural_over(sampler: Sampler, rule: Rule, free: Free, even: bool) -> Array:
     rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
-    return np.concatenate([natural_at(sampler, free, *rule_points(r)[:2]) for r in rules])
+    return np.concatenate([natural_at(sampler, free, *_rule_points(sampler, r)[:2], even) for r in rules])
 
 
 def natural_enhanced(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return the natural strains of the volume, then those of the axis."""
-    axis = natural_at(sampler, free, *rule_points((rule.normal[0], 1))[:2])
-    return np.concatenate([natural_continuum(sampler, rule, free), axis])
+    axis = natural_on_axis(sampler, free, gauss(rule.normal[0])[0])
+    return np.concatenate([_natural_over(sampler, rule, free, even=True), axis])
 
 
 def natural_strain_split(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return the natural strains of the points that share x, the axis first."""
-    nx, ny = rule.normal
-    return natural_at(sampler, free, *_split_points(rule)).reshape(nx, 3 * (ny + 1))
+    xi, eta = _split_points(sampler, rule)
+    nx = rule.normal[0]
+    found = natural_at(sampler, free, xi, eta, even=True).reshape(nx, -1, 3)
+    found[:, 0] = natural_on_axis(sampler, free, xi.reshape(nx, -1)[:, 0])
+    return found.reshape(nx, -1)
 
 
 def _stress(strain: Array, axis: Array, D: Array, D0: Array) -> tuple[Array, Array]:
