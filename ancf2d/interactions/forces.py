@@ -62,12 +62,16 @@ class Patch(Protocol):
 
 @dataclass
 class LoadSet:
-    """Everything that acts on the model; ``springs`` are loads that are stiff, as springs are, before they act."""
+    """Everything that acts on the model; ``springs`` are loads that are stiff, as springs are, before they act.
+
+    ``guides`` are the tendons along bodies among them, whose tension the sections of their body do not bear.
+    """
 
     dead: list[DeadLoad] = field(default_factory=list)
     patches: list[Patch] = field(default_factory=list)
     natural: list[NaturalStrain] = field(default_factory=list)
     springs: list[Any] = field(default_factory=list)
+    guides: list[Any] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ The potential of a tendon is a function of its length alone (``tendon_laws``).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -19,13 +20,14 @@ from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import POINT, POSITION, GroundPoint, Point, Probe
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, THETA
-from ..model.mesh import BodyMesh
+from ..elements.shape import Array
+from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import NOTHING, Field, PointPatch, position_fields, turn_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import breaks, values
 from .body_loads import VARYING, covered
 from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
-from .tendon_laws import ELASTIC, TENSION, piece
+from .tendon_laws import ELASTIC, TENSION, piece, taut
 
 # fields of an elastic tendon: the stiffness between all of them is one matrix
 MOST = 504
@@ -45,6 +47,11 @@ class ElasticTendon(PointPatch):
         zero = np.zeros(len(self.p0))
         self.rest = sum(float(np.hypot(*piece(self.p0, zero, zero, at, size))) for at in range(0, len(zero), size))
         self.par[1] = self.slack = self.rest
+
+    def tension(self, d: Array, t: float) -> float:
+        """Return the tension [N] at displacements d (n_q,)."""
+        length = 1.0 if self.signal is None else self.signal(t)
+        return float(taut(self.p0, self.G @ d[self.dofs[0]], length, self.par, int(self.par[3]))[1])
 
     def tighten(self, share: float) -> None:
         """Do nothing: without slack it does not pull in the reference."""
@@ -126,6 +133,37 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                     else:
                         out.append(_scaled(along, weight))
     return out
+
+
+@dataclass(frozen=True)
+class Guide:
+    """A tendon guided along a body from S = ``first`` to ``last`` at ``y`` off its axis.
+
+    ``cover`` integrates along it: (elements, points xi, weights in m). ``tension(d, t)`` is its tension [N].
+    """
+
+    mesh: BodyMesh
+    first: float
+    last: float
+    y: float | Profile
+    cover: list[tuple[Index, Array, Array]]
+    tension: Callable[[Array, float], float]
+
+    def offsets(self, s: Array) -> tuple[Array, Array]:
+        """Return y and dy/dx at places S (n,), 0 for a curve whose tendon is on its axis, with moments at its ends."""
+        if isinstance(self.y, float):
+            on_axis = self.mesh.plan.element.section_kind == "tangent"
+            return np.full(len(s), 0.0 if on_axis else self.y), np.zeros(len(s))
+        ends = [self.first, *(x for x, _ in breaks(self.y) if self.first < x < self.last), self.last]
+        k = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
+        found = [_offset(self.y, x, ends[i], ends[i + 1]) for x, i in zip(s.tolist(), k.tolist(), strict=True)]
+        y, slope = np.array(found).T
+        return y, slope / self.mesh.plan.length
+
+
+def _cover(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[tuple[Index, Array, Array]]:
+    ends = [s0, *(s for s, _ in _breaks(y) if s0 < s < s1), s1]
+    return [part for a, b in pairwise(ends) for part in covered(mesh, a, b, more)]
 
 
 def _breaks(y: float | Profile) -> tuple[tuple[float, int], ...]:
@@ -212,8 +250,12 @@ class Tendon:
                 not isinstance(self.y, float) or self.stiffness is not None):
             raise LoadError(("y",), f"{plan.element.name} guides a tendon off its axis only if the tension is given "
                             "and the distance constant", "reissner3, an ANCF type, or through")
-        more = FEW if self.stiffness is not None else 0 if isinstance(self.y, float) else VARYING
-        return guided(context.meshes[self.on], self.from_, self.to, self.y, more)
+        return guided(context.meshes[self.on], self.from_, self.to, self.y, self._more)
+
+    @property
+    def _more(self) -> int:
+        """Points along each element beside those of line loads."""
+        return FEW if self.stiffness is not None else 0 if isinstance(self.y, float) else VARYING
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the tendon: each piece by itself where its tension is given, all together where it is elastic.
@@ -221,6 +263,14 @@ class Tendon:
         Raises LoadError where its body cannot have it.
         """
         pieces = self._pieces(context)
+        tension = self._put(context, out, pieces)
+        if self.on is not None:
+            mesh = context.meshes[self.on]
+            cover = _cover(mesh, self.from_, self.to, self.y, self._more)
+            out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, tension))
+
+    def _put(self, context: LoadContext, out: LoadSet, pieces: list[list[Field]]) -> Callable[[Array, float], float]:
+        """Add the pieces, and return the tension as a function of displacements and time."""
         size = max(map(len, pieces))
         pieces = [[*p, *[NOTHING] * (size - len(p))] for p in pieces]
         if self.stiffness is not None:
@@ -228,14 +278,16 @@ class Tendon:
             if len(fields) > MOST:
                 raise LoadError(("stiffness",), f"an elastic tendon couples all its {len(pieces)} pieces: too many",
                                 f"fewer elements or eyelets, at most {MOST // size} pieces")
-            out.springs.append(ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude))
-            return
-        assert self.tension is not None
-        out.patches += [PointPatch(TENSION, p, [self.tension, size], context.amplitude) for p in pieces]
+            tendon = ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude)
+            out.springs.append(tendon)
+            return tendon.tension
+        given = self.tension
+        assert given is not None
+        out.patches += [PointPatch(TENSION, p, [given, size], context.amplitude) for p in pieces]
         if (self.on is not None and isinstance(self.y, float)
                 and context.meshes[self.on].plan.element.section_kind == "tangent"):
             # the length of a line y off the axis of an unsheared beam is that of the axis less y times what it turns
             for end, sign in ((self.to, 1.0), (self.from_, -1.0)):
                 kind, turning = turn_fields(context.point(Point(self.on, end)))
-                out.patches.append(PointPatch(MOMENT, turning, [sign * self.tension * self.y, kind],
-                                              context.amplitude))
+                out.patches.append(PointPatch(MOMENT, turning, [sign * given * self.y, kind], context.amplitude))
+        return lambda d, t: given * context.amplitude(t)

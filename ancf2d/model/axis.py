@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from ..case import CurveGeometry, Spline
 from ..case.series import Series, derivative, power, product, series
-from ..case.syntax import syntax
+from ..case.syntax import Tree, syntax
 from ..elements.shape import Array, gauss
+from .breakpoints import Break, switches
 
 # Gauss points of a panel; its length is known to so much of the whole curve's
 POINTS, EXACT = 16, 2e-15
@@ -23,6 +25,9 @@ TURN, SPEED = 1.0, 2.0
 PANELS, HALVINGS = 20_000, 36
 # where panels are divided, and expressions at first: no place where a case would have a corner
 DIVIDED, FIRST = 0.5278640450004206, (0.0, 0.2763932022500211, 0.4836, 0.7639320225002102, 1.0)
+# derivatives of a curve that are compared where a condition switches, and by how much they may differ; switches closer
+# than this are one
+JUMPS, SAME, TOUCH = 4, 1e-9, 1e-9
 # of the whole: ends of a closed curve, and directions there [rad], that are apart by less are together
 CLOSED = 1e-6
 
@@ -89,11 +94,12 @@ class Smooth:
 
     ``taylor(u, n)`` gives its Taylor coefficients (n + 1, places); ``edges`` are values of u from one end to the other
     between which it has all derivatives. Between them the curve is divided into panels until Gauss points give the
-    length of each exactly; places are then found by Newton's method. Raises AxisError where the curve jumps, has a
-    corner, or stands still.
+    length of each exactly; places are then found by Newton's method. Of directions at its start that differ by full
+    turns it has the one next to ``angle``. Raises AxisError where the curve jumps, has a corner, or stands still.
     """
 
-    def __init__(self, taylor: Callable[[Array, int], Series], edges: Array, variable: str = "s") -> None:
+    def __init__(self, taylor: Callable[[Array, int], Series], edges: Array, variable: str = "s",
+                 angle: float | None = None) -> None:
         self._taylor, self._variable = taylor, variable
         self._x, self._w = gauss(POINTS)
         self._u = self._panels(np.asarray(edges, dtype=float))
@@ -103,7 +109,9 @@ class Smooth:
         rates = self._rate(self._u)
         turns = np.angle(rates[1:] / rates[:-1])
         self._direction = rates
-        self._angle = np.angle(rates[0]) + np.concatenate([[0.0], np.cumsum(turns)])
+        start = float(np.angle(rates[0]))
+        start += 0.0 if angle is None else 2 * math.pi * round((angle - start) / (2 * math.pi))
+        self._angle = start + np.concatenate([[0.0], np.cumsum(turns)])
         self.turning = float(np.abs(turns).sum())
 
     def _rate(self, u: Array) -> NDArray[np.complex128]:
@@ -206,9 +214,14 @@ class Smooth:
 
     @cached_property
     def ends(self) -> tuple[complex, complex, float]:
-        """The first and the last point, and the angle by which the direction there is another one than at first."""
+        """The first and the last point, and the direction at the first one."""
         z, theta = self.place(np.array([0.0, self.length]))
-        return complex(z[0]), complex(z[1]), math.remainder(float(theta[1] - theta[0]), 2 * math.pi)
+        return complex(z[0]), complex(z[1]), float(theta[0])
+
+    @cached_property
+    def last_angle(self) -> float:
+        """The direction at the end."""
+        return float(self.place(np.array([self.length]))[1][0])
 
 
 def check_closed(start: complex, end: complex, turned: float, length: float) -> None:
@@ -222,7 +235,7 @@ def check_closed(start: complex, end: complex, turned: float, length: float) -> 
                         "direction in which it starts", "a curve that ends in the direction in which it starts")
 
 
-def spline(geometry: Spline) -> tuple[Smooth, list[float]]:
+def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
     """Return the curve through the points of a spline, and the arc lengths of the points between its ends."""
     # only splines need it
     from scipy.interpolate import CubicSpline
@@ -243,13 +256,50 @@ def spline(geometry: Spline) -> tuple[Smooth, list[float]]:
         return out
 
     curve = Smooth(taylor, u, "the length of its chords")
-    return curve, [float(curve._s[np.searchsorted(curve._u, knot)]) for knot in u[1:-1]]
+    return [curve], [float(curve._s[np.searchsorted(curve._u, knot)]) for knot in u[1:-1]]
 
 
-def curve(geometry: CurveGeometry) -> Smooth:
-    """Return the curve that a body's expressions in s describe."""
+def curve(geometry: CurveGeometry) -> list[Smooth]:
+    """Return the curve that a body's expressions in s describe, parted where its derivatives jump.
+
+    Raises AxisError where it jumps itself, or has a corner.
+    """
     x, y = syntax(geometry.x, "s"), syntax(geometry.y, "s")
-    made = Smooth(lambda s, n: series(x, s, n) + 1j * series(y, s, n), np.array(FIRST))
+
+    def taylor(s: Array, n: int) -> Series:
+        return series(x, s, n) + 1j * series(y, s, n)
+
+    found: list[Smooth] = []
+    for first, last in pairwise(_smooth_stretches([x, y], taylor)):
+        # up to the end of a stretch, conditions are what they are within it
+        edges = first.t + np.array(FIRST) * (last.before - first.t)
+        part = Smooth(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
+                      edges, angle=found[-1].last_angle if found else None)
+        if found:
+            _check_goes_on(found[-1], part, first.t)
+        found.append(part)
     if geometry.closed:
-        check_closed(*made.ends, made.length)
-    return made
+        length = sum(part.length for part in found)
+        turned = math.remainder(found[-1].last_angle - found[0].ends[2], 2 * math.pi)
+        check_closed(found[0].ends[0], found[-1].ends[1], turned, length)
+    return found
+
+
+def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series]) -> list[Break]:
+    """Return where stretches of a curve begin, and where it ends: conditions switch there, and derivatives jump."""
+    places = [b for tree in trees for b in switches(tree, 0.0, 1.0) if b.t < 1.0]
+    out = [Break(0.0, 0, 0.0)]
+    for b in sorted(places, key=lambda b: b.t):
+        before, after = taylor(np.array([b.before, b.t]), JUMPS).T
+        size = np.maximum(np.abs(before), np.abs(after)) + np.abs(after[1])
+        if b.t > out[-1].t + TOUCH and not np.all(np.abs(after - before) <= SAME * size):
+            out.append(b)
+    return [*out, Break(1.0, 0, 1.0)]
+
+
+def _check_goes_on(before: Smooth, after: Smooth, s: float) -> None:
+    """Raise AxisError where one stretch of a curve does not go on from the one before in its direction."""
+    gap, corner = abs(after.ends[0] - before.ends[1]), abs(after.ends[2] - before.last_angle)
+    if gap > CLOSED * (before.length + after.length) or corner > CLOSED:
+        raise AxisError((), f"the curve jumps, has a corner or stands still near s = {s:.6g}",
+                        "one smooth curve; a polyline has corners")

@@ -99,7 +99,7 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
     if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
         return ()
     if isinstance(amplitude, Expression):
-        places = _switches(amplitude.tree, t0, t1)
+        places = switches(amplitude.tree, t0, t1)
     elif isinstance(amplitude, Ramp | Table):
         times = (amplitude.t0, amplitude.t1) if isinstance(amplitude, Ramp) else amplitude.t
         places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in times if t0 < t <= t1]
@@ -145,7 +145,7 @@ def _order(signal: Signal, before: float, after: float, size: float, span: float
     return SMOOTH
 
 
-def _switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
+def switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
     """Return neighbouring floats between which a switch of the expression changes, in (t0, t1]."""
     named = [x for x in _traced(tree, np.array([t0])).named if t0 < x < t1]
     near = [math.nextafter(x, way) for x in named for way in (-math.inf, math.inf)]

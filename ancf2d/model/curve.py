@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 AT_NODE = 1e-9
 # of a body's length: points that are closer share one node, as a shorter element would spoil the arithmetic
 TOGETHER = 1e-5
+# of curvature times a body's length: what differs by less is round-off
+JUMP = 1e-9
 # stretches of a rigid curved body
 LEAST, LONGEST = 4, 400
 # of an element: shares of a count that differ by less are equal, whatever round-off says
@@ -182,8 +184,10 @@ def _undivided(geometry: Geometry) -> tuple[tuple[Piece, ...], tuple[float, ...]
         return (_arc(geometry),), ()
     if isinstance(geometry, PathGeometry):
         return tuple(_path(geometry)), ()
-    axis, knots = spline(geometry) if isinstance(geometry, Spline) else (curve(geometry), [])
-    return (Piece(axis, axis.length, 0.0, 1),), tuple(knots)
+    axes, knots = spline(geometry) if isinstance(geometry, Spline) else (curve(geometry), [])
+    starts = np.concatenate([[0.0], np.cumsum([axis.length for axis in axes])]).tolist()
+    return tuple(Piece(axis, axis.length, s0, 1, continues=s0 > 0.0)
+                 for axis, s0 in zip(axes, starts, strict=False)), tuple(knots)
 
 
 def knots(geometry: Geometry) -> list[float]:
@@ -202,7 +206,8 @@ def jumps(geometry: Geometry) -> list[float]:
     """Return the places S where smooth pieces of different curvature meet."""
     pieces = _undivided(geometry)[0]
     length = pieces[-1].s0 + pieces[-1].length
-    return [b.s0 / length for a, b in pairwise(pieces) if b.continues and a.kappa != b.kappa]
+    return [b.s0 / length for a, b in pairwise(pieces)
+            if b.continues and abs(float(b.curvature(0.0)) - float(a.curvature(a.length))) * length > JUMP]
 
 
 def short_pieces(geometry: Geometry, turn: float) -> tuple[Piece, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..elements.shape import Array, gauss
 from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
+from ..interactions.tendons import Guide
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
 from ..kernels.lowlevel.records import Record
@@ -27,6 +28,7 @@ from .linear import inertia_rates
 from .state import State
 
 BLOCK = 2048  # elements at a time: bounds the memory of element matrices and sampled loads
+SAME = 1e-12  # of a body's length: places that are closer are one
 POINTS = 6  # Gauss points of line loads on an element or its part
 
 
@@ -157,6 +159,7 @@ class _Part:
         self.local = self.e[..., :2] - np.where(body.is_r[:, None], self.pole, 0.0)
         self.rates = self._accelerations()
         self.lines = list(self._line_loads())
+        self.guides = [(g, g.tension(state.d[:n_q], state.side)) for g in model.loads.guides if g.mesh is body.mesh]
         self.inner = list(self._inner_forces())
 
     def _each(self, of_classes: list[Array]) -> Array:
@@ -230,10 +233,11 @@ class _Part:
             force = np.moveaxis(np.broadcast_to(f, (2, *xi.shape)), 0, -1)
             yield xi, force * (w * span[:, None])[..., None]
 
-    def _rows(self, xi: Array, i: int = 0, j: int = 0) -> Array:
-        """Return shape functions (m, g, n_shape) on the axis at xi (m, g)."""
+    def _rows(self, xi: Array, i: int = 0, j: int = 0, y: Array | None = None) -> Array:
+        """Return shape functions (m, g, n_shape) at xi (m, g), on the axis or at y (m, g)."""
         shape = self.body.mesh.classes[self.k].shape
-        return shape(xi.ravel(), np.zeros(xi.size), i, j).reshape(*xi.shape, -1)
+        eta = np.zeros(xi.size) if y is None else 2.0 * y.ravel() / shape.h
+        return shape(xi.ravel(), eta, i, j).reshape(*xi.shape, -1)
 
     def _axes(self, xi: Array) -> tuple[Array, Array]:
         """Return cosine and sine (m, g) of the sections' angles at xi (m, g)."""
@@ -307,12 +311,13 @@ class _Part:
     def forces(self) -> Array:
         """Return N, Q, M (m, k, 3) at the stations."""
         body = self.body
-        own = self._nodal() - self._consistent()
+        own = self._nodal() + self._pulled() - self._consistent()
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
         whole = self._load_wrench(-1, 1.0)
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
         place = self._rows(stations) @ self.local
         c, s = self._axes(stations)
+        borne = self._borne(stations)
         out = np.empty((len(self.dofs), len(body.xi), 3))
         for k, xi in enumerate(body.xi):
             before = self._load_wrench(k, xi)
@@ -321,7 +326,64 @@ class _Part:
             out[:, k, 0] = c[:, k] * fx + s[:, k] * fy
             out[:, k, 1] = -s[:, k] * fx + c[:, k] * fy
             out[:, k, 2] = total[:, 2] - _cross(place[:, k], total)
+        for fx, fy, moment in borne:
+            out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out
+
+    # ------------------------------------------------------------------ tendons along the body
+
+    def _run(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
+        """Return what a guide at xi (m, g) has of y and dy/dx (2, m, g), its direction d(r + y n)/dx and the arm y n
+        from the axis (m, g, 2)."""
+        mesh = self.body.mesh
+        s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
+        y, rise = (v.reshape(xi.shape) for v in guide.offsets(s.ravel()))
+        r_x, kind = self._rows(xi, 1) @ self.e[..., :2], mesh.plan.element.section_kind
+        if kind == "tangent":
+            return np.stack([y, rise]), r_x, np.zeros_like(r_x)
+        if kind == "theta":
+            c, s = self._axes(xi)
+            along, normal = np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)
+            turned = (self._rows(xi, 1) @ self.e[..., 2:])[..., 0]
+            return (np.stack([y, rise]), r_x - (y * turned)[..., None] * along + rise[..., None] * normal,
+                    y[..., None] * normal)
+        off = [self._rows(xi, i, j, y) @ self.e[..., :2] for i, j in ((0, 0), (1, 0), (0, 1))]
+        return np.stack([y, rise]), off[1] + rise[..., None] * off[2], off[0] - self._rows(xi) @ self.e[..., :2]
+
+    def _pulled(self) -> Array:
+        """Return the forces (m, n_shape, nc) with which tendons along the body resist being longer."""
+        out, kind = np.zeros_like(self.e), self.body.mesh.plan.element.section_kind
+        for guide, T in self.guides:
+            for elements, points, w in guide.cover:
+                here = np.flatnonzero(np.isin(self.chosen, elements))
+                if not len(here):
+                    continue
+                xi = np.broadcast_to(points, (len(self.chosen), len(points)))
+                (y, rise), way, _ = self._run(guide, xi)
+                pull = T * way / np.linalg.norm(way, axis=-1, keepdims=True) * w[:, None]
+                if kind == "interpolated":
+                    rows = self._rows(xi, 1, 0, y) + rise[..., None] * self._rows(xi, 0, 1, y)
+                    found = np.einsum("mgk,mgc->mkc", rows, pull)
+                else:
+                    found = np.einsum("mgk,mgc->mkc", self._rows(xi, 1), pull)
+                out[here, :, :2] += found[here]
+                if kind == "theta":
+                    c, s = self._axes(xi)
+                    along, across = c * pull[..., 0] + s * pull[..., 1], c * pull[..., 1] - s * pull[..., 0]
+                    turned = (self._rows(xi, 1) @ self.e[..., 2:])[..., 0]
+                    moment = np.einsum("mgk,mg->mk", self._rows(xi), -y * turned * across - rise * along)
+                    out[here, :, 2] += (moment + np.einsum("mgk,mg->mk", self._rows(xi, 1), -y * along))[here]
+        return out
+
+    def _borne(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield the force (m, g) along x and y and the moment about the axis that each tendon bears at xi."""
+        mesh = self.body.mesh
+        s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
+        for guide, T in self.guides:
+            _, way, arm = self._run(guide, xi)
+            force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
+            force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]
+            yield force[..., 0], force[..., 1], _cross(arm, force)
 
 
 def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:

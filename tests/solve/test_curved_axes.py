@@ -280,3 +280,36 @@ def test_a_tendon_along_welded_halves_is_one_along_the_whole() -> None:
                             bc=[{"type": "clamp", "at": "a@0"}], joints=[{"type": "weld", "between": ["a@1", "b@0"]}],
                             loads=[{"type": "tendon", "on": n, "y": 0.03, "tension": 900.0} for n in "ab"])
     np.testing.assert_allclose(whole.u("a@1"), halves.u("b@1"), rtol=1e-10)
+
+
+KINKED = {"type": "curve", "x": "2*s if s < 0.5 else 1 + sin(2*s - 1)", "y": "0 if s < 0.5 else 1 - cos(2*s - 1)"}
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "cable", "li"])
+def test_elements_end_where_the_curvature_of_a_curve_jumps(kind: str) -> None:
+    """A line and an arc as one curve with a condition are the path of a line and an arc."""
+    path = {"type": "path", "start": [0, 0], "pieces": [{"line": 1}, {"arc": 1, "angle": 1}]}
+    clamp = [{"type": "clamp", "at": "b@0"}]
+    loads = [{"type": "force", "at": "b@1", "value": [0.3, -1.0]}]
+    one, other = (helpers.solved({"b": body(geometry, kind, 5)}, "linear_static", bc=clamp, loads=loads).u("b@1")
+                  for geometry in (KINKED, path))
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("x", "y", "pieces"), [
+    ("s", "abs(s - 0.3)^3", 2),          # the third derivative jumps
+    ("s", "abs(s + 1)*s", 1),            # switches nowhere
+    ("s if s < 0.4 else s", "s^2", 1),   # switches to the same
+    ("s", "0.1*abs(s - 0.5)*(s - 0.5)", 2),
+])
+def test_a_curve_is_parted_where_its_derivatives_jump_and_nowhere_else(x: str, y: str, pieces: int) -> None:
+    model = helpers.build({"b": body({"type": "curve", "x": x, "y": y}, "reissner3", 4)}, "linear_static",
+                          bc=[{"type": "clamp", "at": "b@0"}])
+    assert len(model.meshes["b"].plan.pieces) == pieces
+
+
+@pytest.mark.parametrize("y", ["abs(s - 0.3)", "0 if s < 0.3 else 1"])
+def test_a_curve_with_a_corner_or_a_jump_is_refused(y: str) -> None:
+    with pytest.raises(CaseError, match=r"corner.*near s = 0\.3"):
+        helpers.build({"b": body({"type": "curve", "x": "s", "y": y}, "reissner3", 4)}, "linear_static",
+                      bc=[{"type": "clamp", "at": "b@0"}])

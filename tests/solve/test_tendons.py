@@ -11,6 +11,7 @@ import pytest
 from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
 from ancf2d.errors import CaseError
 from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
+from ancf2d.solvers.section_forces import SectionForces
 
 E, H, B, L = 1e7, 0.1, 0.1, 2.0
 EA, EI = E * H * B, E * B * H**3 / 12
@@ -51,6 +52,27 @@ def test_a_guide_that_rises_pulls_on_what_it_leaves() -> None:
         for kind in ("reissner3", "omar"):
             found = solve(beam(kind, 8), [{"type": "tendon", "on": "a", "y": y, "tension": tension}], "linear_static")
             assert found.theta("a@1") == pytest.approx(tension * mean * L / EI, rel=2e-4 if kind == "omar" else 1e-6)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize(("kind", "more"), [
+    ("reissner3", {}), ("cable", {}), ("vallejo", {"formulation": "structural"})])
+def test_sections_bear_what_a_guided_tendon_does_not(kind: str, more: dict[str, Any], elastic: bool) -> None:
+    """Every section, at nodes and between, balances the tendon: N = -T cos, Q = -T sin of its slope, M = T y cos."""
+    if kind == "cable" and elastic:
+        pytest.skip("the curve guides elastic tendons on its axis only")
+    y = 0.03 if kind == "cable" else "0.04*(1 - s)"
+    load = {"type": "tendon", "on": "a", "y": y, **({"stiffness": 1e4, "slack": -0.01} if elastic else {"tension": 50})}
+    # far from the reference its slope is that to the section, but for its own small shear and stretch
+    found = solve(beam(kind, 8, **more), [load], "static" if elastic else "linear_static")
+    (guide,) = found.model.loads.guides
+    T = guide.tension(found.d[:found.model.n_q], 1.0)
+    forces = SectionForces(found.model, found.model.meshes["a"], np.array([0.0, 0.3, 0.5, 0.9]))(found.state)
+    s = (np.arange(8)[:, None] + [0.0, 0.3, 0.5, 0.9]) / 8
+    slope = 0.0 if kind == "cable" else np.arctan(-0.04 / L)
+    offset = np.full_like(s, y) if kind == "cable" else 0.04 * (1 - s)
+    expected = [np.full_like(s, -T * np.cos(slope)), np.full_like(s, -T * np.sin(slope)), T * np.cos(slope) * offset]
+    np.testing.assert_allclose(forces, np.stack(expected, axis=-1), atol=(1e-3 if elastic else 1e-8) * T)
 
 
 EYELETS = [{"at": "a@0.2", "y": 0.05}, {"at": "a@0.5", "y": 0.03}, {"at": "a@0.9", "y": 0.06}]
