@@ -11,7 +11,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 Course = Callable[[float], tuple[float, float, float]]
-WORDS = {"sin": cmath.sin, "cos": cmath.cos, "exp": cmath.exp, "sqrt": cmath.sqrt, "pi": math.pi, "__builtins__": {}}
+WORDS = {"sin": cmath.sin, "cos": cmath.cos, "exp": cmath.exp, "sqrt": cmath.sqrt, "pi": math.pi, "abs": abs,
+         "__builtins__": {}}
 
 
 def course(spec: Any, usual: str) -> Course:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import random
 import re
 
-import numpy as np
+from scripts.own_equations.amplitudes import course
 
 from .shapes import Data
 
@@ -63,22 +62,8 @@ def scaled(amplitude: Data | float, by: float) -> Data | float:
 
 def value(amplitude: Data | float | None, t: float, static: bool) -> float:
     """Return the value of an amplitude; where there is none, that of the default."""
-    if amplitude is None:
-        return min(max(t, 0.0), 1.0) if static else 1.0
-    if not isinstance(amplitude, dict):
+    if isinstance(amplitude, int | float):
         return amplitude
-    kind, scale = amplitude["type"], amplitude.get("scale", 1.0)
-    if kind == "ramp":
-        t0, t1 = amplitude.get("t0", 0.0), amplitude.get("t1", 1.0)
-        return scale * min(max((t - t0) / (t1 - t0), 0.0), 1.0)
-    if kind == "table":
-        if t not in amplitude["t"] and amplitude.get("smooth"):
-            raise ValueError("a smooth table is known at its points alone")
-        return scale * float(np.interp(t, amplitude["t"], amplitude["value"]))
-    if kind == "sine":
-        return scale * math.sin(2 * math.pi * amplitude["frequency"] * t + amplitude.get("phase", 0.0))
-    if kind == "expression":
-        names = {k: getattr(math, k) for k in ("sin", "cos", "exp", "sqrt", "pi")}
-        return scale * float(eval(amplitude["value"].replace("^", "**"), {"__builtins__": {}},
-                                  {**names, "abs": abs, "t": t}))
-    return float(scale)
+    if amplitude is not None and amplitude.get("smooth") and t not in amplitude["t"]:
+        raise ValueError("a smooth table is known at its points alone")
+    return course(amplitude, "ramp" if static else "constant")(t)[0]
