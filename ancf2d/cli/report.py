@@ -265,7 +265,6 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     from ..study.accuracy.pursuit import Target
     from ..study.record import Progress
     from ..study.run import describe_goal
-    from .report import run_report
 
     progress = Progress(warn=session.warn, note=session.note, compiling=session.note_once)
     target = Target(out, force, session.command_line)

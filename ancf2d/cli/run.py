@@ -20,7 +20,6 @@ from .options import (
     set_option,
     verbose_option,
 )
-from .report import pursue
 from .session import Bar, Session
 from .text import command_line, say
 
@@ -61,7 +60,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     from ..study.digests import inputs_of
     from ..study.record import Progress, run_end
     from ..study.run import load, run_case, solver_name
-    from .report import built_report, run_report
+    from .report import built_report, pursue, run_report
 
     loaded = load(case, overrides if accuracy is None else (*overrides, f"accuracy={accuracy!r}"))
     out = output if output is not None else f"{case_stem(case)}.h5"

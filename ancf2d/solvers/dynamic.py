@@ -16,12 +16,12 @@ from ..kernels.motion import COUNT, REJECTED
 from ..model.coarse import inverted
 from ..model.model import Model
 from ..pace import Pace
+from .energy import Energies, is_constant
 from .estimate import Estimate
 from .initial import initial_motion
-from .methods import SCHEMES
 from .ode import OdeStepper
-from .post import Energies, is_constant
 from .problem import make_problem
+from .schemes import SCHEMES
 from .state import State
 from .stepping import LOG, Row, Stepper
 from .system import STILL

@@ -17,7 +17,7 @@ from ..model.model import Model
 from ..model.points import PointRef
 from ..model.timing import rates_of
 from ..pace import Pace
-from .post import Kinds
+from .energy import Kinds
 from .stepping import Stepper
 from .system import STILL
 

@@ -17,7 +17,7 @@ from ..model.build import build_model
 from ..model.model import Model
 from ..model.point_patch import PointConstraint
 from ..model.transfer import renumbered
-from .post import Kinds
+from .energy import Kinds
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
 SAME, HELD = 1e-9, 1e-6

@@ -18,7 +18,7 @@ from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
 from .breaks import pass_break
-from .methods import SCHEMES
+from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
 # Lobatto points and weights on [0, 1], for work along a step

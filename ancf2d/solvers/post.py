@@ -2,107 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..case import Case, Constant
+from ..case import Case
 from ..elements.shape import Array
-from ..interactions.forces import DeadLoad
 from ..model.mechanism import rigid_motion
-from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
-from ..model.timing import Signal
+from .energy import Energies
 from .inside import constraint_forces, equilibrium_rows
 from .section_forces import has_section_forces, section_forces
 from .state import State
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
-
-def is_constant(amplitude: Callable[[float], float]) -> bool:
-    """Whether what a load of a dynamic case follows has the same value at all times."""
-    return isinstance(amplitude, Signal) and (amplitude.amplitude is None or isinstance(amplitude.amplitude, Constant))
-
-
-def has_potential(load: DeadLoad) -> bool:
-    """Whether a dead load counts as potential energy, and not by the work it does: gravity that is constant."""
-    return load.gravity and is_constant(load.amplitude)
-
-
-class Kinds:
-    """Full coordinates by what they are: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
-
-    ``place`` are those of ``x`` that are positions.
-    """
-
-    def __init__(self, model: Model) -> None:
-        kinds = np.concatenate([m.kinds for m in model.meshes.values()])
-        self.x: Index = np.flatnonzero((kinds == 0) | (kinds == 3))
-        self.place: Index = np.flatnonzero(kinds == 0)
-        self.theta: Index = np.flatnonzero(kinds == 2)
-
-    def translation(self, out: Array, vx: float, vy: float) -> None:
-        """Add the rates of a translation to ``out`` (n_q,)."""
-        out[self.place] += vx
-        out[self.place + 1] += vy
-
-    def rotation(self, out: Array, e: Array, omega: float, about: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Add the rates of nodal coordinates e (n_q,) that turn about a point: omega x them; omega for theta."""
-        out[self.x] -= omega * e[self.x + 1]
-        out[self.x + 1] += omega * e[self.x]
-        out[self.theta] += omega
-        self.translation(out, omega * about[1], -omega * about[0])
-
-
-class Energies:
-    """Kinetic, strain and potential energy and the momentum of one model at states (d, v) in full coordinates."""
-
-    def __init__(self, model: Model) -> None:
-        self.model, self.kinds = model, Kinds(model)
-        self.gravity = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if has_potential(load)]
-
-    @cached_property
-    def M(self) -> csr_matrix:
-        """The mass matrix (n_q, n_q) of all nodal coordinates."""
-        from .linear import full_mass
-
-        return full_mass(self.model)
-
-    def kinetic(self, v: Array) -> float:
-        """Return v^T M v/2."""
-        v = v[:self.model.n_q]
-        return 0.5 * float(v @ (self.M @ v))
-
-    def strain(self, d: Array, t: float) -> float:
-        """Return the elastic energy of elements and springs."""
-        from ..kernels.elements import force
-
-        Q = np.zeros(len(d))
-        self.model.set_natural(t)
-        energy = sum(float(force(group, d, Q)) for group in self.model.groups)
-        return energy + self.model.interactions.energy(d, t)
-
-    def potential(self, d: Array) -> float:
-        """Return the potential of gravity that is constant, measured from the reference."""
-        return -sum(factor * float(load.values @ d[load.dofs]) for load, factor in self.gravity)
-
-    def momentum(self, d: Array, v: Array) -> tuple[float, float, float]:
-        """Return the linear momentum px, py and the angular momentum about the origin.
-
-        With m the momenta M v of the coordinates: sums over positions, and over e x m of all vectors plus those of
-        theta.
-        """
-        n_q = self.model.n_q
-        m, e, x = self.M @ v[:n_q], self.model.e0 + d[:n_q], self.kinds.x
-        angular = e[x] @ m[x + 1] - e[x + 1] @ m[x] + m[self.kinds.theta].sum()
-        return float(m[self.kinds.place].sum()), float(m[self.kinds.place + 1].sum()), float(angular)
-
 
 FORCES = ("N", "Q", "M")
 

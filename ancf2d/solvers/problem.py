@@ -25,9 +25,9 @@ from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from ..model.timing import Signal
+from .energy import is_constant
 from .linear import full_mass, unknowns_to_coordinates
-from .methods import DEFAULT, INTEGRATORS, Integrator
-from .post import is_constant
+from .schemes import DEFAULT, INTEGRATORS, Integrator
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -38,8 +38,9 @@ from ..model.timing import Signal
 from .breaks import MovingPoints, pass_break
 from .initial import goes_on
 from .linear import full_mass, unknowns_to_coordinates
-from .methods import DEFAULT, INTEGRATORS, MAKERS, Method, newton_tolerance
+from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
+from .schemes import DEFAULT, INTEGRATORS
 from .state import MEMORIES, Row
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard

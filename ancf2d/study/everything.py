@@ -12,7 +12,7 @@ from ..case import load_case_text
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
-from ..solvers.methods import INTEGRATORS
+from ..solvers.schemes import INTEGRATORS
 from .run import run_case, vocabulary
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}

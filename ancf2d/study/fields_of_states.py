@@ -11,7 +11,7 @@ import numpy as np
 from ..case import Dynamic, LinearStatic, Static, Stiffness, load_case_text
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results
-from ..solvers.stress import FIELDS, FieldReader
+from ..solvers.fields import FIELDS, FieldReader
 from .run import field_records, vocabulary
 
 if TYPE_CHECKING:

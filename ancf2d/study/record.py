@@ -61,9 +61,9 @@ class Recorder:
     """What is known of a run so far, kept in its result file too where there is a ``writer``."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
+        from ..solvers.fields import FieldReader
         from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
-        from ..solvers.stress import FieldReader
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution = Observer(model), Resolution(model)

@@ -19,8 +19,8 @@ from ..errors import CaseError, ComputationError
 from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
-from ..solvers.methods import INTEGRATORS
-from ..solvers.stress import FIELDS
+from ..solvers.fields import FIELDS
+from ..solvers.schemes import INTEGRATORS
 from .digests import files_of
 from .record import Progress, Recorder
 
@@ -58,10 +58,10 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
 
 def prepare(loaded: LoadedCase) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
+    from ..solvers.fields import field_problems
     from ..solvers.initial import initial_problems
-    from ..solvers.methods import method_problems
     from ..solvers.registry import left_out
-    from ..solvers.stress import field_problems
+    from ..solvers.schemes import method_problems
 
     model = build_model(loaded)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
@@ -288,7 +288,7 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
 def field_records(model: Model) -> list[FieldRecord]:
     """Return what the result file tells of the fields that a case asks for."""
     from ..results import FieldRecord
-    from ..solvers.stress import FieldReader
+    from ..solvers.fields import FieldReader
 
     return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.xi,
                         body.eta if f.over else np.zeros(1)) for body in FieldReader(model).bodies for f in body.fields]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ancf2d.elements import registry
 from ancf2d.model.build import build_model
-from ancf2d.solvers.post import Energies, Kinds
+from ancf2d.solvers.energy import Energies, Kinds
 from scripts.pages import small, table
 
 from .runs import Motion, case, follow, follow_from

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import random
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,14 +18,18 @@ from ancf2d.case import schema
 from ancf2d.case.records import keys_of
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, names
-from ancf2d.solvers.methods import INTEGRATORS
+from ancf2d.solvers.schemes import INTEGRATORS
 from ancf2d.study.run import prepare
 from scripts.scenes import campaign, checks, rearrange, shapes, shrink
 from scripts.scenes.bodies import type_of
 from scripts.scenes.generate import SOLVERS, scene
 from scripts.scenes.similar import Similarity
 
-MANY = [scene(1, number, solver) for number in range(200) for solver in SOLVERS]
+
+@cache
+def many() -> list[dict[str, Any]]:
+    """Return 200 scenes for each solver."""
+    return [scene(1, number, solver) for number in range(200) for solver in SOLVERS]
 
 
 def tags(union: Any) -> set[str]:
@@ -32,11 +37,11 @@ def tags(union: Any) -> set[str]:
 
 
 def items(key: str) -> list[dict[str, Any]]:
-    return [item for case in MANY for item in case.get(key, ())]
+    return [item for case in many() for item in case.get(key, ())]
 
 
 def bodies() -> list[dict[str, Any]]:
-    return [body for case in MANY for body in case["bodies"].values()]
+    return [body for case in many() for body in case["bodies"].values()]
 
 
 @pytest.mark.parametrize("key", ["boundary_conditions", "joints", "springs", "loads"])
@@ -45,7 +50,7 @@ def test_every_kind_of_support_joint_spring_and_load_is_made(key: str) -> None:
 
 
 def test_one_sided_springs_and_stops_are_made_where_solvers_are_nonlinear() -> None:
-    one_sided = [case["solver"]["type"] for case in MANY for s in case.get("springs", ()) if {"only", "gap"} & set(s)]
+    one_sided = [case["solver"]["type"] for case in many() for s in case.get("springs", ()) if {"only", "gap"} & set(s)]
     assert set(one_sided) == {"static", "dynamic"}
 
 
@@ -69,10 +74,10 @@ NOT_DRAWN = {"frequency_response", "state_space"}
 
 
 def test_every_solver_and_integrator_is_asked_for() -> None:
-    solvers = [case["solver"] for case in MANY]
+    solvers = [case["solver"] for case in many()]
     assert {s["type"] for s in solvers} == tags(schema.Solver) - NOT_DRAWN
     assert {s.get("method", "radau5") for s in solvers if s["type"] == "dynamic"} == set(INTEGRATORS)
-    assert {"masses", "initial", "damping", "steady_rotation"} <= {key for case in MANY for key in case}
+    assert {"masses", "initial", "damping", "steady_rotation"} <= {key for case in many() for key in case}
 
 
 def test_a_scene_is_the_same_every_time() -> None:
@@ -83,7 +88,7 @@ def test_a_scene_is_the_same_every_time() -> None:
 def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
     """What is refused without solving: mechanisms, supports that contradict each other, an unfit integrator."""
     refused = []
-    for case in MANY[:150]:
+    for case in many()[:150]:
         try:
             prepare(ancf2d.load(case))
         except ancf2d.CaseError as error:
@@ -99,7 +104,7 @@ def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
 @pytest.mark.parametrize("to", [Similarity(angle=0.7), Similarity(mirrored=True), Similarity(shift=(3.0, -2.0)),
                                 Similarity(length=1e3, force=1e-2, time=60.0)], ids=lambda s: f"{s}")
 def test_what_moves_a_scene_moves_its_points(to: Similarity) -> None:
-    for case in MANY[:50]:
+    for case in many()[:50]:
         moved = to.case(case)
         for name, body in case["bodies"].items():
             for s in (0.0, 0.3, 1.0):
@@ -110,7 +115,7 @@ def test_what_moves_a_scene_moves_its_points(to: Similarity) -> None:
 
 def test_a_transformation_and_its_inverse_leave_a_scene_as_it_was() -> None:
     there, back = Similarity(angle=0.5 * math.pi), Similarity(angle=-0.5 * math.pi)
-    for case in MANY[:50]:
+    for case in many()[:50]:
         assert numbers(back.case(there.case(case))) == pytest.approx(numbers(case), rel=1e-12, abs=1e-12)
         mirror = Similarity(mirrored=True)
         assert mirror.case(mirror.case(case)) == case or numbers(mirror.case(mirror.case(case))) == numbers(case)
@@ -133,7 +138,7 @@ def test_types_that_reversal_changes_are_those_with_a_common_coefficient_at_one_
 
 def test_parts_of_a_split_body_have_its_length_and_loads() -> None:
     rng, tried = random.Random(1), 0
-    for case in MANY[:100]:
+    for case in many()[:100]:
         for name in case["bodies"]:
             ways = rearrange.splits(case, name)
             if not ways:
@@ -179,7 +184,7 @@ def test_a_reaction_that_is_lost_is_out_of_balance() -> None:
 
 
 def test_what_violates_is_made_small() -> None:
-    case = next(c for c in MANY if len(c["bodies"]) == 4 and any(x["type"] == "moment" for x in c.get("loads", ())))
+    case = next(c for c in many() if len(c["bodies"]) == 4 and any(x["type"] == "moment" for x in c.get("loads", ())))
 
     def violates(smaller: dict[str, Any]) -> bool:
         return any(x["type"] == "moment" for x in smaller.get("loads", ()))

@@ -9,9 +9,9 @@ import helpers as h
 import numpy as np
 
 from ancf2d.kernels.advance import CHECK, INSIDE
+from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
 from ancf2d.solvers.methods import Method
-from ancf2d.solvers.post import Energies
 from ancf2d.solvers.problem import make_problem
 from ancf2d.solvers.stepping import LOG, Stepper
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from ancf2d.interactions.forces import DeadLoad
+from ancf2d.solvers.energy import Kinds
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.post import Kinds, Observer, energies, reactions
+from ancf2d.solvers.post import Observer, energies, reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.section_forces import section_forces
 from ancf2d.solvers.state import State
@@ -49,8 +50,7 @@ def whirl(name: str, omega: float = 30.0) -> tuple:
     return model, moving(model, d, v, a)
 
 
-@pytest.mark.parametrize("s", [0.0, 0.21, 0.5, 1.0])
-@pytest.mark.parametrize("name", TYPES)
+@h.covering(name=TYPES, s=[0.0, 0.21, 0.5, 1.0])
 def test_tension_of_a_whirling_bar(name, s):
     """N = rho A omega^2 (L^2 - x^2)/2."""
     model, state = whirl(name)
@@ -92,8 +92,7 @@ def pushed(name: str, at: float, force: tuple[float, float], s: float) -> tuple[
     return section_forces(model, moving(model, held.d, a=a), h.point_ref(model.meshes["b"], s))
 
 
-@pytest.mark.parametrize("s", [0.0, 0.4, 1.0])
-@pytest.mark.parametrize("name", TYPES)
+@h.covering(name=TYPES, s=[0.0, 0.4, 1.0])
 def test_a_bar_pushed_from_behind_is_compressed_by_its_inertia(name, s):
     """N = -F (1 - x/L)."""
     N, Q, M = pushed(name, 0.0, (500.0, 0.0), s)
@@ -101,8 +100,7 @@ def test_a_bar_pushed_from_behind_is_compressed_by_its_inertia(name, s):
     assert abs(Q) + abs(M) < 1e-3
 
 
-@pytest.mark.parametrize("s", [0.1, 0.25, 0.4])
-@pytest.mark.parametrize("name", TYPES)
+@h.covering(name=TYPES, s=[0.1, 0.25, 0.4])
 def test_a_bar_pushed_at_its_middle_bends_under_its_inertia(name, s):
     """From the free end on, rho A a = F/L per length: Q = F x/L and M = -F x^2/(2 L) up to the middle."""
     _, Q, M = pushed(name, 0.5, (0.0, 500.0), s)
@@ -122,8 +120,7 @@ def test_a_falling_bar_has_no_section_forces(name):
     assert np.abs(at_rest).max() > 1.0
 
 
-@pytest.mark.parametrize("s", [0.0, 0.4])
-@pytest.mark.parametrize("name", TYPES)
+@h.covering(name=TYPES, s=[0.0, 0.4])
 def test_angular_acceleration_bends_a_bar(name, s):
     """M(x) = -alpha rho A ((L^3 - x^3)/3 - x (L^2 - x^2)/2) - alpha rho I (L - x), Q(x) of the forces alone."""
     model = h.build(bodies(name), DYNAMIC, bc=[{"name": "wall", "type": "clamp", "at": "b@0", "hold": "section"}])

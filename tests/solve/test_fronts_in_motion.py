@@ -10,7 +10,7 @@ import pytest
 from motions import GRAVITY, ride
 
 from ancf2d.model import numbering
-from ancf2d.solvers.methods import INTEGRATORS
+from ancf2d.solvers.schemes import INTEGRATORS
 
 pytestmark = pytest.mark.slow
 

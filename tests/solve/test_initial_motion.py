@@ -15,9 +15,9 @@ from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.build import build_model
 from ancf2d.model.points import point_ref
 from ancf2d.solvers.dynamic import Run
+from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion, initial_problems
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.post import Energies
 from ancf2d.solvers.system import System
 from ancf2d.study.run import load, run_case
 

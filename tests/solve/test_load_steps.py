@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from ancf2d.solvers.post import Energies
+from ancf2d.solvers.energy import Energies
 
 STEEL = {"E": 2e11, "nu": 0.3, "rho": 7800}
 CLAMP = [{"type": "clamp", "at": "rope@0"}]

@@ -6,8 +6,8 @@ import helpers as h
 import numpy as np
 import pytest
 
+from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
-from ancf2d.solvers.post import Energies
 from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ancf2d.model.rotation import Rotation
-from ancf2d.solvers.post import Energies
+from ancf2d.solvers.energy import Energies
 
 MASS, INERTIA, LENGTH = 1.3, 0.2, 1.2
 GRAVITY = [{"type": "gravity", "value": [0, -9.81]}]

@@ -9,9 +9,9 @@ import pytest
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.errors import CaseError
 from ancf2d.model.model import Model
+from ancf2d.solvers.fields import FIELDS, FieldReader
 from ancf2d.solvers.section_forces import SectionForces
 from ancf2d.solvers.state import State
-from ancf2d.solvers.stress import FIELDS, FieldReader
 from ancf2d.study.run import prepare
 
 L, H, B, F = 2.0, 0.1, 0.2, -3000.0
@@ -125,7 +125,7 @@ def test_damping_adds_its_stress() -> None:
     model = h.build({"beam": h.body(h.line(L), h.element("vallejo", 2), SECTION,
                                     {**STEEL, "damping": {"kelvin_voigt": 1e-3}})},
                     {"type": "dynamic", "t_end": 1, "dt": 0.1}, output=EVERY)
-    from ancf2d.solvers.post import Kinds
+    from ancf2d.solvers.energy import Kinds
 
     zero, v = np.zeros(model.n_q), np.zeros(model.n_q)
     x = Kinds(model).x

@@ -1,0 +1,124 @@
+"""The fields over the bodies that a case may ask for, and how a state gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..case import Stiffness
+from ..elements.shape import Array
+from ..errors import Problem
+from ..model.mesh import BodyMesh
+from ..model.model import Model
+
+if TYPE_CHECKING:
+    from .state import State
+
+# of half the height: how far from an interface of layers its two sides are told
+SIDE = 1e-9
+ALONG, ACROSS = 5, 5  # least stations along and across an element, its ends and faces included
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field over the bodies: component names, units (with {F}, {L}, {T}), what it is.
+
+    ``over``: over the height too, not only along the axis; ``part``: which entry of what is computed it is.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    units: str
+    description: str
+    over: bool
+    part: str | int
+
+
+_FORCE = "of the section, by equilibrium"
+# the one place where a field is added
+FIELDS: dict[str, Field] = {f.name: f for f in (
+    Field("N", ("N",), "{F}", f"axial force {_FORCE}, tension positive", False, 0),
+    Field("Q", ("Q",), "{F}", f"shear force {_FORCE}, along its y axis", False, 1),
+    Field("M", ("M",), "{F}*{L}", f"bending moment {_FORCE}, counter-clockwise", False, 2),
+    Field("stress", ("xx", "yy", "xy"), "{F}/{L}^2", "stress along and across the axis", True, "stress"),
+    Field("strain", ("xx", "yy", "xy"), "1", "strain along and across the axis; xy is the angle 2 eps_xy", True,
+          "strain"),
+    Field("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
+)}
+
+
+def field_problems(model: Model) -> list[Problem]:
+    """Return why fields that a case asks for cannot be told of its bodies."""
+    case, source = model.case, None if model.loaded is None else model.loaded.source
+    over = [k for k, name in enumerate(case.output.fields) if FIELDS[name].over]
+    bodies = [name for name, body in case.bodies.items()
+              if isinstance(body.section, Stiffness) and not model.meshes[name].plan.rigid]
+    if source is None or not over or not bodies:
+        return []
+    what, expected = f"the section of body '{bodies[0]}' is given by its stiffnesses alone", "N, Q, M"
+    return [source.problem(("output", "fields", k), f"output.fields: {case.output.fields[k]} is not known: {what}",
+                           expected + ", or a section with height and width") for k in over]
+
+
+@dataclass(frozen=True)
+class BodyFields:
+    """The fields of one body: stations ``xi`` (nx,) along each element, ``eta`` (ny,) across."""
+
+    body: str
+    fields: tuple[Field, ...]
+    xi: Array
+    eta: Array
+
+
+class FieldReader:
+    """Reads the fields that a case asks for from states."""
+
+    def __init__(self, model: Model) -> None:
+        chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields)]
+        self.bodies: list[BodyFields] = []
+        self._readers: list[tuple[BodyFields, Callable[[State], dict[Field, Array]]]] = []
+        for name, mesh in model.meshes.items() if chosen else ():
+            if not mesh.plan.rigid:
+                xi, eta = _stations(mesh)
+                self.bodies.append(BodyFields(name, tuple(chosen), xi, eta))
+                self._readers.append((self.bodies[-1], _reader(model, mesh, chosen, xi, eta)))
+
+    def read(self, state: State) -> dict[tuple[str, str], Array]:
+        """Return by (body, field) the values (ne, nx, ny, components), ny = 1 of what is known along the axis only."""
+        return {(body.body, field.name): values for body, read in self._readers
+                for field, values in read(state).items()}
+
+
+def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
+    across = max(ACROSS, 2 * mesh.plan.element.degree_y + 1)
+    section, along = mesh.plan.section, np.linspace(0.0, 1.0, ALONG)
+    if section.layers:
+        # both sides of each interface
+        half = 0.5 * section.height
+        sides = [(layer.bottom + SIDE * half, layer.top - SIDE * half) for layer in section.layers]
+        return along, np.concatenate([np.linspace(low, high, ACROSS) for low, high in sides]) / half
+    return along, np.linspace(-1.0, 1.0, across)
+
+
+def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,
+            ) -> Callable[[State], dict[Field, Array]]:
+    from .section_forces import SectionForces
+    from .stress import stress_of
+
+    over = [f for f in fields if f.over]
+    along = [f for f in fields if not f.over]
+    stress = stress_of(model, mesh, xi, eta) if over else None
+    forces = SectionForces(model, mesh, xi) if along else None
+
+    def found(state: State) -> Iterator[tuple[Field, Any]]:
+        if stress is not None:
+            everything = stress(state)
+            yield from ((f, getattr(everything, str(f.part))) for f in over)
+        if forces is not None:
+            values = forces(state)
+            yield from ((f, values[:, :, None, int(f.part), None]) for f in along)
+
+    return lambda state: dict(found(state))
