@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -50,6 +53,43 @@ def chosen(values: Any, few: Any) -> list[Any]:
     return [pytest.param(*row, id="-".join(map(str, row)),
                          marks=() if any(row[:len(start)] == start for start in starts) else pytest.mark.slow)
             for row in rows]
+
+
+def covering(few: Mapping[str, Sequence[Any]] | None = None, **axes: Collection[Any]) -> pytest.MarkDecorator:
+    """Return ``parametrize`` over a product of axes, of which a sample is quick and the rest are slow tests.
+
+    The sample holds every value of an axis, or every one of ``few`` where it has such, each time with the partners that
+    it has met least. The axis ``variant`` stands for name and formulation.
+    """
+    rows = list(product(*axes.values()))
+    parts = [frozenset((axis, repr(v)) for axis, v in zip(axes, row, strict=True)) for row in rows]
+    wanted = {(axis, repr(v)) for axis, values in axes.items() for v in (few or {}).get(axis, values)}
+    quick = _sample([p for p in parts if p <= wanted])
+    names = [n for axis in axes for n in (("name", "formulation") if axis == "variant" else (axis,))]
+    return pytest.mark.parametrize(names, [
+        pytest.param(*(v for axis, value in zip(axes, row, strict=True)
+                       for v in (value if axis == "variant" else (value,))),
+                     id="-".join("-".join(map(str, v)) if isinstance(v, tuple) else str(v) for v in row),
+                     marks=() if own in quick else pytest.mark.slow)
+        for row, own in zip(rows, parts, strict=True)])
+
+
+def _sample(rows: list[frozenset[tuple[str, str]]]) -> set[frozenset[tuple[str, str]]]:
+    """Return rows that hold whatever is in any of them; whatever meets in one has met in as few as possible before."""
+    missing = set[tuple[str, str]]().union(*rows)
+    met: Counter[Any] = Counter()
+    found = set()
+
+    def gain(row: frozenset[tuple[str, str]]) -> tuple[int, int, int]:
+        return (len(missing & row), -sum(met[pair] for pair in combinations(sorted(row), 2)),
+                -sum(met[part] for part in row))
+
+    while missing:
+        best = max(rows, key=gain)
+        met.update([*best, *combinations(sorted(best), 2)])
+        missing -= best
+        found.add(best)
+    return found
 
 
 every_variant = pytest.mark.parametrize(("name", "formulation"), chosen(VARIANTS, FEW_VARIANTS))

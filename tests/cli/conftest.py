@@ -22,6 +22,12 @@ def compiled() -> None:
     run_case(load_case_text(BEAM, vocabulary=vocabulary()))
 
 
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Studies in this process, which has its imports, unless a test asks for others with --jobs."""
+    monkeypatch.setattr("ancf2d.processors.cores", lambda: 1)
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working directory with the case ``beam.yaml``."""

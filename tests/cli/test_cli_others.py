@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from click.testing import Result
 from commandline import BEAM
+from helpers import covering
 
 from ancf2d.case import TEMPLATES, template
 from ancf2d.cli.app import COMMANDS
@@ -329,8 +330,7 @@ def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder
     assert solved(*arguments).exit_code == 0
 
 
-@pytest.mark.parametrize("name", ["", ".", "/", "..", "none/a.csv", "beam.yaml/a.csv", 300 * "x"])
-@pytest.mark.parametrize("command", WRITING)
+@covering(command=WRITING, name=["", ".", "/", "..", "none/a.csv", "beam.yaml/a.csv", 300 * "x"])
 def test_a_file_that_cannot_be_is_told_first(solved: Call, folder: Path, command: str, name: str) -> None:
     before = sorted(os.listdir(folder))
     result = solved(*WRITING[command], name)

@@ -44,7 +44,7 @@ output:
 @pytest.fixture
 def pendulum(folder: Path) -> Path:
     """A folder with a pendulum that swings for some seconds of work."""
-    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "200"))
+    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "80"))
     return folder
 
 
@@ -84,7 +84,7 @@ def test_interrupted_run_ends_cleanly_and_goes_on_to_the_same_bits(pendulum: Pat
     with open_results("rod.h5.part") as r:
         assert r.status == "interrupted"
         reached = r.t[-1]
-        assert 0 < reached < 200
+        assert 0 < reached < 80
     found = read_checkpoint("rod.h5.part")
     assert found is not None
     assert 0 < found.t <= reached

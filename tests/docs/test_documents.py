@@ -62,6 +62,8 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
     monkeypatch.setenv("MPLBACKEND", "agg")
+    # studies in this process, which has its imports
+    monkeypatch.setattr("ancf2d.processors.cores", lambda: 1)
     return tmp_path
 
 

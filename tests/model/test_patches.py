@@ -70,9 +70,8 @@ def test_moment_stiffness_is_the_derivative_of_its_force(name, geometry, s):
     check_tangent(*loaded(name, geometry, {"type": "moment", "at": f"b@{s}", "value": 0.6}))
 
 
-@pytest.mark.parametrize("reach", [{}, {"from": 0.21, "to": 0.4}, {"from": 0.1, "to": 0.93}])
-@pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
-@pytest.mark.parametrize("name", NAMES)
+@helpers.covering(name=NAMES, geometry=helpers.GEOMETRIES,
+                  reach=[{}, {"from": 0.21, "to": 0.4}, {"from": 0.1, "to": 0.93}])
 def test_follower_line_load_stiffness_is_the_derivative_of_its_force(name, geometry, reach):
     load = {"type": "distributed", "on": "b", "value": [0.3, -0.7], "follower": True, **reach}
     check_tangent(*loaded(name, geometry, load))
@@ -110,8 +109,7 @@ def test_distributed_loads_have_their_resultant_and_centre(name, start, end):
     np.testing.assert_allclose(resultant(model, model.external(1.0)), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("spread", [None, "uniform", "parabolic"])
-@pytest.mark.parametrize("name", helpers.TYPES)
+@helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.TYPES, spread=[None, "uniform", "parabolic"])
 def test_point_forces_have_their_resultant_and_place(name, spread):
     load = {"type": "force", "at": "b@0.4", "value": [0.3, -0.7], **({"spread": spread} if spread else {})}
     model = helpers.build({"b": helpers.body(helpers.LINE, helpers.element(name, 3))}, bc=CLAMP, loads=[load])

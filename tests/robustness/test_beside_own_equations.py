@@ -18,7 +18,7 @@ RIGID = [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("number", [pytest.param(number, id=KINDS[number % len(KINDS)].name,
-                                                 marks=() if number in FRAMES[:2] else pytest.mark.slow)
+                                                 marks=() if number == 0 else pytest.mark.slow)
                                     for number in FRAMES])
 def test_frames(number: int) -> None:
     assert [v for v in frames([number]) if not v.holds] == []

@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from helpers import covering
 
 import ancf2d
 from ancf2d.elements.section import Layer, laminate
@@ -50,11 +51,9 @@ BIMETALS = [(1e-3, 1e-3, 2e11, 1e11), (0.5e-3, 1.5e-3, 7e10, 2.1e11), (2e-3, 0.5
 HEAT = [{"type": "temperature", "on": "strip", "value": T}]
 
 
-@pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
-@pytest.mark.parametrize("axis", ["middle", "centroid", 0.0])
-@pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
-def test_bimetal_strips_bend_as_timoshenko_says(kind: str, axis: Any, low: float, high: float, E1: float, E2: float,
-                                                ) -> None:
+@covering(kind=["reissner3", "cable", "vallejo"], axis=["middle", "centroid", 0.0], metals=BIMETALS)
+def test_bimetal_strips_bend_as_timoshenko_says(kind: str, axis: Any, metals: tuple[float, ...]) -> None:
+    low, high, E1, E2 = metals
     tip = probes(strip(kind, [layer(low, E1, 1e-5), layer(high, E2, 2.5e-5)], HEAT, axis))["tip"]
     assert tip["theta"] == pytest.approx(-L * timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-9)
 

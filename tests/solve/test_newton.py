@@ -66,8 +66,7 @@ def test_a_state_keeps_its_forces_while_the_next_one_is_found():
         np.testing.assert_array_equal(Q, system.forces(d, state.t).Q)
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-6, TOLERANCE])
-@helpers.every_small_type
+@helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.SMALL_TYPES, tolerance=[1e-2, 1e-6, TOLERANCE])
 def test_every_state_is_in_equilibrium_and_as_close_as_the_tolerance_asks(name, tolerance):
     P = STEEL_EI
     out = helpers.solved(
@@ -159,8 +158,7 @@ def test_snap_through_is_refused_with_the_load_that_was_reached_and_advice(name)
         shallow_arch(name, 1.1 * reached * 1e7)
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e-12, 1e-20])
-@helpers.every_small_type
+@helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.SMALL_TYPES, factor=[1e-6, 1e-12, 1e-20])
 def test_tiny_loads_give_tiny_displacements_in_proportion(name, factor):
     P = 1000.0 * factor
     nonlinear = helpers.solved(beam(name), bc=CLAMP, loads=helpers.tip(0.0, -P))
@@ -169,8 +167,7 @@ def test_tiny_loads_give_tiny_displacements_in_proportion(name, factor):
     assert nonlinear.reactions()["w"]["fy"] == pytest.approx(P, rel=1e-6)
 
 
-@pytest.mark.parametrize("solver", ["linear_static", "static"])
-@pytest.mark.parametrize("name", helpers.TYPES)
+@helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.TYPES, solver=["linear_static", "static"])
 def test_no_load_is_no_displacement_exactly(name, solver):
     bodies = {"beam": helpers.body(helpers.ARC, helpers.element(name, 3))}
     out = helpers.solved(bodies, solver, bc=CLAMP)
@@ -179,8 +176,7 @@ def test_no_load_is_no_displacement_exactly(name, solver):
     assert all(v == 0.0 for v in out.reactions()["w"].values())
 
 
-@pytest.mark.parametrize("solver", ["linear_static", "static"])
-@helpers.every_small_variant
+@helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.SMALL_VARIANTS, solver=["linear_static", "static"])
 def test_answers_do_not_depend_on_units(name, formulation, solver):
     """Metres, millimetres, kilometres; newtons and meganewtons."""
 

@@ -156,9 +156,7 @@ PULLS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("pull", PULLS)
-@pytest.mark.parametrize("name", SHARING)
+@helpers.covering(name=SHARING, pull=PULLS, count=[2, 3])
 def test_the_axial_strain_jumps_where_a_force_acts_along_a_bar(name: str, pull: str, count: int) -> None:
     what = {**PULLS[pull]}
     bodies = {"b": bar(name, count)}

@@ -27,8 +27,7 @@ def cantilever(name: str, count: int, solver: Any, **scene: Any) -> LoadedCase:
                         output={"probes": {"tip": "b@1"}}, **scene)
 
 
-@pytest.mark.parametrize("solver", ["linear_static", "static"])
-@helpers.every_small_type
+@helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.SMALL_TYPES, solver=["linear_static", "static"])
 def test_the_deflection_of_a_cantilever_is_off_by_what_is_said(name: str, solver: str) -> None:
     """Its section forces are determinate: what is said is the error, within what is nonlinear."""
     def tip(count: int) -> tuple[float, list[str]]:

@@ -181,9 +181,7 @@ def test_a_rigid_column_on_a_torsion_spring_buckles_at_spring_over_length():
     assert not any(s.warnings for s in sol.states if s.t < 0.7)
 
 
-@pytest.mark.parametrize("force", [(0.0, 0.0), (3.0, -4.0)])
-@pytest.mark.parametrize("angle", [3.0, -20.0])
-@pytest.mark.parametrize("steps", [1, 7, 50])
+@helpers.covering(steps=[1, 7, 50], angle=[3.0, -20.0], force=[(0.0, 0.0), (3.0, -4.0)])
 def test_a_rigid_bar_turns_by_its_prescribed_angle_in_any_number_of_steps(steps, angle, force):
     """Where nothing is loaded, there is neither stiffness nor any force, and round-off is not taken for either."""
     length, start = 1e-3, 0.7

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import covering
 
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
@@ -33,8 +34,7 @@ def forces(element: str, rest: str, s: float, nodes: str = "regular") -> tuple[f
     return probe["N"], probe["Q"], probe["M"]
 
 
-@pytest.mark.parametrize("s", [0.0, 0.21, 0.5, 1.0])
-@pytest.mark.parametrize("element", TYPES)
+@covering(element=TYPES, s=[0.0, 0.21, 0.5, 1.0])
 def test_uniform_load_on_a_simply_supported_beam(element: str, s: float) -> None:
     """M = q x (L - x)/2 and Q = q (x - L/2) for weight and a line load together, N of an end force."""
     rest = """
@@ -133,8 +133,7 @@ solver: {type: static}"""
     np.testing.assert_allclose(Q1 - Q0, np.einsum("mij,mj->mi", K, v[patch.dofs]), rtol=1e-10, atol=1e-10)
 
 
-@pytest.mark.parametrize("s", [0.4, 0.5, 0.6, 0.9])
-@pytest.mark.parametrize("element", TYPES)
+@covering(element=TYPES, s=[0.4, 0.5, 0.6, 0.9])
 def test_force_and_moment_between_nodes(element: str, s: float) -> None:
     """On either side of a force P at a, and of a moment C at b, within one element, M is that of statics."""
     rest = """
@@ -190,9 +189,8 @@ ATTACHED = {
 }
 
 
-@pytest.mark.parametrize("nodes", ["regular", "acting"])
-@pytest.mark.parametrize("kind", ATTACHED)
-@pytest.mark.parametrize("element", ["vallejo, formulation: structural", "cable", "reissner3"])
+@covering(element=["vallejo, formulation: structural", "cable", "reissner3"], kind=ATTACHED,
+          nodes=["regular", "acting"])
 def test_what_is_attached_between_nodes_acts_where_it_is(element: str, kind: str, nodes: str) -> None:
     rest, (N, Q, M) = ATTACHED[kind]
     # the beam has no weight worth the name

@@ -19,10 +19,7 @@ def scene(name: str, geometry: str, solver: str, bc: list, loads=PUSH, count: in
     )
 
 
-@pytest.mark.parametrize("s", [0.0, 0.25, 0.37])
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("name", NAMES)
+@helpers.covering(name=NAMES, geometry=GEOMETRIES, solver=SOLVERS, s=[0.0, 0.25, 0.37])
 def test_a_clamp_holds_position_and_section(name, geometry, solver, s):
     holds = ["all", "section"] + (["breathe"] if helpers.TYPES[name].section_kind == "interpolated" else [])
     for hold in holds:
@@ -45,10 +42,7 @@ def test_a_full_clamp_holds_every_coordinate_of_its_node_and_section_leaves_the_
         assert (np.abs(d).max() > 1e-6) == free
 
 
-@pytest.mark.parametrize("s", [0.25, 0.37])
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("name", NAMES)
+@helpers.covering(name=NAMES, geometry=GEOMETRIES, solver=SOLVERS, s=[0.25, 0.37])
 def test_pins_and_rollers_hold_their_directions_only(name, geometry, solver, s):
     bc = [
         {"name": "p", "type": "pin", "at": "b@0"},
@@ -102,10 +96,7 @@ def test_spread_supports_hold_the_weighted_mean_of_the_section(solver, spread):
     assert np.abs(out.u("b@0")).max() > 1e-7
 
 
-@pytest.mark.parametrize("s", [1.0, 0.87])
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("name", NAMES)
+@helpers.covering(name=NAMES, geometry=GEOMETRIES, solver=SOLVERS, s=[1.0, 0.87])
 def test_prescribed_displacements_are_reached(name, geometry, solver, s):
     bc = [{"type": "clamp", "at": "b@0"}, {"name": "m", "type": "prescribed", "at": f"b@{s}", "ux": 0.05, "uy": -0.1}]
     out = scene(name, geometry, solver, bc, [])
@@ -128,9 +119,7 @@ def test_prescribed_positions_are_places_not_displacements(name):
         np.testing.assert_allclose(out.u("b@1"), [-0.05, 0.1], atol=1e-12)
 
 
-@pytest.mark.parametrize("s", [1.0, 0.87])
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("name", NAMES)
+@helpers.covering(name=NAMES, geometry=GEOMETRIES, s=[1.0, 0.87])
 def test_prescribed_angles_are_reached_and_resisted_by_a_moment(name, geometry, s):
     bc = [
         {"name": "c", "type": "clamp", "at": "b@0"},

@@ -14,6 +14,7 @@ LOADS = [
     {"type": "moment", "at": "b@1", "value": 0.1 * EI},
 ]
 SOLVERS = ("linear_static", "static")
+EVERY = helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.SMALL_VARIANTS, solver=SOLVERS)
 
 
 def turned(v, angle: float):
@@ -26,8 +27,7 @@ def cantilevered(name: str, formulation: str, geometry: dict, solver: str, count
     return helpers.solved(bodies, solver, bc=[{"name": "w", "type": "clamp", "at": "b@0"}], loads=LOADS)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@helpers.every_small_variant
+@EVERY
 def test_a_polyline_without_a_turn_is_a_line(name, formulation, solver):
     angle = 0.4
     end = turned((1.2, 0.0), angle)
@@ -39,8 +39,7 @@ def test_a_polyline_without_a_turn_is_a_line(name, formulation, solver):
     assert poly.state.energy == pytest.approx(line.state.energy, rel=1e-10)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@helpers.every_small_variant
+@EVERY
 def test_two_welded_halves_are_one_body(name, formulation, solver):
     arc = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0.2, "to": 1.4}
     one = cantilevered(name, formulation, arc, solver)
@@ -102,10 +101,10 @@ def test_a_corner_keeps_the_axial_strain_of_each_piece():
 UNLIKE = [("cable", "kerkkanen"), ("vallejo", "vallejo"), ("reissner3", "omar")]
 
 
-@pytest.mark.parametrize(("first", "second"), UNLIKE)
-@pytest.mark.parametrize("solver", ["linear_static", "static", "eigen", "buckling"])
-def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(solver, first, second):
+@helpers.covering(pair=UNLIKE, solver=["linear_static", "static", "eigen", "buckling"])
+def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(pair, solver):
     """The factors of a tangent with multipliers have the digits of one without."""
+    first, second = pair
     # buckling has a straight column: factors of a state that bends before it buckles are left out
     straight = solver == "buckling"
 
@@ -173,8 +172,7 @@ def test_a_weld_at_a_corner_is_the_corner_of_a_polyline(name):
     np.testing.assert_allclose(two.u("b@1"), out.u("b@1"), atol=1e-11)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@helpers.every_small_variant
+@EVERY
 @settings(max_examples=3, deadline=None)
 @given(angle=st.floats(-7, 7), x=st.floats(-5, 5), y=st.floats(-5, 5))
 def test_the_answer_turns_with_the_scene(name, formulation, solver, angle, x, y):

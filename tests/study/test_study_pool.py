@@ -30,6 +30,7 @@ def test_results_keep_the_order_of_the_jobs(processes: int) -> None:
     assert found == {0: 9.0, 1: 1.0, 2: 4.0}
 
 
+@pytest.mark.slow
 def test_death_of_a_process_takes_no_other_job_with_it() -> None:
     assert run_jobs(die, list(range(15)), Workers(2), minus) == [0, 1, -2, *range(3, 12), -12, 13, 14]
 
@@ -73,6 +74,7 @@ def _sweeping(folder: Path, at_once: int = 0) -> subprocess.Popen[str]:
     return subprocess.Popen([sys.executable, str(file)], stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ENDS)
 def test_processes_end_with_the_one_that_began_them(tmp_path: Path, how: signal.Signals) -> None:
     """Interrupted or killed: no process is left behind, and none says anything."""
@@ -88,6 +90,7 @@ def test_processes_end_with_the_one_that_began_them(tmp_path: Path, how: signal.
     assert not any(Path(f"/proc/{n}").exists() for n in children)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_processes_that_have_just_begun_are_told_what_to_do_first(tmp_path: Path, how: signal.Signals) -> None:
     process = _sweeping(tmp_path, how)
