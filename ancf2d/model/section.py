@@ -94,8 +94,9 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
         A, I = h * b, b * h**3 / 12.0
     else:
         A, I = given.A, given.I
-        h = np.sqrt(12.0 * I / A)
-        b = A / h
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            h = np.sqrt(12.0 * I / A)
+            b = A / h
         if is_axis_type(element) and given.height is not None:
             h, b = given.height, A / given.height
     rho = 0.0 if material.rho is None else material.rho

@@ -21,6 +21,8 @@ TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
 # residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
 BALANCE = 1e-8
+# beside the largest force of one spring or load: where these cancel, the rest alone decides the displacements
+CANCELLED = 1e-10
 # displacements known to less than this many digits are worth a word
 POOR = 1e-6
 # a residual within this multiple of the bound of round-off cannot be told from zero
@@ -95,9 +97,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
 
 
 def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
-    """Whether no residual at d exceeds 1e-8 of the largest force, or what round-off can leave of it."""
+    """Whether no residual at d exceeds 1e-8 of the largest force, round-off, or 1e-10 of forces that cancel."""
     return (system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
-            or system.balances(balance, d, t, BALANCE))
+            or system.balances(balance, d, t, CANCELLED))
 
 
 def at_floor(R: Array, noise: Array) -> bool:

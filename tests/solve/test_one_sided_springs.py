@@ -93,4 +93,4 @@ def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
             for more in ({}, {"only": "tension"})]
     assert pair[1].tables["modes"]["omega"] == pytest.approx(pair[0].tables["modes"]["omega"], rel=1e-12)
     assert pair[0].warnings == []
-    assert "acts on one side" in pair[1].warnings[0]
+    assert "acts on only one side" in pair[1].warnings[0]

@@ -29,7 +29,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "springs": [{"type": "translational", "between": ["b@1", [1.5, 1.0]], "stiffness": 20.0, "damping": 0.5}],
         "loads": [*GRAVITY, {"type": "moment", "at": "a@1", "value": 0.1}]},
     "loaded in every way": {
-        "bodies": {"a": rod("cable"), "b": rod("2d2n", start=(0, 1), end=(1, 1)),
+        "bodies": {"a": rod("cable"), "b": rod("2d2n", start=(0, 1), end=(1, 1), alpha=1e-5),
                    "c": rod("vallejo", start=(0, 2), end=(1, 2))},
         "bc": [{"type": "clamp", "at": "a@0"}, {"type": "roller", "at": "a@1", "fixed": "y"},
                {"type": "fix", "at": "b@0", "coordinates": ["x", "y"]},
@@ -42,7 +42,12 @@ SCENES: dict[str, dict[str, Any]] = {
                   {"type": "force", "at": "b@1", "value": [0, 0.2], "amplitude": {"type": "sine", "frequency": 3}},
                   {"type": "follower_force", "at": "c@1", "value": [0.1, 0.2], "amplitude": RISE},
                   {"type": "moment", "at": "a@0.5", "value": 0.1, "amplitude": WAVE},
-                  {"type": "distributed", "on": "b", "value": [0, -1], "follower": True}]},
+                  {"type": "distributed", "on": "b", "value": [0, -1], "follower": True},
+                  {"type": "torque", "between": ["b@1", "c@1"], "value": 0.1},
+                  {"type": "eigenstrain", "on": "c", "axial": 1e-4, "amplitude": WAVE},
+                  {"type": "temperature", "on": "b", "value": 10, "amplitude": RISE},
+                  {"type": "tendon", "on": "a", "y": 0.01, "tension": 0.1},
+                  {"type": "tendon", "through": ["b@0", "c@1", [2, 2]], "stiffness": 10}]},
     "joined in every way": {
         "bodies": {"rail": rod("cable", 3, (0, 0), (2, 0)), "bead": rigid([0.55, 0], [0.65, 0], 0.3, 0.01),
                    "arm": rod("vallejo", 2, (2, 0), (2, 1)), "end": rigid([2, 1], [2, 1.5], 0.2, 0.01)},
