@@ -73,7 +73,7 @@ def _rows(study: Study) -> list[str]:
         steps = [number(setting.step, 4)] if key else []
         out.append([names[m.element, m.formulation], *(_text(getattr(setting, c)) for c in columns), *steps,
                     str(m.elements), "-" if m.dofs is None else str(m.dofs), error_text(row),
-                    *([total_text(row)] if both else []), time_text(row), _memory(m.memory),
+                    *([total_text(row)] if both else []), time_text(row), memory_text(m.memory),
                     "*" if row.pareto else "", f"failed: {m.reason}" if m.reason else ""])
     lines = table(out, left=(*range(len(columns) + 1), len(head) - 1))
     lines += ["", *_wrapped(_meaning(study))]
@@ -109,10 +109,16 @@ def time_text(row: Row) -> str:
     return "-" if row.measured.wall_s is None else duration(row.measured.wall_s)
 
 
-def _memory(count: int | None) -> str:
+def memory_text(count: int | None) -> str:
+    """Return a number of bytes in three digits and seven characters, so that columns keep their width."""
     if count is None:
         return "-"
-    return f"{count / 1e3:.0f} kB" if count < 1e6 else f"{count / 1e6:.3g} MB"
+    size, unit = count / 1e3, "kB"
+    for larger in ("MB", "GB"):
+        if size >= 999.5:
+            size, unit = size / 1e3, larger
+    digits = 2 if size < 9.995 else 1 if size < 99.95 else 0
+    return f"{size:.{digits}f} {unit}".rjust(7)
 
 
 def _meaning(study: Study) -> str:

@@ -311,7 +311,9 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
     f, scale = sequence(answers), answers[-1].size if answers else 1.0
     found = estimate(n, f, scale)
     limit = limit_of(answers, found, reference)
-    for row, answer in zip(good, answers, strict=True):
+    for row, answer, value in zip(good, answers, f, strict=True):
+        if answer.period:
+            row.value = value
         if limit is not None and (reference is not None or len(good) > 1):
             row.error = answer.distance(limit) / limit.size
     settled = round_off_level(f, scale)
@@ -333,11 +335,11 @@ def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None
     if reference is not None:
         # of a motion its value at the end
         size = last.size if last.course is not None else error_scale(reference, last.smallest)
-        return Answer(reference, size)
+        return Answer(reference, size, period=last.period)
     if found.value is None:
         return None
     if last.course is None:
-        return Answer(found.value, error_scale(found.value, last.smallest))
+        return Answer(found.value, error_scale(found.value, last.smallest), period=last.period)
     gap = last.distance(answers[-2]) if len(answers) > 1 else 0.0
     # the pseudo-sequence of distances approaches its limit from one side: the share that is left of the last one
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last

@@ -110,6 +110,7 @@ class Answer:
     relative to: the value, or where that is smaller ``smallest``, 1e-3 of the largest of its kind in the model; in
     motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
     ``curves``: of responses over the frequency, whose errors are shares of their peaks; without a goal ``value`` is 1.
+    ``period``: what may be added to the value without a difference, 2 pi of phases, else 0.
     """
 
     value: float
@@ -117,6 +118,12 @@ class Answer:
     course: Array | None = None
     smallest: float = 0.0
     curves: Curves | None = None
+    period: float = 0.0
+
+    def gap(self, other: Answer) -> float:
+        """Return the value less that of another answer."""
+        found, period = self.value - other.value, max(self.period, other.period)
+        return found - period * round(found / period) if period else found
 
     def distance(self, other: Answer) -> float:
         """Return how far another answer is from this one, in the goal's units: in motion the most over time.
@@ -126,7 +133,7 @@ class Answer:
         if self.curves is not None and other.curves is not None:
             return other.size * other.curves.distance(self.curves)
         if self.course is None or other.course is None or len(self.course) != len(other.course):
-            return abs(self.value - other.value)
+            return abs(self.gap(other))
         return float(np.max(np.abs(self.course - other.course), initial=0.0))
 
     def beyond(self, coarse: Answer, factor: float) -> Answer:
@@ -134,7 +141,7 @@ class Answer:
         course = None
         if self.course is not None and coarse.course is not None and len(self.course) == len(coarse.course):
             course = self.course + factor * (self.course - coarse.course)
-        return Answer(self.value + factor * (self.value - coarse.value), self.size, course, self.smallest)
+        return replace(self, value=self.value + factor * self.gap(coarse), course=course, curves=None)
 
 
 @dataclass
@@ -261,7 +268,8 @@ class _Watch:
             return None
         smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
         if not self.course:
-            return Answer(value, error_scale(value, smallest), None, smallest)
+            period = 2.0 * math.pi if self.goal.part == "phase" else 0.0
+            return Answer(value, error_scale(value, smallest), None, smallest, period=period)
         return Answer(value, max(self.largest, TINY), np.array(self.course), smallest)
 
     def _summary(self, state: Any) -> dict[str, Any]:
@@ -277,11 +285,12 @@ class _Watch:
 def sequence(answers: Sequence[Answer]) -> list[float]:
     """Return a sequence of numbers with the distances of neighbouring answers, which ends with the last value.
 
-    Of scalar answers these are their values; courses over time, and responses over the frequency, approach the last one
-    from one side.
+    Of scalar answers these are their values, of phases on from the last one without jumps; courses over time, and
+    responses over the frequency, approach the last one from one side.
     """
     if any(a.course is None and a.curves is None for a in answers):
-        return [a.value for a in answers]
+        last = answers[-1]
+        return [last.value + a.gap(last) if last.period else a.value for a in answers]
     out = [a.value for a in answers[-1:]]
     for a, b in zip(answers[-2::-1], answers[:0:-1], strict=True):
         out.append(out[-1] + a.distance(b))

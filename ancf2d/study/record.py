@@ -108,7 +108,16 @@ class Recorder:
         from ..solvers.registry import initial_state
 
         start = initial_state(self.model)
-        self._store(start, None, self.observer.observe(start))
+        self._store(start, None, self._over_time(start, self.observer.observe(start)))
+
+    def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+        """Return what is written of each state at points: probes, and the reaction that is the goal."""
+        from ..solvers.post import reactions
+
+        name = self.case.goal.reaction if self.case.goal is not None else None
+        if name is None or self.writer is None:
+            return probes
+        return {**probes, name if name not in probes else f"reaction {name}": reactions(self.model, state)[name]}
 
     def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
         return {} if self.fields is None else self.fields.read(state)
@@ -120,9 +129,9 @@ class Recorder:
             return
         self._write_once(state)
         if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
-            self._store(state, state.history, self.probes)
+            self._store(state, state.history, self._over_time(state, self.probes))
         else:
-            self.writer.log(state.history, t=state.t, probes=self.probes)
+            self.writer.log(state.history, t=state.t, probes=self._over_time(state, self.probes))
 
     def _write_once(self, state: State) -> None:
         for path, (data, units, description) in state.arrays.items():
@@ -138,7 +147,7 @@ class Recorder:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
-        self._store(state, None, self.probes, v=v, steps=state.blocks, energies=state.history,
+        self._store(state, None, self._over_time(state, self.probes), v=v, steps=state.blocks, energies=state.history,
                     checkpoint=self._checkpoint(state))
 
     def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],

@@ -24,7 +24,7 @@ def curves(results: Results, t: np.ndarray) -> dict[str, Any]:
     """
     goal = completed_case(results).get("goal")
     goal = goal if isinstance(goal, dict) else {}
-    wanted = str(goal.get("probe", "energy")), str(goal.get("quantity", "")).removesuffix("_energy")
+    wanted = _wanted(goal, results)
     tables = [(results.probe_t, results.probes), (results.t, {"energy": _energies(results)})]
     count = sum(len(columns) for _, found in tables for columns in found.values())
     most = max(2, min(MAX_ROWS, BUDGET // (8 * max(count, 1))))
@@ -41,6 +41,15 @@ def curves(results: Results, t: np.ndarray) -> dict[str, Any]:
         series.append({"t": packed(times[kept], "f8"), "rows": packed(rows, "f4")})
     number = next((k for k, c in enumerate(listed) if (c["probe"], c["quantity"]) == wanted), None)
     return {"series": series, "probes": listed, "traces": traces, "goal": number}
+
+
+def _wanted(goal: dict[str, Any], results: Results) -> tuple[str, str]:
+    """Return the names under which a file has what the goal asks for: of a point and a quantity."""
+    quantity = str(goal.get("quantity", "")).removesuffix("_energy")
+    if "reaction" in goal:
+        beside = f"reaction {goal['reaction']}"  # where a probe has the name of the support
+        return beside if beside in results.probes else str(goal["reaction"]), quantity
+    return str(goal.get("probe", "energy")), quantity
 
 
 def _energies(results: Results) -> Table:

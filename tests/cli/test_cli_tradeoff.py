@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from click.testing import Result
 
+from ancf2d.cli.tradeoff import memory_text
 from ancf2d.plot.kinds import build
 from ancf2d.results import Results
 
@@ -82,3 +83,10 @@ def test_budget_without_room_is_a_failure_that_says_so(call: Call, call_json: Ca
     assert "error: the budget did not allow any solution" in result.stderr
     assert "left out" in result.stdout
     assert call_json("tradeoff", "beam.yaml", "--budget", "0", "--json")["status"] == "failed"
+
+
+def test_the_column_of_memory_has_one_width() -> None:
+    """A little more or less than a unit, and three digits whatever the last ones are."""
+    for count, text in ((310, "0.31 kB"), (9994, "9.99 kB"), (9996, "10.0 kB"), (123_456, " 123 kB"),
+                        (999_400, " 999 kB"), (999_600, "1.00 MB"), (1_100_000, "1.10 MB"), (2.5e9, "2.50 GB")):
+        assert memory_text(int(count)) == text

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import math
 from pathlib import Path
 
 import pytest
 
 from ancf2d.case import Dynamic, LoadedCase, Static, load_case_text
 from ancf2d.errors import CaseError
-from ancf2d.study.convergence import Convergence, Row, Series, Steps, _explained, convergence
-from ancf2d.study.goal import Answer, error_scale, smallest_scale
+from ancf2d.study.convergence import Convergence, Row, Series, Steps, _explained, convergence, limit_of
+from ancf2d.study.goal import Answer, error_scale, sequence, smallest_scale
 from ancf2d.study.order import estimate
 from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
@@ -171,6 +172,21 @@ def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None
     assert error_scale(-5.0, smallest) == 5.0
     found = convergence(loaded, meshes=[2, 4, 8]).series[0].estimate
     assert "round-off" in found.note
+
+
+def test_phases_on_both_sides_of_pi_are_neighbours() -> None:
+    """Phases that tend to pi + 0.03 with order 2, each told between -pi and pi."""
+    wanted = [math.pi + 0.03 - 0.16 / 4**k for k in range(4)]
+    told = [math.remainder(p, 2 * math.pi) for p in wanted]
+    assert told[0] > 3 > -3 > told[-1]
+    answers = [Answer(p, 3.0, period=2 * math.pi) for p in told]
+    f = sequence(answers)
+    found = estimate([2.0, 4.0, 8.0, 16.0], f, 3.0)
+    limit = limit_of(answers, found, None)
+    assert limit is not None
+    assert found.order == pytest.approx(2.0)
+    assert math.remainder(limit.value - 0.03 - math.pi, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert [a.distance(limit) for a in answers] == pytest.approx([0.16 / 4**k for k in range(4)])
 
 
 def test_expected_value_that_is_not_computed_is_not_met() -> None:

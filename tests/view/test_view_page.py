@@ -142,6 +142,23 @@ def test_the_curve_is_the_goals_and_ways_are_those_of_probes(frame: Path) -> Non
     np.testing.assert_allclose(np.frombuffer(base64.b64decode(way["uy"]), "<f4"), uy, rtol=1e-6)
 
 
+@pytest.mark.parametrize("taken", ["tip", "beside"])
+def test_the_curve_of_a_reaction_is_its_course(tmp_path: Path, taken: str) -> None:
+    """It starts at zero, ends at the reaction that is printed, and has its own name beside a probe of the same."""
+    case = {**FRAME, "boundary_conditions": [{"name": "tip", "type": "clamp", "at": "beam@0"}],
+            "goal": {"reaction": "tip", "quantity": "fy"}, "output": {"probes": {taken: "beam@1"}}}
+    (tmp_path / "a.yaml").write_text(json.dumps(case))
+    summary = run_case(load(tmp_path / "a.yaml"), str(tmp_path / "a.h5")).summary
+    with open_results(tmp_path / "a.h5") as results:
+        data = embedded(make_page(results).html)
+    chosen = data["probes"][data["goal"]]
+    assert (chosen["probe"], chosen["quantity"], chosen["units"]) == (
+        "reaction tip" if taken == "tip" else "tip", "fy", "N")
+    values = np.frombuffer(base64.b64decode(chosen["values"]), "<f8")
+    assert (len(values), values[0]) == (4, pytest.approx(0.0, abs=1e-6))
+    assert values[-1] == pytest.approx(summary["reactions"]["tip"]["fy"], rel=1e-12)
+
+
 def test_many_long_probes_do_not_make_a_page_too_large(tmp_path: Path) -> None:
     x = np.array([0.0, 2.0])
     e0 = coordinates("tangent", x, 0.0)
