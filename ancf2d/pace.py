@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+
+# most marks that are kept
+MARKS = 400
+# marks between two of which the steps of a run are told
+WITHIN = 16
+# share of the time so far over which the end that is foretold must stay, and by which factor the whole may change there
+CALM, ALIKE = 0.5, 1.5
+# times the last one: when what is foretold is noted again
+NEXT = 1.02
 
 
 class Pace:
-    """Work done over the seconds that it took. The pace of the latter half of the time holds for the rest.
+    """Work done over the seconds that it took.
 
-    Parts of a run that take turns have a pace each; ``running`` counts the seconds of one.
+    The latter half of the work so far tells how long as much again will take. ``eases``: where this half took less than
+    twice as long as the quarter before it, as steps that grow do, each doubling of the work goes on to take so much
+    longer than the one before; where it took more, work goes on at its rate. Parts of a run that take turns have a pace
+    each; ``running`` counts the seconds of one.
     """
 
-    def __init__(self, work: float = 0.0, clock: Callable[[], float] = time.monotonic) -> None:
-        self.seconds, self.clock = 0.0, clock
-        self.marks = deque([(0.0, work)])
+    def __init__(self, work: float = 0.0, clock: Callable[[], float] = time.monotonic, eases: bool = True) -> None:
+        self.seconds, self.clock, self.eases = 0.0, clock, eases
+        self.at, self.work = [0.0], [work]
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -27,20 +40,73 @@ class Pace:
         finally:
             self.seconds += self.clock() - began
 
-    def mark(self, work: float, seconds: float | None = None) -> None:
-        """Note how much work is done in all, after so many seconds (default: those counted)."""
+    def mark(self, work: float, seconds: float | None = None, within: Sequence[float] = ()) -> None:
+        """Note how much work is done in all, after so many seconds (default: those counted).
+
+        ``within`` are amounts between the last mark and this one, each of which took the same time.
+        """
         if seconds is not None:
             self.seconds = seconds
-        if self.seconds == self.marks[-1][0]:
-            self.marks[-1] = self.seconds, work
-        else:
-            self.marks.append((self.seconds, work))
-        while len(self.marks) > 2 and self.marks[1][0] <= 0.5 * self.seconds:
-            self.marks.popleft()
+        if self.seconds == self.at[-1]:
+            self.work[-1] = work
+            return
+        began, first, count = self.at[-1], self.work[-1], len(within)
+        for k in range(0, count, max(1, count // WITHIN)):
+            if self.work[-1] < within[k] < work:
+                self.at.append(began + (self.seconds - began) * (k + 1) / (count + 1))
+                self.work.append(float(within[k]))
+        self.at.append(self.seconds)
+        self.work.append(max(work, first))
+        if len(self.at) > MARKS:
+            self._thin(4.0 * (self.work[-1] - self.work[0]) / MARKS)
 
     def left(self, whole: float) -> float | None:
         """Return the seconds [s] until the whole work is done, None where nothing tells yet."""
-        (began, first), (now, work) = self.marks[0], self.marks[-1]
-        if work >= whole:
+        start, done, now = self.work[0], self.work[-1] - self.work[0], self.at[-1]
+        if self.work[-1] >= whole:
             return 0.0
-        return None if work <= first else (now - began) * (whole - work) / (work - first)
+        half = now - self._seconds(start + 0.5 * done) if done > 0.0 else 0.0
+        if half <= 0.0:
+            return None
+        quarter = now - half - self._seconds(start + 0.25 * done)
+        ratio = min(max(half / quarter, 1.0), 2.0) if self.eases and quarter > 0.0 else 2.0
+        doublings = math.log2((whole - start) / done)
+        if ratio - 1.0 < 1e-3:
+            return half * doublings
+        return half * ratio * (ratio**doublings - 1.0) / (ratio - 1.0)
+
+    def _thin(self, least: float) -> None:
+        """Keep marks so much work apart, with what is just before each."""
+        kept, last = [0], self.work[0]
+        for k in range(1, len(self.work) - 1):
+            if max(self.work[k], self.work[k + 1]) - last >= least:
+                kept.append(k)
+                last = max(last, self.work[k] if self.work[k] - last >= least else last)
+        kept.append(len(self.work) - 1)
+        self.at, self.work = [self.at[k] for k in kept], [self.work[k] for k in kept]
+
+    def _seconds(self, work: float) -> float:
+        """Return when so much work was done."""
+        k = min(max(bisect_left(self.work, work), 1), len(self.work) - 1)
+        (a, b), (s, t) = self.work[k - 1:k + 1], self.at[k - 1:k + 1]
+        return s + (t - s) * min(max((work - a) / (b - a), 0.0), 1.0) if b > a else t
+
+
+class Calm:
+    """Passes on the time that is left once the whole time that it makes has stayed about the same for a while."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[float, float]] = []
+        self.calm = False  # whether a while has passed
+
+    def __call__(self, spent: float, left: float | None) -> float | None:
+        """Return the time left [s] after so many seconds, None where it is not known or not calm yet."""
+        if left is None:
+            return None
+        whole = spent + left
+        if not self.told or spent >= NEXT * self.told[-1][0]:
+            self.told.append((spent, whole))
+        old, self.told = self.told[0][0], [one for one in self.told if one[0] >= CALM * spent]
+        wholes = [whole, *(one for _, one in self.told)]
+        self.calm = self.calm or old < CALM * spent
+        return left if self.calm and max(wholes) <= ALIKE * min(wholes) else None

@@ -79,8 +79,8 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
         done = new.t / end if end else 1.0
         if not moves:
             bar.update(done)
-        elif new.left is not None:
-            bar.update(done, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}", new.left)
+        else:
+            bar.update(done, f"t = {new.t:.4g} of {end:.4g} {loaded.case.units.time}", new.left or 0.0)
 
     progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=session.note_once,
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)

@@ -13,7 +13,7 @@ import click
 
 from ..interrupts import uninterrupted
 from ..json_values import json_text
-from ..pace import Pace
+from ..pace import Calm, Pace
 from .text import command_line, duration, printable, say, write
 
 
@@ -90,6 +90,7 @@ class Bar:
         self.bar: Any = None
         self.done = 0
         self.pace: tuple[float, Pace] | None = None  # when the first step began, and how fast it goes on since
+        self.calm = Calm()
 
     def __enter__(self) -> Bar:
         return self
@@ -97,7 +98,8 @@ class Bar:
     def update(self, share: float, text: str = "", left: float | None = None) -> None:
         """Move to a share of the whole; ``text`` and the time left stand beside the bar.
 
-        ``left`` [s] is that time where it is known better than from how fast the share grows.
+        ``left`` [s] is that time where it is known better than from how fast the share grows, 0 where nothing tells.
+        It is shown when it has settled.
         """
         if not self.shown:
             return
@@ -106,6 +108,7 @@ class Bar:
             self.pace = moment, Pace(share)
         began, pace = self.pace
         pace.mark(share, moment - began)
+        rest = self.calm(moment - began, pace.left(1.0) if left is None else left or None)
         if self.bar is None:
             if moment - self.started < PATIENCE:
                 return
@@ -114,7 +117,6 @@ class Bar:
             self.bar.__enter__()
         now = min(int(STEPS * share), STEPS)
         if now > self.done or moment - self.drawn > REDRAW:
-            rest = pace.left(1.0) if left is None else left
             parts = printable(text), f"{duration(rest)} left" if rest and share < 1.0 else ""
             self.bar.current_item = ", ".join(part for part in parts if part)
             self.bar.update(max(now - self.done, 0))

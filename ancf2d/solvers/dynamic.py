@@ -130,9 +130,10 @@ class Run:
             self._resume(kept)
         self._set_off()
         while not self.stepper.done:
+            since = self.stepper.t
             with self.stepping.running():
                 found = self.stepper.run()
-            self.stepping.mark(self.stepper.t)
+            self.stepping.mark(self.stepper.t, within=self.stepper.stepped(since, found).tolist())
             for row in found:
                 if row.kind == CHECK:
                     d, v, _ = self.stepper.full(row)
@@ -156,7 +157,7 @@ class Run:
     def _took(self, t: float, seconds: float) -> None:
         """Count the time of a state; the first one takes longer than the others, which says nothing of them."""
         if self.taking is None:
-            self.taking = Pace(t)
+            self.taking = Pace(t, eases=False)
         else:
             self.taking.mark(t, self.taking.seconds + seconds)
 

@@ -95,9 +95,10 @@ class Estimate:
         near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
         try:
             while not queue or queue[-1][0] < t - near:
+                since = stepper.t
                 with self.paces[level].running():
                     rows = [stepper.last()] if stepper.done else stepper.run()
-                self.paces[level].mark(stepper.t)
+                self.paces[level].mark(stepper.t, within=stepper.stepped(since, rows).tolist())
                 queue += [(row.t, self._places(stepper.full(row)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"

@@ -13,7 +13,7 @@ import pytest
 
 from ancf2d.case import load_case_text
 from ancf2d.case.axes import read_axes
-from ancf2d.pace import Pace
+from ancf2d.pace import Calm, Pace
 from ancf2d.solvers.stepping import Stepper
 from ancf2d.study import convergence as convergence_module
 from ancf2d.study import sweep as sweep_module
@@ -219,6 +219,37 @@ def test_the_pace_of_the_latter_half_holds_for_the_rest() -> None:
         if t >= 15:
             assert left is not None
             assert 1.0 - 1e-9 <= left / (100.0 - t) <= (2.0 if t < 20 else 1.1)
+
+
+@pytest.mark.parametrize(("power", "worst"), [(1.0, 1.01), (0.5, 1.01), (0.1, 1.1), (2.0, 2.01)])
+def test_steps_that_grow_are_expected_to_grow_on(power: float, worst: float) -> None:
+    """Seconds t^power after the time t: from 2 % of the way on, in marks of chunks, with the steps between them."""
+    found, last = Pace(), 0.0
+    for k in range(1, 400):
+        t = (k / 400) ** (1 / power)
+        steps = [((k - 1 + j / 50) / 400) ** (1 / power) for j in range(1, 50)]
+        found.mark(t, float(k), within=steps)
+        left = found.left(1.0)
+        assert left is not None
+        if (0.5 if power > 1.0 else 0.02) < t < 0.98:
+            ratio = left / (400.0 - k)
+            assert 1 / worst < ratio < worst, (t, ratio)
+        last = t
+    assert last < 1.0
+    assert len(found.at) <= 401
+
+
+def test_a_time_is_told_once_it_has_settled() -> None:
+    """The whole is foretold as 1000 s for 20 s, then as 100 s; and as 300 s from 70 s on."""
+    calm, told = Calm(), {}
+    for second in range(1, 100):
+        whole = 1000.0 if second < 20 else 100.0 if second < 70 else 300.0
+        told[second] = calm(float(second), whole - second)
+    assert told[1] is None
+    assert told[10] == 990.0
+    assert all(told[k] is None for k in range(20, 38))
+    assert all(told[k] == 100.0 - k for k in range(41, 70))
+    assert all(told[k] is None for k in range(70, 100))
 
 
 def test_a_pace_tells_nothing_before_any_work_is_done() -> None:
