@@ -17,7 +17,7 @@ from ..model.coarse import inverted
 from ..model.model import Model
 from ..pace import Pace
 from .energy import Energies, is_constant
-from .estimate import Estimate
+from .estimate import Estimate, step_ends
 from .initial import initial_motion
 from .ode import OdeStepper
 from .problem import make_problem
@@ -133,7 +133,7 @@ class Run:
             since = self.stepper.t
             with self.stepping.running():
                 found = self.stepper.run()
-            self.stepping.mark(self.stepper.t, within=self.stepper.stepped(since, found).tolist())
+            self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
                     d, v, _ = self.stepper.full(row)

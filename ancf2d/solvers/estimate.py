@@ -18,6 +18,7 @@ from ..model.points import PointRef
 from ..model.timing import rates_of
 from ..pace import Pace
 from .energy import Kinds
+from .state import Row
 from .stepping import Stepper
 from .system import STILL
 
@@ -98,7 +99,7 @@ class Estimate:
                 since = stepper.t
                 with self.paces[level].running():
                     rows = [stepper.last()] if stepper.done else stepper.run()
-                self.paces[level].mark(stepper.t, within=stepper.stepped(since, rows).tolist())
+                self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
                 queue += [(row.t, self._places(stepper.full(row)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
@@ -209,6 +210,12 @@ class Estimate:
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
             queue = kept[head + "queue"].reshape(-1, 1 + 2 * len(self.columns))
             self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in queue]
+
+
+def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
+    """Return the ends of the steps after a time, of which the log of ``found`` and what is left of it tell."""
+    ends = np.concatenate([*(row.log[:, 1] for row in found), stepper.pending[:, 1]])
+    return ends[ends > since].tolist()
 
 
 def _rows(point: PointRef) -> list[tuple[Index, Array]]:

@@ -104,11 +104,6 @@ class Stepper:
         """The time reached."""
         return float(self.s.numbers[TIME])
 
-    def stepped(self, since: float, found: list[Row]) -> Array:
-        """Return the ends of the steps since a time, of which the log of ``found`` and what is left of it tell."""
-        ends = np.concatenate([*(row.log[:, 1] for row in found), self.pending[:, 1]])
-        return np.asarray(ends[ends > since])
-
     @property
     def done(self) -> bool:
         """Whether the end is reached, and was reached well."""

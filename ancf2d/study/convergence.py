@@ -311,9 +311,9 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
     f, scale = sequence(answers), answers[-1].size if answers else 1.0
     found = estimate(n, f, scale)
     limit = limit_of(answers, found, reference)
-    for row, answer, value in zip(good, answers, f, strict=True):
+    for row, answer, unwrapped in zip(good, answers, f, strict=True):
         if answer.period:
-            row.value = value
+            row.value = unwrapped
         if limit is not None and (reference is not None or len(good) > 1):
             row.error = answer.distance(limit) / limit.size
     settled = round_off_level(f, scale)

@@ -77,18 +77,23 @@ class Terminal(io.StringIO):
 
 
 def test_bar_shows_the_time_reached_and_what_is_left(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
-    """A run resumed at 0.4 that came to 0.6 in 10 s has 20 s left."""
+    """A run resumed at 0.4 that came to 0.6 in 10 s has 20 s left, which is told when it has settled."""
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with Bar("solving", True) as bar:
         bar.update(0.4, "t = 4 of 10 s")
         assert terminal.getvalue() == ""  # not worth a bar yet
-        clock[0] += 10.0
-        bar.update(0.6, "t = 6 of 10 s")
+        clock[0] += 1.0
+        bar.update(0.42, "t = 4.2 of 10 s")
+        assert "42%  t = 4.2 of 10 s" in terminal.getvalue()
+        assert "left" not in terminal.getvalue()
+        for k in range(2, 11):
+            clock[0] += 1.0
+            bar.update(0.4 + 0.02 * k, f"t = {4 + k / 5:g} of 10 s")
         assert "60%  t = 6 of 10 s, 20 s left" in terminal.getvalue()
         clock[0] += 2.0
         bar.update(0.6, "t = 6.0001 of 10 s")  # the bar does not move, the text does
-        assert "60%  t = 6.0001 of 10 s, 24 s left" in terminal.getvalue()
+        assert "60%  t = 6.0001 of 10 s, 28 s left" in terminal.getvalue()
         bar.update(1.0, "t = 10 of 10 s")
     assert "100%  t = 10 of 10 s " in terminal.getvalue()
 
