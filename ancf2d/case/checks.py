@@ -21,6 +21,8 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("initial",): ("dynamic",),
     ("damping",): (*SMALL, "buckling", "dynamic"),
     ("steady_rotation",): ("static", *SMALL),
+    ("transport",): (*SMALL, "buckling", "dynamic"),
+    ("fluid",): (*SMALL, "buckling", "dynamic"),
     ("output", "interval"): ("dynamic",),
     ("output", "every"): ("static", "dynamic"),
 }
@@ -47,6 +49,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
     if case.solver is not INVALID:
         checker.sections()
         checker.moving()
+        checker.flows()
         checker.goals()
         checker.masses()
         checker.times()
@@ -126,6 +129,26 @@ class _Checker:
                               f"name of {section}.{seen[name]} (line {line})")
                 else:
                     seen[name] = i
+
+    def flows(self) -> None:
+        """Check what moves along bodies: once on each, at a speed that is known where nothing depends on time."""
+        if INVALID in (self.case.transport, self.case.fluid) or self.failed & {("transport",), ("fluid",)}:
+            return
+        for what in ("transport", "fluid"):
+            found, seen = getattr(self.case, what), set()
+            for i, one in enumerate(found if isinstance(found, tuple) else () if found is None else (found,)):
+                path: Path = (what, i) if isinstance(found, tuple) else (what,)
+                if one.on in seen:
+                    self.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is named twice")
+                seen.add(one.on)
+                body = self.case.bodies.get(one.on) if self.case.bodies is not INVALID else None
+                if body not in (None, INVALID) and body.element not in (None, INVALID) and body.element.type == "rigid":
+                    self.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is rigid", "a body with elements")
+                if not isinstance(one.velocity, float) and self.solver != "dynamic":
+                    self.fail((*path, "velocity"), f"{dotted(path)}.velocity: over time it is for solver dynamic alone",
+                              f"a number {self.binder.unit('m/s')}")
+        if self.case.flows and self.case.steady_rotation is not None:
+            self.fail(("steady_rotation",), "steady_rotation cannot be used with transport or fluid", on_key=True)
 
     def moving(self) -> None:
         """Check that points move in motions alone."""

@@ -23,6 +23,7 @@ from ..model.mesh import BodyMesh, Index, mass_weights
 from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
+from .flow import fluid_weight
 from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
 
 Density = tuple[float | Profile, float | Profile]
@@ -84,6 +85,10 @@ class Gravity:
                 forces = np.multiply.outer(np.array(self.value), mass_weights(cls.sampler))[:, None]
                 dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
                 out.dead.append(context.dead(dofs, Q, gravity=True))
+        for fluid in context.fluids:
+            for elements, weights in fluid_weight(context.meshes[fluid.on], fluid.rhoA):
+                forces = np.multiply.outer(np.array(self.value), weights)[:, None]
+                out.dead.append(context.dead(*_element_loads(context.meshes[fluid.on], elements, forces), gravity=True))
         for mass in context.masses:
             if isinstance(mass.at, MovingPoint):
                 out.patches.append(context.moving(mass.at, [mass.mass * a for a in self.value]))

@@ -14,7 +14,7 @@ from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.amplitudes import Amplitude
-from ..case.schema.case import register
+from ..case.schema.case import Fluid, register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
@@ -65,6 +65,7 @@ class LoadSet:
     """Everything that acts on the model; ``springs`` are loads that are stiff, as springs are, before they act.
 
     ``guides`` are the tendons along bodies among them, whose tension the sections of their body do not bear.
+    ``flows`` are forces of material that moves along bodies, which act in the reference, too.
     """
 
     dead: list[DeadLoad] = field(default_factory=list)
@@ -72,6 +73,7 @@ class LoadSet:
     natural: list[NaturalStrain] = field(default_factory=list)
     springs: list[Any] = field(default_factory=list)
     guides: list[Any] = field(default_factory=list)
+    flows: list[Any] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,7 @@ class LoadContext:
     point: Callable[[Any], PointRef]
     amplitude: Callable[[float], float]
     masses: Sequence[Any] = ()
+    fluids: Sequence[Fluid] = ()
     # what follows another amplitude
     follow: Callable[[Amplitude], Callable[[float], float]] | None = None
 

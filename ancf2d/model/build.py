@@ -12,6 +12,7 @@ from ..case import (
     Buckling,
     Case,
     Dynamic,
+    Fluid,
     GroundPoint,
     LinearStatic,
     LoadedCase,
@@ -23,6 +24,7 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
+from ..interactions.flow import Velocity, flow_patches
 from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
@@ -40,12 +42,13 @@ from .order import coordinate_weights
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .repeated import drop_repeated, linear_row
-from .timing import InputTiming, PathTiming, TimeTiming, Timing
+from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 
 def timing_of(case: Case) -> Timing:
     """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
-    if isinstance(case.solver, Buckling) or (isinstance(case.solver, Static) and case.solver.method != "newton"):
+    scaled = isinstance(case.solver, Buckling) and not case.flows
+    if scaled or (isinstance(case.solver, Static) and case.solver.method != "newton"):
         return PathTiming()
     return TimeTiming() if isinstance(case.solver, Dynamic) else Timing()
 
@@ -160,6 +163,15 @@ class _Builder:
             else:
                 self.loads.patches.append(moving_spring(spring, self.meshes, self.point, self.timing))
 
+    def add_flows(self) -> None:
+        for what in self.case.flows:
+            if not isinstance(what.velocity, float):
+                course: Any = Signal(what.velocity)
+            else:
+                course = (Signal(None, what.velocity) if isinstance(self.case.solver, Dynamic)
+                          else Velocity(what.velocity))
+            self.loads.flows += flow_patches(self.meshes[what.on], what, course)
+
     def add_masses(self) -> None:
         for mass in self.case.masses:
             if isinstance(mass.at, MovingPoint):
@@ -169,7 +181,7 @@ class _Builder:
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.follow(load.amplitude), self.case.masses,
-                                  self.timing.follow)
+                                  [f for f in self.case.flows if isinstance(f, Fluid)], self.timing.follow)
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
@@ -278,6 +290,7 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     if b.problems:
         raise CaseError(b.problems)
     b.add_masses()
+    b.add_flows()
     b.add_loads()
     if b.problems:
         raise CaseError(b.problems)
@@ -285,7 +298,7 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
         constraint.multiplier = len(b.e0) + k
     moving = isinstance(b.case.solver, Dynamic)
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
-                       [*b.springs, *b.loads.patches], len(b.e0), moving, moving or symmetric(b.loads))
+                       [*b.springs, *b.loads.patches, *b.loads.flows], len(b.e0), moving, moving or symmetric(b.loads))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
                  b.inputs)

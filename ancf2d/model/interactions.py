@@ -143,9 +143,10 @@ class Interactions:
     """
 
     def __init__(self, springs: Sequence[PointPatch], loads: Sequence[Patch], constraints: Sequence[Constraint],
-                 e0: Array) -> None:
+                 e0: Array, flows: Sequence[Any] = ()) -> None:
         self.e0, self.number = e0, len(constraints)
-        self.points = [p for p in (*springs, *loads, *constraints) if isinstance(p, HasItems)]
+        self.points = [p for p in (*springs, *loads, *flows, *constraints) if isinstance(p, HasItems)]
+        self.flows: list[Batch] = batches(flows)
         self.springs: list[Batch] = batches(springs)
         self.loads: list[Any] = batches(loads)
         self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))
@@ -159,7 +160,7 @@ class Interactions:
         ComputationError where a point has left the body that it slides on.
         """
         e = self.e0 + d[:len(self.e0)]
-        for batch in [*self.springs, *([] if elastic else self.loads)]:
+        for batch in [*self.springs, *self.flows, *([] if elastic else self.loads)]:
             yield (*batch.evaluate(e, d, t), batch.dofs)
         yield from self.constraints(d, t, linear)
 
@@ -201,6 +202,8 @@ class Interactions:
 
         ``linear``: to first order in v.
         """
+        for batch in self.flows:
+            yield np.einsum("mij,mj->mi", batch.matrices(d, 0.0)[3], v[batch.dofs]), batch.dofs
         for batch in self.springs:
             _, still, _, C = batch.matrices(d, 0.0)
             yield (np.einsum("mij,mj->mi", C, v[batch.dofs]) if linear

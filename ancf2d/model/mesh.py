@@ -334,7 +334,7 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
     Lobatto, as many as determine the polynomial: S^T S is of one degree too much for them.
     """
     element = sampler.shape.element
-    along = lobatto(element.degree_x + 1) if ends else _along(sampler, upto)
+    along = lobatto(element.degree_x + 1) if ends else along_mass(sampler, upto)
     # the mass of a rigid body is on its axis, with a rotary inertia
     on_axis = element.degree_y == 0 or element is RIGID_FRAME
     xi, eta, w = product_points(along, (np.array([0.5]), np.ones(1)) if on_axis else across_mass(sampler))
@@ -344,7 +344,7 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
     return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
 
 
-def _along(sampler: Sampler, upto: float) -> tuple[Array, Array]:
+def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
     """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
     element = sampler.shape.element
     if sampler.profile is None:

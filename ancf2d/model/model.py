@@ -94,7 +94,7 @@ class Numbering:
 
 def symmetric(loads: LoadSet) -> bool:
     """Return whether loads leave the tangent symmetric: those that follow a body have no potential."""
-    return all(p.symmetric for p in loads.patches)
+    return not loads.flows and all(p.symmetric for p in loads.patches)
 
 
 @dataclass
@@ -270,12 +270,12 @@ class Model:
         """Springs, loads that turn or move and constraints as the kernels take them (imports numba)."""
         from .interactions import Interactions
 
-        return Interactions(self.springs, self.loads.patches, self.constraints, self.e0)
+        return Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
 
     @property
     def patches(self) -> list[Patch]:
         """Everything that depends on the configuration beside the elements."""
-        return [*self.springs, *self.loads.patches]
+        return [*self.springs, *self.loads.patches, *self.loads.flows]
 
 
 def _add_load(out: Array, load: DeadLoad, factor: float) -> None:

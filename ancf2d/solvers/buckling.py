@@ -10,19 +10,23 @@ from numpy.typing import NDArray
 from ..case import Buckling
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..interactions.forces import LoadSet
 from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
-from .flutter import critical_factors
+from .flutter import Change, Stability, critical_factors
 from .inputs import Quadratic
 from .ldl import Symmetric
-from .linearised import Base, Linearised, stored
+from .linear import scattered, unknowns_to_coordinates
+from .linearised import Base, Linearised, base_state, stored
 from .lowest_modes import Pencil, each, ritz
 from .resolution import Resolution
 from .state import State
 from .static import unscaled
 from .system import System
 
+# force and damping beside what they are differences of that are round-off
+PUSHED = 1e-9
 # half the difference in the load factor that rates are formed with
 SMALL = 1e-4
 # rotation or strain of the states between which the tangent is differentiated
@@ -52,6 +56,9 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     (K + mu dK/dt) phi = 0, dK/dt the derivative of the tangent along the linear response to the loads that the factor
     scales. Loads with an amplitude of their own are constant: they have moved and stressed the model before.
     """
+    if model.loads.flows:
+        yield _critical_velocities(model, spec)
+        return
     base, turned, warnings, iterations = _begin(model)
     pencil = Pencil(model, base, 0.0, True, turned)
     if not model.symmetric:
@@ -113,14 +120,51 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     from scipy.sparse import diags_array
 
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
-    found = critical_factors(small, (moved @ rate @ moved).tocsc(), spec.modes)
+    found = critical_factors(small, Change((moved @ rate @ moved).tocsc()), spec.modes)
+    return _grown(small, u, found, spec.modes, warnings, iterations, size, "load factor")
+
+
+def _critical_velocities(model: Model, spec: Buckling) -> State:
+    """Return the state under the loads alone with the factors on the velocities of what moves along bodies at which
+    small motions about it begin to grow.
+    """
+    flows = model.loads.flows
+
+    def move(factor: float) -> None:
+        for patch in flows:
+            patch.velocity.factor = factor
+    T, rest = unknowns_to_coordinates(model), np.zeros(len(model.numbering.place))
+    blocks = [(batch.dofs, *batch.matrices(rest, 0.0)[2:]) for batch in model.interactions.flows]
+    square = (T.T @ scattered([(dofs, K) for dofs, K, _ in blocks], model.n_q) @ T).tocsc()
+    gyration = (T.T @ scattered([(dofs, C) for dofs, _, C in blocks], model.n_q) @ T).tocsc()
+    change = Change(None, square, gyration, bool(abs(gyration + gyration.T).max() > PUSHED * abs(gyration).max()))
+    move(0.0)
+    small = Linearised(base_state(model, "static" if model.loads != LoadSet(flows=flows) else "reference"))
+    base, warnings = small.base, list(small.base.state.warnings)
+    found = critical_factors(small, change, spec.modes)
+    iterations = int(base.state.history["iterations"])
+    state = _grown(small, np.zeros_like(rest), found, spec.modes, warnings, iterations, 0.0, "factor")
+    move(1.0)
+    pushed = np.zeros_like(rest)
+    for batch in base.model.interactions.flows:
+        np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
+    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(square).max() * model.extent:
+        state.warnings.append("what moves along a curved body changes the state about which it vibrates; the critical "
+                              "factors are those about the state without it")
+    return state
+
+
+def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: list[str], iterations: int,
+           size: float, called: str) -> State:
+    """Return the state with the factors at which motions begin to grow; ``size`` is that of the linear response u."""
+    pencil, d = small.pencil, small.pencil.d
     problem = Quadratic(small)
     factors = np.array([c.factor for c in found.critical])
     V = np.array([problem.phases(c.vector)[0] for c in found.critical]).reshape(-1, problem.n)
     if not len(factors):
-        warnings.append(f"no small motion grows up to the load factor {found.last:.6g}")
-    elif len(factors) < spec.modes:
-        warnings.append(f"{len(factors)} critical load factors were found up to {found.last:.6g}, not {spec.modes}")
+        warnings.append(f"no small motion grows up to the {called} {found.last:.6g}")
+    elif len(factors) < modes:
+        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g}, not {modes}")
     for c in found.critical:
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response turns or strains the model by "

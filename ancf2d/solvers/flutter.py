@@ -61,13 +61,33 @@ class Stability:
     locus: dict[str, list[float]]
 
 
-def critical_factors(small: Linearised, rate: csc_array, modes: int) -> Stability:
-    """Return the lowest factors mu at which a solution s of (K + mu rate + s C + s^2 M) x = 0 begins to grow.
+@dataclass(frozen=True)
+class Change:
+    """What a factor mu adds to K, mu ``rate`` + mu^2 ``square``, and to C, mu ``gyration`` (n, n); None for nothing.
+
+    ``damps`` tells whether ``gyration`` takes out or brings in energy.
+    """
+
+    rate: csc_array | None = None
+    square: csc_array | None = None
+    gyration: csc_array | None = None
+    damps: bool = False
+
+    def stiffness(self, factor: float) -> csc_array | None:
+        """Return what is added to K."""
+        parts = [f * A for f, A in ((factor, self.rate), (factor * factor, self.square)) if A is not None]
+        return sum(parts[1:], parts[0]) if parts else None
+
+
+def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
+    """Return the lowest factors mu at which a solution s of (K + dK + s (C + dC) + s^2 M) x = 0 begins to grow.
+
+    ``change`` tells dK and dC over mu.
 
     The eigenvalues are followed over the factor in a space of few vectors. About each critical factor the space gets
     those of a Krylov space there, until the factor has come to rest.
     """
-    track = _Track(small, rate, modes)
+    track = _Track(small, change, modes)
     found: list[Critical] = []
     low = track.sample(0.0)
     while len(found) < modes:
@@ -100,9 +120,9 @@ class _Sample:
 class _Track:
     """The eigenvalues of lowest |s| over the load factor, in a space of few vectors."""
 
-    def __init__(self, small: Linearised, rate: csc_array, modes: int) -> None:
-        self.small, self.rate, self.pairs = small, rate, modes + EXTRA
-        self.limit = DAMPED if small.rates.damps else UNDAMPED
+    def __init__(self, small: Linearised, change: Change, modes: int) -> None:
+        self.small, self.change, self.pairs = small, change, modes + EXTRA
+        self.limit = DAMPED if small.rates.damps or change.damps else UNDAMPED
         pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
         self.first = math.sqrt(first_shift(pencil))
         self.still = AT_REST * math.sqrt(characteristic(pencil))
@@ -116,7 +136,9 @@ class _Track:
         self.smallest = self._smallest()
 
     def _problem(self, factor: float) -> Quadratic:
-        return Quadratic(self.small, load=factor * self.rate)
+        gyration = self.change.gyration
+        return Quadratic(self.small, load=self.change.stiffness(factor),
+                         rates=None if gyration is None else factor * gyration)
 
     def _project(self, factor: float) -> None:
         """Add a Krylov space at a load factor to the space, or all that can move where that is little."""
@@ -127,7 +149,9 @@ class _Track:
             self.space.add(x)
         V = self.space.V
         self.matrices = self.space.project()
-        self.rates = V @ (self.rate @ V.T)
+        change = self.change
+        self.changes = np.array([np.zeros((len(V), len(V))) if A is None else V @ (A @ V.T)
+                                 for A in (change.rate, change.square, change.gyration)])
         self.shift = search.s0
         self._follow()
 
@@ -138,13 +162,14 @@ class _Track:
         T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
         self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
         self.modes = (T @ Y)[:, :FOLLOWED * self.pairs + MORE]
-        self.small_K, self.small_C, self.small_rate = (self.modes.T @ A @ self.modes for A in (K, C, self.rates))
-        self.undamped = not C.any()
+        self.small_K, self.small_C = (self.modes.T @ A @ self.modes for A in (K, C))
+        self.small_changes = np.array([self.modes.T @ A @ self.modes for A in self.changes])
+        self.undamped = not C.any() and not self.changes[2].any()
 
     def _matrices(self, factor: float) -> Array:
         """Return K, C and M in the space at a load factor."""
-        K, C, M = self.matrices
-        return np.array([K + factor * self.rates, C, M])
+        (K, C, M), (rate, square, gyration) = self.matrices, self.changes
+        return np.array([K + factor * (rate + factor * square), C + factor * gyration, M])
 
     def _values(self, factor: float) -> Complex:
         """Return all eigenvalues in the space, by |s|."""
@@ -154,8 +179,9 @@ class _Track:
 
     def sample(self, factor: float) -> _Sample:
         """Return the eigenvalues at a load factor, in the lowest modes without loads."""
-        K, C, K1 = self.small_K + factor * self.small_rate, self.small_C, self.small_rate
-        r = len(K)
+        rate, square, gyration = self.small_changes
+        K, C = self.small_K + factor * (rate + factor * square), self.small_C + factor * gyration
+        K1, r = rate + 2.0 * factor * square, len(K)
         if self.undamped:
             squares, Z = np.linalg.eig(-K)
             change = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z), K1, Z)
@@ -164,7 +190,7 @@ class _Track:
             s, rate = np.concatenate([s, -s]), np.concatenate([rate, -rate])
         else:
             s, Z = np.linalg.eig(np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]]))
-            rate = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z)[:, r:], K1, Z[:r])
+            rate = -np.einsum("ij,ji->i", np.linalg.pinv(Z)[:, r:], K1 @ Z[:r] + gyration @ Z[r:])
         some = (s.imag >= 0) & (np.abs(s) <= self.radius)
         s, rate = s[some].astype(complex), rate[some]
         order = np.lexsort((s.real, s.imag))
@@ -232,18 +258,19 @@ class _Track:
         return (self._growth(s) > 0) & (s.imag >= 0) & (np.abs(s) <= self.radius)
 
     def _smallest(self) -> float:
-        """Return the factor at which ``rate`` can be as much as the stiffness in some combination of the modes."""
+        """Return the factor at which what it adds can be as much as the stiffness in some combination of the modes."""
         some = (self.values > self.still**2) & (self.values <= self.radius**2)
         some = some[:self.modes.shape[1]]
         phi = self.modes[:, some] / np.sqrt(self.values[:len(some)][some])
-        size = float(np.linalg.norm(phi.T @ self.rates @ phi, 2)) if some.any() else 0.0
+        sizes = [float(np.linalg.norm(phi.T @ A @ phi, 2)) if some.any() else 0.0 for A in self.changes[:2]]
+        size = max(sizes[0], math.sqrt(sizes[1]))
         if not size > 0.0:
             raise ComputationError("the loads do not change the stiffness", at={"solver": "buckling"},
                                    advice="a load without an amplitude, which the load factor scales")
         return 1.0 / size
 
     def _margins(self, factor: float) -> Array:
-        """Return by how much motions of the whole space grow at a load factor, < 0 where they do not, fastest first."""
+        """Return by how much motions of the whole space grow at a factor, < 0 where they do not, fastest first."""
         s = self._values(factor)
         some = s[(s.imag >= 0) & (np.abs(s) <= self.radius)]
         return np.sort(self._growth(some))[::-1]

@@ -200,18 +200,25 @@ BLOCK = 16
 
 
 class Quadratic:
-    """K + s C + s^2 M of small motions, with or without what takes out energy; ``load`` (n, n) is added to K."""
+    """K + s C + s^2 M of small motions, with or without what takes out energy.
 
-    def __init__(self, small: Linearised, damped: bool = True, load: csc_array | None = None) -> None:
+    ``load`` (n, n) is added to K, ``rates`` (n, n) to C.
+    """
+
+    def __init__(self, small: Linearised, damped: bool = True, load: csc_array | None = None,
+                 rates: csc_array | None = None) -> None:
         C, self.load = small.C if damped else small.coriolis, load
+        C = C if rates is None else (C + rates).tocsc()
         K = small.K if load is None else (small.K + load).tocsc()
         self.small, self.K, self.C, self.M, self.damped = small, K, C, small.M, damped
         self.n = small.n
         num, weights = small.model.numbering, small.pencil.system.weights
         self.weights, self.moved = weights, num.free < num.n_q
         self.K_skew = None if small.model.symmetric and load is None else (self.K - self.K.T).tocsc()
-        self.C_skew = (C - C.T).tocsc() if small.rates.omega else None
+        self.C_skew = (C - C.T).tocsc() if small.rates.gyrates else None
         self._formed = small.plain + small.coriolis if damped else small.coriolis
+        if rates is not None:
+            self._formed = (self._formed + rates).tocsc()
 
     def matrix(self, s: complex) -> csc_array:
         """Return K + s C + s^2 M."""

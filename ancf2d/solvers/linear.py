@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ..case import Fluid
 from ..elements.shape import Array
+from ..interactions.flow import fluid_mass
 from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.matrix import Band, Csr, scatter_classes
 from ..model.fronts import make_fronts
@@ -261,6 +263,9 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
         Ms = np.array([mass_matrix(c.sampler) for c in mesh.classes])
         scatter_classes(matrix.target, Ms, np.ascontiguousarray(mesh.cls, dtype=np.int64),
                         np.ascontiguousarray(mesh.dofs), *tables)
+    for dofs, M in fluid_masses(model):
+        scatter_classes(matrix.target, M[None], np.zeros(len(dofs), dtype=np.int64), np.ascontiguousarray(dofs),
+                        *tables)
     for coords, M in point_masses(model, e):
         scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), *tables)
 
@@ -296,7 +301,15 @@ def coriolis_matrix(model: Model, omega: float) -> csr_matrix:
     return scattered(blocks, model.n_q)
 
 
+def fluid_masses(model: Model) -> Iterator[tuple[Index, Array]]:
+    """Yield coordinates (m, n) and matrix (n, n) of the fluids that bodies carry."""
+    for what in model.case.flows:
+        if isinstance(what, Fluid):
+            yield from fluid_mass(model.meshes[what.on], what.rhoA)
+
+
 def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:
+    yield from fluid_masses(model)
     for mesh in model.meshes.values():
         for k, cls in enumerate(mesh.classes):
             yield mesh.dofs[mesh.cls == k], mass_matrix(cls.sampler)

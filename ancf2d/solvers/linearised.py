@@ -52,7 +52,9 @@ def base_state(model: Model, about: str) -> Base:
 
     Raises ComputationError where there is no such equilibrium.
     """
-    return _rest(replace(model, loads=LoadSet())) if about == "reference" else _equilibrium(model)
+    if about == "static":
+        return _equilibrium(model)
+    return _rest(replace(model, loads=LoadSet(flows=model.loads.flows)))
 
 
 def _rest(model: Model) -> Base:
@@ -171,6 +173,12 @@ class RateForces:
         self.viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
         self.dashpots = any(spring.damped for spring in model.springs)
         self.omega = spin.omega if spin else 0.0
+        self.flows = bool(model.loads.flows)
+
+    @property
+    def gyrates(self) -> bool:
+        """Whether rates cause forces across them: in a turning frame, and of material that moves along bodies."""
+        return bool(self.omega or self.flows)
 
     @property
     def damps(self) -> bool:
@@ -199,7 +207,7 @@ class RateForces:
         Only dampers of plugins are of higher order. ``mass`` gives M (n_q, n_q), where it is asked for.
         """
         out, n_q = self.viscous_forces(d, v), self.model.n_q
-        for forces, dofs in self.model.interactions.rate_forces(d, v, linear) if self.dashpots else ():
+        for forces, dofs in self.model.interactions.rate_forces(d, v, linear) if self.dashpots or self.flows else ():
             np.add.at(out, dofs, forces)
         if self.omega:
             out[:n_q] += self._coriolis @ v[:n_q]
@@ -231,11 +239,16 @@ class RateForces:
         return out
 
     def turning(self) -> csc_array:
-        """Return the Coriolis forces of the turning frame (n, n)."""
+        """Return the Coriolis forces of the turning frame and of what moves along bodies (n, n)."""
         from scipy.sparse import csc_array
 
         n = self.model.numbering.n_unknowns
-        return csc_array(self._T.T @ self._coriolis @ self._T) if self.omega else csc_array((n, n))
+        out = csc_array(self._T.T @ self._coriolis @ self._T) if self.omega else csc_array((n, n))
+        if self.flows:
+            rest = np.zeros(len(self.model.numbering.place))
+            blocks = [(b.dofs, b.matrices(rest, 0.0)[3]) for b in self.model.interactions.flows]
+            out = out + csc_array(self._T.T @ scattered(blocks, self.model.n_q) @ self._T)
+        return out
 
 
 def stored(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:

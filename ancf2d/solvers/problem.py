@@ -249,6 +249,7 @@ def tracks(model: Model, p: Record) -> bool:
     dampers = any(spring.damped or spring.signal is not None for spring in model.springs)
     fed = bool((p.points.fed >= 0).any())
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
+    natural = natural or bool(model.loads.flows)
     return bool(natural or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
                 or model.loads.patches)
 

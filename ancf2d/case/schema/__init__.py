@@ -21,10 +21,12 @@ from .case import (
     BodyInitial,
     Case,
     Damping,
+    Fluid,
     Initial,
     Rayleigh,
     RotationRate,
     SteadyRotation,
+    Transport,
     register,
 )
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
@@ -48,10 +50,10 @@ from .solvers import (
 
 __all__ = [
     "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
-    "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "FrequencyResponse",
+    "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid", "FrequencyResponse",
     "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece", "LinearStatic",
     "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Point", "Polyline", "Probe",
     "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate",
     "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
-    "SteadyRotation", "Stiffness", "Table", "Units", "register",
+    "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "register",
 ]
