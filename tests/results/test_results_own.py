@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
 from helpers import chosen
+from matplotlib.figure import Figure
 from synthetic import bent_beam
 
 from ancf2d.errors import ResultsError
@@ -23,9 +25,15 @@ t,tip.uy
 CASE = "# drawn by ancf2d-output\nformat: 1\nbodies: {}\n"
 
 
+@cache
+def drawn(file: Path) -> Figure:
+    """Return the figure of a file, which is drawn once."""
+    with open_results(file) as results:
+        return draw(results)
+
+
 def figure(folder: Path, path: Path, force: bool) -> None:
-    with open_results(folder / "a.h5") as results:
-        save(draw(results), path, force=force)
+    save(drawn(folder / "a.h5"), path, force=force)
 
 
 def moving(folder: Path, path: Path, force: bool) -> None:
