@@ -148,12 +148,15 @@ def _run(program: Assembler, t: float, length: int | None = None, stack: Any = N
     out: dict[Any, float] = {}
     try:
         jets.run(made, 0, float(t), out, 0)
-    except OverflowError:
+    except (OverflowError, ZeroDivisionError, ValueError):
         import numpy as np
 
-        # numbers of numpy, which take longer, go on with infinity
-        with np.errstate(all="ignore"):
-            jets.run(made._replace(data=np.array(program.data)), 0, np.float64(t), out, 0)
+        # numbers of numpy, which take longer, go on with infinity, but for its sine and its whole part
+        try:
+            with np.errstate(all="ignore"):
+                jets.run(made._replace(data=np.array(program.data)), 0, np.float64(t), out, 0)
+        except (OverflowError, ValueError):
+            return math.nan, math.nan, math.nan
     return float(out[0, 0]), float(out[0, 1]), float(out[0, 2])
 
 
@@ -173,8 +176,8 @@ def _trouble(program: Assembler, t: float) -> str:
             _run(program, t, n, before)
             base, exponent = float(before[0, top]), float(before[0, top + 1])
             return "it is too large" if abs(base) > 1.0 and exponent > 0.0 else "a square root or a power is not real"
-        return "a square root or a power is not real" if op == jets.SQRT else f"it is {stack[0, top]}"
-    return "it is nan"
+        return "a square root or a power is not real" if op == jets.SQRT else "it is too large"
+    return "it is too large"
 
 
 def programs(functions: Iterable[tuple[Function | None, float, float]]) -> jets.Programs:

@@ -77,7 +77,7 @@ def test_long_sums_are_fine():
 @pytest.mark.parametrize(("text", "t", "words"), [
     ("1/t", 0, "divides by zero"), ("exp(t)", 1000, "too large"), ("sqrt(t)", -1, "not real"),
     ("t^0.5", -1, "not real"), ("0^t", -1, "not real|divides by zero"),
-    ("10^200*10^200", 0, "it is inf"), ("10^t", 400, "too large")])
+    ("10^200*10^200", 0, "too large"), ("10^t", 400, "too large")])
 def test_no_value(text, t, words):
     with pytest.raises(ComputationError, match=words) as caught:
         Expression(text).value(t)

@@ -96,6 +96,20 @@ def test_where_there_is_no_value_or_derivative_there_is_none(
     np.testing.assert_allclose(expected(signal, t), want[:2], rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.parametrize(("amplitude", "t", "value", "rate"), [
+    (Sine(frequency=1e308), 10.0, math.nan, math.nan),
+    (Expression(value_="(0 - 2)^(1e200*1e200*t)"), 1.0, math.nan, math.nan),
+    (Expression(value_="t^-1"), 1e-200, 1e200, math.nan),
+    (Table(t=(0.0, 2e-170), value_=(0.0, 1e-170), smooth=True), 1e-170, 0.5e-170, 0.75),
+    (Table(t=(0.0, 1e-300, 3e-300), value_=(0.0, 1e100, 2e100), smooth=True), 2e-300, math.nan, math.nan),
+], ids=["sine", "whole part", "slope of a power", "short table", "steep table"])
+def test_numbers_at_the_ends_of_their_range_are_the_same_in_compiled_code(
+        amplitude: Amplitude, t: float, value: float, rate: float) -> None:
+    signal = Signal(amplitude)
+    assert expected(signal, t) == pytest.approx((value, rate), rel=1e-12, nan_ok=True)
+    assert tuple(compiled([signal], t)[0, :2]) == pytest.approx((value, rate), rel=1e-12, nan_ok=True)
+
+
 def test_a_value_that_does_not_exist_leaves_the_other_signals_alone() -> None:
     signals = [Signal(Expression(value_="1 + (2 if 1/t > 2 else 3)")), Signal(Sine(frequency=1.0)), Signal()]
     table = programs(signals)

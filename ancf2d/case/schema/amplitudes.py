@@ -85,7 +85,8 @@ class Table(Function):
             d0, d1 = (v[i] - v[i - 1]) / h0, (v[i + 1] - v[i]) / h1
             if d0 * d1 > 0:
                 w0, w1 = 2 * h1 + h0, h1 + 2 * h0
-                slopes[i] = (w0 + w1) / (w0 / d0 + w1 / d1)
+                mean = w0 / d0 + w1 / d1
+                slopes[i] = (w0 + w1) / mean if mean else math.copysign(math.inf, d0)
         return tuple(slopes)
 
     def emit(self, out: Assembler) -> None:
