@@ -127,7 +127,7 @@ class BodyMesh:
         starts = [None] if along is None and len(samplers) == 1 else list(range(piece.count))
         for ie in starts:
             section, profile, cuts = (mean, None, ()) if along is None else along.of(ie or 0)
-            place = () if profile is None else (self.plan.name, ie)
+            place = () if profile is None else (self.plan.name, float(begin[ie or 0]))
             k = (ie or 0) % len(samplers)
             bend = (piece.kappa,) if self._alike(piece) else (piece.axis, piece.begin + piece.l * k)
             key = (section, length, *bend, *place)
