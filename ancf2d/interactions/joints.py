@@ -201,7 +201,7 @@ def _weld_in_line(a: _End, b: _End, owner: str, out: Equations) -> None:
     Left free to warp, a section would turn in the mean beside its direction on the axis, as if there were a hinge.
     """
     _weld_points(a.point, b.point, owner, out)
-    if a.point.mesh.plan.element == b.point.mesh.plan.element and not _turns(a, b):
+    if a.point.mesh.plan.element == b.point.mesh.plan.element and not (a.point.mesh.plan.rigid or _turns(a, b)):
         _share_coordinates(a, b, lambda i, j: i == 0 and j > 1, owner, out)
 
 

@@ -103,7 +103,8 @@ class SectionForces:
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
         # elements that differ in section alone are looked at together
         kinds: dict[Any, int] = {}
-        kind = [kinds.setdefault((id(c.shape), c.sampler.cuts), len(kinds)) for c in mesh.classes]
+        kind = [kinds.setdefault((id(c.shape), c.sampler.cuts, c.sampler.profile is None), len(kinds))
+                for c in mesh.classes]
         self.kind = np.array(kind)[mesh.cls]
         points = [(item, model.point(item.at)) for item in model.case.resting_masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]

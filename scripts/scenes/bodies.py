@@ -89,7 +89,7 @@ class Assembly:
     def geometry(self, start: Any, rigid: bool) -> Data:
         """Return an axis from a point."""
         rng, l, heading = self.rng, self.near(self.size), self.rng.uniform(-math.pi, math.pi)
-        curved = 0.0 if rigid else 1.0
+        curved = 0.5 if rigid else 1.0
         kind = rng.choices(("line", "arc", "polyline", "path", "spline", "curve"),
                            (6, 2 * curved, 2, 0.6 * curved, 0.6 * curved, 0.6 * curved))[0]
         if self.chance(0.2):
@@ -200,13 +200,20 @@ class Assembly:
             if spec["quadrature"] == "exact" and not (straight and FORMULATIONS[formulation].exact(kinds)):
                 del spec["quadrature"]
         stiff = kinds.section_kind != "interpolated" or formulation == "structural"
-        return {**self.matter(stiff), "element": spec}
+        matter = self.matter(stiff)
+        if "layers" in matter["section"]:
+            # layers in a continuum have one rule, and another formulation is the default of some types
+            spec = {k: v for k, v in spec.items() if k != "quadrature"}
+        return {**matter, "element": spec}
 
     def rigid(self, name: str) -> Data:
         """Return a rigid body's element, with mass and inertia of its own sometimes."""
         spec: Data = {"type": "rigid"}
         if self.chance(0.5):
-            return {**self.matter(), "element": spec}
+            matter = self.matter()
+            while "layers" in matter["section"]:
+                matter = self.matter()
+            return {**matter, "element": spec}
         l = length(self.case["bodies"][name]["geometry"])
         mass = self.near(self.E * 1e-7 * self.size**3)
         return {"element": {**spec, "mass": mass, "inertia": self.near(mass * l**2)}}
@@ -219,7 +226,8 @@ class Assembly:
         material: Data = {"E": E, "nu": nu, "rho": rho}
         if self.moves and self.chance(0.12):
             material["damping"] = {"kelvin_voigt": 10 ** rng.uniform(-4, -2)}
-        kind = rng.choices(("rectangle", "area", "stiffness", "layers"), (6, 2, 2, 0.6) if stiff else (6, 2, 0.5, 0))[0]
+        shares = (6, 2, 2, 0.6) if stiff else (6, 2, 0.5, 0.4)
+        kind = rng.choices(("rectangle", "area", "stiffness", "layers"), shares)[0]
         if kind == "layers" and "damping" not in material:
             axis = rng.choice(("middle", "centroid", h * rng.uniform(0.2, 0.8)))
             layers = [{"height": part * h, "material": {"E": self.near(E, 3), "nu": nu, "rho": self.near(rho)}}

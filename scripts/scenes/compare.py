@@ -194,7 +194,7 @@ def total_load(case: Data) -> float:
     weight = sum(mass_per_length(b) * length(b["geometry"]) for b in case["bodies"].values() if has_mass(b))
     for load in case.get("loads", ()):
         if load["type"] in INNER:
-            out += inner_force(case["bodies"][load["on"]], load)
+            out += inner_force(case["bodies"].get(load.get("on"), {}), load)
             continue
         size = float(np.max(np.abs(load["value"])))
         arm = min(_arm(case, p) for p in load.get("between", [load.get("at")]) if isinstance(p, str)) if (

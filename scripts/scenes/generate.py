@@ -151,6 +151,9 @@ class Maker(Supported):
         element = body["element"]
         knows = FORMULATIONS[element.get("formulation", type_of(element).formulation)].natural is not None
         kind = rng.choice(("tendon", "eigenstrain", "temperature"))
+        eyelets = [] if kind != "tendon" or self.chance(0.5) else self.eyelets()
+        if eyelets:
+            return {"type": "tendon", "through": eyelets, "tension": self.near(0.3 * P)}
         if kind == "tendon" or not knows:
             return {"type": "tendon", "on": name, "y": 0.02 * self.size * rng.uniform(-1, 1),
                     "tension": self.near(0.3 * P), **part}
@@ -162,6 +165,19 @@ class Maker(Supported):
         for material in parts:
             material["alpha"] = alpha
         return {"type": kind, "on": name, "value": axial / alpha, "gradient": curvature / alpha, **part}
+
+    def eyelets(self) -> list[Any]:
+        """Return two or three points of bodies that are apart, off their axes sometimes; none where there are not."""
+        found: list[Any] = []
+        places: list[Any] = []
+        for _ in range(12):
+            where = self.anywhere()
+            there = point(self.case, where)
+            if all(math.dist(there, p) > 0.2 * self.size for p in places):
+                places.append(there)
+                y = 0.02 * self.size * self.rng.uniform(-1, 1)
+                found.append({"at": where, "y": y} if self.chance(0.5) else where)
+        return found[:self.rng.choice((2, 2, 3))] if len(found) > 1 else []
 
     # ------------------------------------------------------------------ motions, solvers, output
 

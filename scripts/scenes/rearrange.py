@@ -55,6 +55,10 @@ def with_points(case: Data, change: Callable[[str], str]) -> Data:
         for key in ("at", "point"):
             if key in item:
                 item[key] = change(item[key])
+    for load in out.get("loads", ()):
+        if "through" in load:
+            load["through"] = [change(p) if isinstance(p, str) else {**p, "at": change(p["at"])}
+                               for p in load["through"]]
     for item in (*out.get("joints", ()), *out.get("springs", ()), *out.get("loads", ())):
         if "between" in item:
             item["between"] = [change(p) if isinstance(p, str) else p for p in item["between"]]
@@ -105,7 +109,8 @@ def reversed_body(case: Data, name: str) -> Data:
             load.update({k: -load[k] for k in ODD if k in load})
         if load.get("on") == name and ("from" in load or "to" in load):
             load["from"], load["to"] = 1.0 - load.get("to", 1.0), 1.0 - load.get("from", 0.0)
-    for p in out["output"]["probes"].values():
+    eyelets = [p for load in out.get("loads", ()) for p in load.get("through", ())]
+    for p in (*out["output"]["probes"].values(), *eyelets):
         if isinstance(p, dict) and split_point(p["at"])[0] == name:
             p["y"] = -p["y"]
     return out
@@ -166,7 +171,7 @@ def splits(case: Data, name: str) -> list[tuple[float, int]]:
     if geometry["type"] in ("polyline", "spline") or slid_on:
         return []
     if is_rigid(body):
-        return [] if "mass" in spec else [(0.4, 0)]
+        return [] if "mass" in spec or geometry["type"] == "path" else [(0.4, 0)]
     n = spec["count"]
     if geometry["type"] == "path":
         ends = path_ends(geometry)

@@ -16,7 +16,8 @@ from .shapes import Array, Data
 DIMENSIONS = {
     "height": (1, 0, 0), "width": (1, 0, 0), "A": (2, 0, 0), "I": (4, 0, 0), "EA": (0, 1, 0), "kGA": (0, 1, 0),
     "EI": (2, 1, 0), "rhoA": (-2, 1, 2), "rhoI": (0, 1, 2), "E": (-2, 1, 0), "rho": (-4, 1, 2), "radius": (1, 0, 0),
-    "kelvin_voigt": (0, 0, 1), "mass": (-1, 1, 2), "inertia": (1, 1, 2), "length": (1, 0, 0), "alpha": (0, 0, -1),
+    "axis": (1, 0, 0), "kelvin_voigt": (0, 0, 1), "mass": (-1, 1, 2), "inertia": (1, 1, 2), "length": (1, 0, 0),
+    "alpha": (0, 0, -1),
     "beta": (0, 0, 1), "omega": (0, 0, -1), "t_end": (0, 0, 1), "dt": (0, 0, 1), "interval": (0, 0, 1)}
 # of springs, by type
 SPRINGS = {"translational": {"stiffness": (-1, 1, 0), "damping": (-1, 1, 1)},
@@ -172,6 +173,9 @@ class _Case:
         if load["type"] in INNER:
             new: Any = {k: to.unit(d) * (to.sense if k in ODD else 1.0) * load[k]
                         for k, d in INNER[load["type"]].items() if k in load}
+            if "through" in load:
+                new["through"] = [p if isinstance(p, str) else {**p, "y": to.sense * to.length * p["y"]}
+                                  for p in load["through"]]
             return self.with_amplitude({**load, **new})
         unit, value = LOADS[load["type"]], load["value"]
         if load["type"] == "torque":

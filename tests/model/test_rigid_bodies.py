@@ -301,6 +301,16 @@ def test_a_spring_turns_a_rigid_curve_against_its_inertia_alone(geometry):
     assert mode["omega"] == pytest.approx(J**-0.5, rel=1e-3)
 
 
+def test_two_welded_halves_of_a_rigid_arc_are_one():
+    halves = {name: rigid({**RING, "from": a, "to": b}, section=BAR, material={"rho": 10.0})
+              for name, a, b in (("b", 2.8, 1.2), ("c", 1.2, -0.4))}
+    weld = [{"type": "weld", "between": ["b@1", "c@0"]}]
+    case = {"boundary_conditions": PIN, "springs": [HINGE], "solver": {"type": "eigen", "modes": 1}}
+    two, one = (ancf2d.solve({**case, **scene}, states=False).summary["frequencies"][0]["omega"] for scene in (
+        {"bodies": halves, "joints": weld}, {"bodies": {"b": rigid(RING, section=BAR, material={"rho": 10.0})}}))
+    assert two == pytest.approx(one, rel=1e-9)
+
+
 @pytest.mark.parametrize("hold", [None, "section"])
 def test_a_clamp_holds_all_of_a_rigid_curve(hold):
     clamp = [{"type": "clamp", "at": "b@0.4", **({"hold": hold} if hold else {})}]

@@ -15,7 +15,7 @@ from ancf2d.case import ProfileTable
 from ancf2d.elements.section import timoshenko
 from ancf2d.results.geometry import body_faces
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.section_forces import section_forces
+from ancf2d.solvers.section_forces import SectionForces, section_forces
 from ancf2d.solvers.stress import stress_of
 from ancf2d.study.run import body_record
 
@@ -230,6 +230,18 @@ def test_pictures_show_the_true_outline(spec):
     exact = np.where(first, 0.2 - 0.25 * x, 0.05 + 0.05 * (x - 0.4) / 0.6)
     np.testing.assert_allclose(faces["top"][..., 1], exact / 2, atol=1e-9)
     np.testing.assert_allclose(faces["bottom"][..., 1], -exact / 2, atol=1e-9)
+
+
+def test_section_forces_of_a_body_that_varies_in_part_balance_its_weight():
+    """Its mass is integrated with more points where it varies than where it does not."""
+    body = {"geometry": helpers.line(L), "material": {"E": E, "nu": NU, "rho": 1000.0},
+            "section": {"height": {"s": [0, 0.5, 1], "value": [H, H, 0.5 * H]}, "width": B},
+            "element": {"type": "reissner3", "count": 4}}
+    found = helpers.solved({"b": body}, "linear_static", bc=CLAMP, loads=[{"type": "gravity", "value": [0, -9.81]}])
+    Q = SectionForces(found.model, found.model.meshes["b"], np.array([0.0, 0.5]))(found.state)[:, :, 1].ravel()
+    s = np.arange(8) / 8
+    behind = np.where(s < 0.5, 0.5 - s + 0.375, (1 - s) * (1 - 0.5 * s))
+    np.testing.assert_allclose(Q, -1000.0 * 9.81 * B * H * L * behind, rtol=1e-9)
 
 
 # 2d2n itself is not symmetric under reversal
