@@ -23,6 +23,7 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("steady_rotation",): ("static", *SMALL),
     ("transport",): (*SMALL, "buckling", "dynamic"),
     ("fluid",): (*SMALL, "buckling", "dynamic"),
+    ("contacts",): ("static", "dynamic", *SMALL),
     ("output", "interval"): ("dynamic",),
     ("output", "every"): ("static", "dynamic"),
 }
@@ -55,6 +56,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.times()
         checker.aims()
         checker.inputs()
+    checker.contacts()
 
 
 class _Checker:
@@ -88,6 +90,9 @@ class _Checker:
         if case.boundary_conditions is INVALID:
             return set(), False
         names = {getattr(s, "name", None) for s in case.boundary_conditions}
+        if case.obstacles is INVALID:
+            return set(), False
+        names |= set(case.obstacles)
         complete = ("boundary_conditions",) not in self.failed
         return {n for n in names if isinstance(n, str)}, complete
 
@@ -116,7 +121,7 @@ class _Checker:
 
     def names(self) -> None:
         """Check that names within a list are unique."""
-        for section in ("boundary_conditions", "joints", "springs", "masses", "loads"):
+        for section in ("boundary_conditions", "joints", "springs", "masses", "loads", "contacts"):
             seen: dict[str, int] = {}
             items = getattr(self.case, section)
             for i, item in enumerate(items if isinstance(items, tuple) else ()):
@@ -166,7 +171,7 @@ class _Checker:
             value: Any = self.case
             for part in path:
                 value = None if value is INVALID else getattr(value, part, None)
-            if value not in (None, INVALID) and self.solver not in solvers:
+            if value not in (None, (), INVALID) and self.solver not in solvers:
                 self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only "
                           f"with {listed(solvers)}", on_key=True)
         for i, spring in enumerate(self.case.springs or ()):
@@ -183,6 +188,43 @@ class _Checker:
             if support is not INVALID and support.motions:
                 self.fail(("boundary_conditions", i), f"boundary_conditions.{i}: prescribed motion "
                           "cannot be used with steady_rotation")
+
+    def contacts(self) -> None:
+        """Check that what touches exists, and that obstacles are fixed to rigid bodies."""
+        case: Any = self.case
+        if INVALID in (case.bodies, case.obstacles, case.contacts):
+            return
+        for name, obstacle in case.obstacles.items():
+            if name in case.bodies:
+                self.fail(("obstacles", name), f"obstacles.{name}: a body has this name, too", "names that differ",
+                          on_key=True)
+            on = None if obstacle is INVALID else obstacle.on
+            if on in case.bodies and case.bodies[on] is not INVALID and case.bodies[on].element is not INVALID \
+                    and case.bodies[on].element.type != "rigid":
+                self.fail(("obstacles", name, "on"), f"obstacles.{name}.on: '{on}' deforms", "a rigid body")
+        for i, contact in enumerate(case.contacts):
+            if contact is not INVALID:
+                self.contact(("contacts", i), contact)
+
+    def contact(self, path: Path, contact: Any) -> None:
+        """Check one contact."""
+        case = self.case
+        if self.solver == "dynamic" and contact.law is None:
+            self.fail(path, f"{dotted(path)}: motions need a law of contact in this version", "law: "
+                      "{stiffness, damping}")
+        between = contact.between or ()
+        for k, name in enumerate(between):
+            known = (*case.bodies, *case.obstacles)
+            if name not in known and name is not INVALID:
+                near = self.binder.nearest(name, known)
+                self.fail((*path, "between", k), f"{dotted(path)}.between: there is no body or obstacle {quoted(name)}",
+                          "" if near else listed(sorted(known)), near)
+        if between and all(name in case.obstacles for name in between):
+            self.fail((*path, "between"), f"{dotted(path)}.between: both are obstacles", "at least one body")
+        for name in between:
+            if name in case.obstacles and case.obstacles[name] is not INVALID and case.obstacles[name].on in between:
+                self.fail((*path, "between"), f"{dotted(path)}.between: {name} is fixed to {case.obstacles[name].on}",
+                          "another body")
 
     def goals(self) -> None:
         """Check that the solver can answer the goal and the expected values."""

@@ -57,8 +57,12 @@ def _run() -> Schema:
     limit = _object("a limit point", factor=NUMBER, probes=_named(QUANTITIES))
     check = _object("an expected value", what=TEXT, expected=NUMBER, value=NUMBER_OR_NONE, difference=NUMBER_OR_NONE,
                     allowed=NUMBER, met=FLAG, source=TEXT)
+    contact = _object("a contact, as it acts on the first body named", {
+        "from": _is("number?", "least S that touches"), "to": _is("number?", "largest S that touches")}, name=TEXT,
+        force=_list(NUMBER), moment=_is("number", "about the origin"), length=_is("number", "of the reference axis"))
     optional: Schema = {
-        "reactions": _named(QUANTITIES, "fx, fy, m of each support"),
+        "reactions": _named(QUANTITIES, "fx, fy, m of each support and obstacle"),
+        "contacts": _list(contact, "in the order of the case"),
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
         "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),

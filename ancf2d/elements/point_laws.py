@@ -24,6 +24,8 @@ import numpy as np
 # how a section turns: it does not (the ground), by a field theta, or by two fields of a direction
 GROUND, THETA, DIRECTION = 0, 1, 2
 MAX_PAR, MAX_MEM = 8, 2
+# that prescribe fields of one law
+MAX_SIGNALS = 3
 # of a spring or load, beside what places it
 MAX_CONSTANTS = 5
 
@@ -67,7 +69,8 @@ class PointLaw:
     """A law: its forces and those of a step, and what it remembers.
 
     ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
-    updates ``mem`` at an accepted state. ``helpers`` are functions that these call, beside those of this module.
+    updates ``mem`` at an accepted state. ``helpers`` are functions that these call, beside those of this module;
+    ``memory`` tells whether they make arrays.
     """
 
     name: str
@@ -77,6 +80,7 @@ class PointLaw:
     constraint: bool = False
     accept: Callable[..., Any] | None = None
     helpers: tuple[Callable[..., Any], ...] = ()
+    memory: bool = False
 
 
 HELPERS = (turn, half_sine, turn_hessian, with_multiplier)

@@ -1,20 +1,22 @@
-"""Loads, springs, joints, supports and masses: each kind with its record of a case, its law and its place in the model.
+"""Loads, springs, joints, supports, masses, contact: each kind with its record, its law and its place in the model.
 
 A kind registers its record where it stands, and so do those of plugins (``ancf2d.extend``): reading, schema, reference
 and models take them from there. The order of imports is that of the reference.
 """
 
 from .body_loads import Distributed, Eigenstrain, Gravity, Temperature
+from .contact import Contact
 from .forces import FollowerForce, Force, Moment, Torque
 from .inertia import Mass
 from .joints import PinJoint, SliderJoint, WeldJoint
+from .obstacles import Circle, HalfPlane, PolylineObstacle
 from .prismatic import PrismaticJoint
 from .springs import RotationalSpring, TranslationalSpring
 from .supports import Clamp, Fix, Pin, Prescribed, Roller
 from .tendons import Tendon
 
 __all__ = [
-    "Clamp", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "Mass", "Moment", "Pin",
-    "PinJoint", "Prescribed", "PrismaticJoint", "Roller", "RotationalSpring", "SliderJoint", "Temperature",
-    "Tendon", "Torque", "TranslationalSpring", "WeldJoint",
+    "Circle", "Clamp", "Contact", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "HalfPlane",
+    "Mass", "Moment", "Pin", "PinJoint", "PolylineObstacle", "Prescribed", "PrismaticJoint", "Roller",
+    "RotationalSpring", "SliderJoint", "Temperature", "Tendon", "Torque", "TranslationalSpring", "WeldJoint",
 ]

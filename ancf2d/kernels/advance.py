@@ -184,7 +184,7 @@ def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
         s.numbers[LOST] += remember_elements(p, w.d, w.amps)
     if not p.patched:
         return 0.0
-    accept_patches(p, w.d)
+    accept_patches(p, w.d, w.amps)
     return violation(p, w.d, w.amps)
 
 

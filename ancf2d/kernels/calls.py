@@ -84,7 +84,7 @@ point_tangent, sliding_tangent = (_call(_nothing, None, _x, _x, _xx, _f, _x, _x)
 point_noise, sliding_noise = (_call(_nothing, None, _x, _x) for _ in range(2))
 point_violation, sliding_violation = (_call(_f, None, _x, _xx) for _ in range(2))
 point_rates, sliding_rates = (_call(_nothing, None, _x, _x, _xx, _x, _x) for _ in range(2))
-point_accept, sliding_accept = (_call(_nothing, None, _x) for _ in range(2))
+point_accept, sliding_accept = _call(_nothing, None, _x, _xx), _call(_nothing, None, _x)
 point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
 # matrices: kernels.symmetric
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)

@@ -16,7 +16,7 @@ from ..elements import point_laws
 from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
-from .lowlevel.jit import addressed, inlined
+from .lowlevel.jit import addressed, addressed_with_memory, inlined
 from .lowlevel.records import address_of, caller, rows, table
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
@@ -153,9 +153,9 @@ def law_address(law: StrainLaw) -> int:
 
 
 # laws share helpers, each of which is declared once
-_declare = cache(register_jitable)
+declare = cache(register_jitable)
 for _helper in point_laws.HELPERS:
-    _declare(_helper)
+    declare(_helper)
 
 _v, _m = types.float64[::1], types.float64[:, ::1]
 _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
@@ -168,7 +168,7 @@ call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_AC
 def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
     for helper in law.helpers:
-        _declare(helper)
+        declare(helper)
     law_of = inlined(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -185,7 +185,7 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
     # the cache knows it by this name
     function.__qualname__ = f"{what}_{law.name}"
-    compiled = addressed(function)
+    compiled = (addressed_with_memory if law.memory else addressed)(function)
     return compiled, address_of(compiled, signature)
 
 

@@ -114,7 +114,7 @@ def settle(p, w, s, t):  # type: ignore[no-untyped-def]
         return 0.0
     calls.onto_constraints(p.calls, (p, w, s.z, s.v, t))
     to_full(p, s.z, w.amps, 0, w.d)
-    accept_patches(p, w.d)
+    accept_patches(p, w.d, w.amps)
     return violation(p, w.d, w.amps)
 
 

@@ -111,10 +111,10 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
 
 
 @inner
-def accept_patches(p, d):  # type: ignore[no-untyped-def]
+def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Let point laws and joints remember the accepted state d."""
     if len(p.points.mem) > 0:
-        calls.point_accept(p.calls, (whole(p.points), d))
+        calls.point_accept(p.calls, (whole(p.points), d, amps))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_accept(p.calls, (whole(p.sliding), d))
 

@@ -17,8 +17,9 @@ class Points(NamedTuple):
 
     forces, mean, accept : (n,) addresses of the law's functions, 0 for what it has not or nobody asks for; field, dof,
     entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (rows of G one
-    after another); par : (n, MAX_PAR); mem : (n, MAX_MEM) last angles;
-    signal : (n,) row of the amplitudes, -1 for a constant 1; fed : (n,) field that the signal prescribes, or -1;
+    after another); par : (n, constants); mem : (n, numbers) last angles, and what else laws remember;
+    signal : (n, 3) rows of the amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or
+    -1;
     multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
     on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
     fields have while their coordinates rest.
@@ -58,7 +59,7 @@ class Turning(NamedTuple):
 
 
 @inner
-def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
+def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
     """Fill G d of item i."""
     first, m = points.dof[i], points.field[i + 1] - points.field[i]
     n = points.dof[i + 1] - first
@@ -73,22 +74,23 @@ def _fields(points, i, d, out):  # type: ignore[no-untyped-def]
 @inner
 def _rates(points, i, v, out):  # type: ignore[no-untyped-def]
     """Fill the rates of the fields of item i."""
-    _fields(points, i, v, out)
+    fields_of_item(points, i, v, out)
     for k in range(points.field[i + 1] - points.field[i]):
         out[k] += points.drift[points.field[i] + k]
 
 
 @inner
-def _amplitude(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
-    """Fill the amplitude of item i, and the field that it prescribes with its rate."""
-    k = points.signal[i]
+def amplitude_of(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
+    """Fill the amplitude of item i, and the fields that its signals prescribe with their rates."""
+    k = points.signal[i, 0]
     a[0], a[1], a[2] = 1.0, 0.0, 0.0
     if k >= 0:
         for order in range(3):
             a[order] = amps[k, order]
-    if points.fed[i] >= 0:
-        u[points.fed[i]] = a[0]
-        w[points.fed[i]] = a[1]
+    for j in range(3):
+        if points.fed[i, j] >= 0:
+            u[points.fed[i, j]] = amps[points.signal[i, j], 0]
+            w[points.fed[i, j]] = amps[points.signal[i, j], 1]
 
 
 @inner
@@ -113,8 +115,8 @@ def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyp
 @inner
 def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Do as ``_evaluate`` does with the rates in w."""
-    _fields(points, i, d, u)
-    _amplitude(points, i, amps, u, w, a)
+    fields_of_item(points, i, d, u)
+    amplitude_of(points, i, amps, u, w, a)
     return _law(points, i, u, w, a, f, H, C)
 
 
@@ -231,17 +233,17 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
     u, w, a, f, H, D = _work_arrays(points)
     row = vector(_most_coordinates(points))
     for i in range(len(points.forces)):
-        m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i]
-        _fields(points, i, d, u)
+        m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i, 0]
+        fields_of_item(points, i, d, u)
         _rates(points, i, v, w)
         if linear and fed >= 0:
             held = u[fed]
-            _amplitude(points, i, amps, u, w, a)
+            amplitude_of(points, i, amps, u, w, a)
             u[fed] = held
             energy[i] = _law(points, i, u, w, a, f, H, D)[0]
             f[m - 1] += H[fed * m + m - 1] * a[0]
         else:
-            _amplitude(points, i, amps, u, w, a)
+            amplitude_of(points, i, amps, u, w, a)
             energy[i] = _law(points, i, u, w, a, f, H, D)[0]
         Q[i] = 0.0
         for p in range(m):
@@ -265,11 +267,11 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     u1, a1 = vector(_most_fields(points)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
-        _fields(points, i, d0, u0)
-        _fields(points, i, d1, u1)
-        _fields(points, i, v, w)
-        _amplitude(points, i, amps0, u0, w, a0)
-        _amplitude(points, i, amps1, u1, w, a1)
+        fields_of_item(points, i, d0, u0)
+        fields_of_item(points, i, d1, u1)
+        fields_of_item(points, i, v, w)
+        amplitude_of(points, i, amps0, u0, w, a0)
+        amplitude_of(points, i, amps1, u1, w, a1)
         if points.multiplier[i] >= 0 and not lam_from_d1:
             u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
@@ -299,15 +301,16 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
         if points.multiplier[i] < 0:
             continue
         m = points.field[i + 1] - points.field[i]
-        _fields(points, i, d, u)
-        _fields(points, i, v, w)
-        _amplitude(points, i, amps, u, w, a)
+        fields_of_item(points, i, d, u)
+        fields_of_item(points, i, v, w)
+        amplitude_of(points, i, amps, u, w, a)
         u[m - 1] = 1.0
         _law(points, i, u, w, a, f, H, C)
         velocity, acceleration = 0.0, 0.0
-        if points.fed[i] >= 0:
-            velocity = f[points.fed[i]] * a[1]
-            acceleration = f[points.fed[i]] * a[2]
+        for j in range(3):
+            if points.fed[i, j] >= 0:
+                velocity += f[points.fed[i, j]] * amps[points.signal[i, j], 1]
+                acceleration += f[points.fed[i, j]] * amps[points.signal[i, j], 2]
         for p in range(m - 1):
             for q in range(m - 1):
                 acceleration += w[p] * H[p * m + q] * w[q]
@@ -332,15 +335,16 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def point_accept(points, d):  # type: ignore[no-untyped-def]
+def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     """Let laws remember the accepted state d."""
     if len(points.forces) == 0:
         return
-    u = vector(_most_fields(points))
+    u, w, a, _, _, _ = _work_arrays(points)
     for i in range(len(points.forces)):
         if points.accept[i] != 0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
-            _fields(points, i, d, u)
+            fields_of_item(points, i, d, u)
+            amplitude_of(points, i, amps, u, w, a)
             call_accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
 
 
@@ -371,8 +375,9 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
         return
     u, w, a, f, H, C = _work_arrays(points)
     signals = 0
-    for signal in points.signal:
-        signals = max(signals, signal + 1)
+    for i in range(len(points.forces)):
+        for j in range(3):
+            signals = max(signals, points.signal[i, j] + 1)
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.forces)):

@@ -24,12 +24,14 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..interactions.flow import Velocity, flow_patches
 from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.moving import moving_mass
-from ..interactions.springs import Spring, moving_spring
+from ..interactions.obstacles import frame_of
+from ..interactions.springs import moving_spring
 from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .elimination import Elimination, eliminate, inconsistent
@@ -43,6 +45,9 @@ from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .repeated import drop_repeated, linear_row
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
+
+# of what may overlap, beside the extent of a model
+OVERLAP = 1e-9
 
 
 def timing_of(case: Case) -> Timing:
@@ -91,6 +96,11 @@ def support_names(case: Case) -> list[str]:
     return list(names)
 
 
+def contact_names(case: Case) -> list[str]:
+    """Return the name of each contact, what touches where it has none."""
+    return [c.name or "-".join(c.between or (c.self_, c.self_)) for c in case.contacts]
+
+
 class _Builder:
     """Collects meshes, equations, loads and problems of one case."""
 
@@ -118,7 +128,7 @@ class _Builder:
         self.loads = LoadSet()
         # loads that are inputs do not act: by name
         self.inputs: dict[str, LoadSet] = {}
-        self.springs: list[Spring] = []
+        self.springs: list[Any] = []
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.hangs = False
@@ -248,11 +258,48 @@ class _Builder:
             self.warnings.append(f"held twice: the {row.holds} of {row.owner}; its reaction is not determined")
         equations.constraints = [c for k, c in enumerate(equations.constraints, linear) if k not in combined]
 
+    def add_contacts(self, elimination: Elimination) -> list[ContactPair]:
+        """Add contacts with obstacles, after everything that holds bodies in the reference."""
+        out = []
+        held = {c for c, dependent in elimination.dependents.items() if not dependent.terms}
+        for i, (item, name) in enumerate(zip(self.case.contacts, contact_names(self.case), strict=True)):
+            body, other = (item.self_, item.self_) if item.between is None else item.between
+            if body in self.case.obstacles:
+                body, other = other, body
+            if other not in self.case.obstacles:
+                self.report(("contacts", i), f"contacts.{i}: contact between bodies, or of a body with itself, is not "
+                            "part of this version", "contact of a body with an obstacle")
+                continue
+            obstacle = self.case.obstacles[other]
+            frame = frame_of(obstacle, self.meshes, self.timing)
+            pair = ContactPair(item, name, self.meshes[body], obstacle, frame, self.extent, held)
+            pair.other = other
+            out.append(pair)
+            self.check_apart(i, pair)
+            if pair.hard:
+                self.equations.constraints += [ContactPoint(pair, k) for k in range(len(pair.spots))]
+            else:
+                self.springs.append(CompliantContact(pair))
+        return out
+
+    def check_apart(self, i: int, pair: ContactPair) -> None:
+        """Look for a body that overlaps an obstacle in the reference."""
+        if not pair.hard:
+            return
+        gaps = pair.gaps(np.zeros(len(self.e0)), course_of(self.case)[0])
+        k = int(np.argmin(gaps))
+        if gaps[k] < -OVERLAP * self.extent:
+            self.report(("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the reference, by up "
+                        f"to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", "bodies that start apart, or a law")
+
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):
             return
         scene = (list(self.meshes.values()), self.equations.rows, self.equations.constraints, self.springs, self.e0)
         motions = free_motions(*scene)
+        if motions and self.case.contacts:
+            # what a body rests on is known only once the loads press it there
+            motions = []
         if motions and weighs(self.case):
             # gravity holds what turns; what only slides or falls has no equilibrium, or any number of them
             motions = free_motions(*scene, sliding=True)
@@ -292,13 +339,15 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     b.add_masses()
     b.add_flows()
     b.add_loads()
+    contacts = b.add_contacts(elimination)
     if b.problems:
         raise CaseError(b.problems)
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
     moving = isinstance(b.case.solver, Dynamic)
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
-                       [*b.springs, *b.loads.patches, *b.loads.flows], len(b.e0), moving, moving or symmetric(b.loads))
+                       [*b.springs, *b.loads.patches, *b.loads.flows], len(b.e0), moving,
+                       moving or symmetric(b.loads, contacts))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs)
+                 b.inputs, contacts)

@@ -7,14 +7,16 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..elements.point_laws import MAX_MEM, MAX_PAR
+from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
+from ..interactions.contact import CompliantContact
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.points import (
     Points,
     Turning,
+    point_accept,
     point_constraint_rates,
     point_matrices,
 )
@@ -58,25 +60,30 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
     dof, dofs = _joined([row for p in items for row in p.dofs], np.int64)
     entry, G = _joined([row for p in items for row in p.G], np.float64)
     field, p0 = _joined([row for p in items for row in p.p0], np.float64)
-    n, rows = sum(each), []
-    par, mem = np.zeros((n, MAX_PAR)), np.zeros((n, MAX_MEM))
+    n, rows, fed = sum(each), [], []
+    par = np.zeros((n, max([MAX_PAR, *(p.par.shape[1] for p in items)])))
+    mem = np.zeros((n, max([MAX_MEM, *(p.mem.shape[1] for p in items)])))
     at = 0
     for p, count in zip(items, each, strict=True):
-        par[at:at + count, :p.par.shape[1]], mem[at:at + count] = p.par, p.mem
+        par[at:at + count, :p.par.shape[1]], mem[at:at + count, :p.mem.shape[1]] = p.par, p.mem
         at += count
-        if p.signal is not None and id(p.signal) not in known:
-            known[id(p.signal)] = len(signals)
-            signals.append(p.signal)
-        rows.append(-1 if p.signal is None else known[id(p.signal)])
+        own = p.signal if isinstance(p.signal, tuple) else () if p.signal is None else (p.signal,)
+        for signal in own:
+            if id(signal) not in known:
+                known[id(signal)] = len(signals)
+                signals.append(signal)
+        rows.append([*(known[id(signal)] for signal in own), *[-1] * (MAX_SIGNALS - len(own))])
+        given = p.fed if isinstance(p.fed, tuple) else (p.fed,)
+        fed.append([*given, *[-1] * (MAX_SIGNALS - len(given))])
     addresses = np.array([point_law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 3)
 
     def column(values: list[Any], dtype: type) -> Any:
         return np.repeat(np.array(values, dtype=dtype), each, axis=0)
     forces, mean, accept = column(list(addresses), np.int64).reshape(-1, 3).T.copy()
-    return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, column(rows, np.int64),
-                  column([p.fed for p in items], np.int64), column([p.multiplier for p in items], np.int64),
-                  column([p.scale for p in items], np.float64), column([p.on for p in items], np.bool_),
-                  np.zeros_like(p0))
+    signal, prescribed = (column(table, np.int64).reshape(-1, MAX_SIGNALS) for table in (rows, fed))
+    return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, signal, prescribed,
+                  column([p.multiplier for p in items], np.int64), column([p.scale for p in items], np.float64),
+                  column([p.on for p in items], np.bool_), np.zeros_like(p0))
 
 
 def turning_table(turns: Turns) -> Turning:
@@ -100,6 +107,8 @@ class Batch:
             count = len(patch.items().p0)
             if isinstance(patch, PointPatch):
                 patch.keep_in(self.table.par[at], self.table.mem[at])
+            elif isinstance(patch, CompliantContact):
+                patch.keep_in(self.table.par[at:at + count], self.table.mem[at:at + count])
             at += count
         n = self.dofs.shape[1]
         self._energy, self._shape = np.zeros(m), (m, n, n)
@@ -107,6 +116,10 @@ class Batch:
     def amplitudes(self, t: float, rates: bool = False) -> Array:
         """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for."""
         return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
+
+    def accept(self, d: Array, t: float) -> None:
+        """Let laws remember the accepted state d (n_full,) at t."""
+        point_accept(self.table, d, self.amplitudes(t))
 
     def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
                  ) -> tuple[float, Array, Array, Array]:

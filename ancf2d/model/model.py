@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ from .rotation import Turns
 from .timing import Timing
 
 if TYPE_CHECKING:
+    from ..interactions.contact import ContactPair
     from .interactions import Interactions
 
 
@@ -92,9 +94,10 @@ class Numbering:
             out[self.dependent] = sums
 
 
-def symmetric(loads: LoadSet) -> bool:
-    """Return whether loads leave the tangent symmetric: those that follow a body have no potential."""
-    return not loads.flows and all(p.symmetric for p in loads.patches)
+def symmetric(loads: LoadSet, contacts: Sequence[ContactPair] = ()) -> bool:
+    """Return whether loads and contacts leave the tangent symmetric: follower forces and friction have no potential."""
+    return (not loads.flows and all(p.symmetric for p in loads.patches)
+            and not any(c.item.friction for c in contacts))
 
 
 @dataclass
@@ -123,6 +126,7 @@ class Model:
     hangs: bool = False
     # the loads that are inputs of small motions, by name: they are not among ``loads``
     inputs: dict[str, LoadSet] = field(default_factory=dict)
+    contacts: list[ContactPair] = field(default_factory=list)
 
     @property
     def n_q(self) -> int:
@@ -191,8 +195,8 @@ class Model:
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is symmetric (follower forces have no potential)."""
-        return symmetric(self.loads)
+        """Whether the tangent is symmetric (follower forces have no potential, nor has friction)."""
+        return symmetric(self.loads, self.contacts)
 
     def prescribed(self, t: float, out: Array, order: int = 0) -> None:
         """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``.

@@ -60,8 +60,9 @@ def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
 class Items(NamedTuple):
     """A law over m sets of n coordinates each, as tables have it.
 
-    dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, MAX_MEM); what they follow, the
-    field that it prescribes, their multiplier and the size of their terms (``PointPatch``), and whether they act.
+    dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, numbers); what they follow (or
+    up to three signals) and the fields that it prescribes, their multiplier and the size of their terms
+    (``PointPatch``), and whether they act.
     """
 
     law: PointLaw
@@ -71,7 +72,7 @@ class Items(NamedTuple):
     par: Array
     mem: Array
     signal: Any = None
-    fed: int = -1
+    fed: int | tuple[int, ...] = -1
     multiplier: int = -1
     scale: float = 1.0
     on: bool = True

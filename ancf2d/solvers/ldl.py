@@ -42,13 +42,14 @@ class Multipliers:
 
     ``multiplier`` (m,) are their positions, ``index`` (k,) those of the unknowns in their rows of G, ``owner`` (k,) the
     multiplier that each belongs to; ``weights`` (n,) the displacement that a unit of an unknown stands for, 0 for
-    multipliers.
+    multipliers. ``open``: whether some rows of G may vanish, those of contacts that are open.
     """
 
     multiplier: Index
     index: Index
     owner: Index
     weights: Array
+    open: bool = False
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -60,7 +61,7 @@ class Multipliers:
     @property
     def alone(self) -> bool:
         """Whether constraints alone say where everything is: there are as many as coordinates."""
-        return 2 * len(self.multiplier) >= len(self.weights)
+        return not self.open and 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
         """Return gamma (m,) for the rows of G with entries g (k,): as stiff as what they act on, in any units.

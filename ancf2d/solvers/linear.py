@@ -228,7 +228,7 @@ def _multipliers(model: Model) -> Multipliers | None:
     coordinates = num.free < num.n_q
     weights[coordinates] = model.weights[num.free[coordinates]]
     return Multipliers(num.place[num.n_q:], np.concatenate(reached),
-                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights)
+                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights, bool(model.contacts))
 
 
 def make_matrix(model: Model) -> TangentMatrix:

@@ -13,8 +13,9 @@ from ..interactions.prismatic import check_ends
 from ..model.coarse import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
+from .contact import PENETRATION, ROUNDS, begin, exchange, memory, recall
 from .state import State
-from .system import STILL, Balance, System
+from .system import STILL, UNIT_ROUNDOFF, Balance, System
 from .threads import largest, pieces
 
 TOLERANCE = 1e-9
@@ -35,7 +36,8 @@ NEAR = 0.5
 class NewtonResult:
     """A converged state of Newton's method, with the largest residual [N, N m].
 
-    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] is where round-off ended it, else 0.
+    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] is where round-off ended it, else 0;
+    ``overlap`` [m] is how deep a body is in an obstacle.
     """
 
     d: Array
@@ -48,9 +50,37 @@ class NewtonResult:
     first: Array
     negative_pivots: int
     uncertainty: float
+    overlap: float = 0.0
 
 
 def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium at t as ``_newton`` does, at which nothing pulls and no body is in an obstacle.
+
+    Points of contact are opened and closed between equilibria until none has to be. Raises ComputationError.
+    """
+    if not any(pair.hard for pair in system.model.contacts):
+        return _newton(system, d, t_old, t, tolerance, max_iterations)
+    kept, iterations = memory(system.model), 0
+    begin(system.model, d, t_old)
+    try:
+        for k in range(ROUNDS):
+            result = _newton(system, d, t_old, t, tolerance, max_iterations)
+            iterations += result.iterations
+            changed, worst = exchange(system.model, result.d, t, k)
+            if not changed:
+                result.iterations, result.overlap = iterations, worst
+                return result
+            d, t_old = result.d, t
+    except ComputationError:
+        recall(system.model, kept)
+        raise
+    recall(system.model, kept)
+    raise ComputationError(f"where bodies touch was not found: one is {worst:.3g} deep in an obstacle",
+                           at={"factor": float(f"{t:.6g}")},
+                           advice="more elements where it touches, more steps, or obstacles that leave it room")
+
+
+def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
     """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
 
     Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
@@ -84,7 +114,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         system.model.displacements(z, t, out=d)
         # the tangent follows multipliers also where nothing moves
         settled = iteration > 1 or not first[num.free >= num.n_q].any()
-        if settled and has_converged(increments, system.norm(z), tolerance):
+        # what rests on obstacles may not move at all
+        rests = bool(system.model.contacts) and max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
+        if settled and (rests or has_converged(increments, system.norm(z), tolerance)):
             balance = system.forces(d, t, out=system.room)
             if balanced(system, balance, d, t):
                 uncertainty = 0.0
@@ -160,6 +192,9 @@ def state_of(system: System, result: NewtonResult, t: float, number: int, cutbac
     if result.uncertainty > max(POOR * size, STILL * system.model.extent):
         warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
                     f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
+    if result.overlap > 2.0 * PENETRATION * system.model.extent:
+        warnings = [*warnings, f"at factor {t:.6g} a body is {result.overlap:.2g} deep in an obstacle between its "
+                    "points of contact. More elements where it touches make that less"]
     turned = system.count(result.d, t)
     return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 

@@ -94,7 +94,8 @@ def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
 
 
 def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
-    """Return fx, fy and the moment about the point that each support exerts on its body."""
+    """Return fx, fy and the moment that each support exerts on its body, about its point, and each obstacle, about its
+    centre."""
     lam, _ = equilibrium_rows(model, state)
     d = state.d[:model.n_q]
     e = model.e0 if state.linear else model.e0 + d
@@ -109,6 +110,10 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
             if constraint.owner == name:
                 total += forces @ rigid_motion(point.mesh, dofs, e, centre)
         out[name] = dict(zip(("fx", "fy", "m"), (float(v) for v in total), strict=True))
+    if model.contacts:
+        from .contact import obstacle_reactions
+
+        out.update(obstacle_reactions(model, state))
     return out
 
 

@@ -152,8 +152,8 @@ def _points(model: Model, signals: Signals) -> Any:
     patches = model.interactions.points
     own: list[Any] = []
     table = point_table(patches, own, steps=_method(model).conserves)
-    rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal], dtype=np.int64)
-    return table._replace(signal=rows)
+    rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal.ravel()], dtype=np.int64)
+    return table._replace(signal=rows.reshape(table.signal.shape))
 
 
 def _method(model: Model) -> Integrator:

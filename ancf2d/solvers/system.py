@@ -175,7 +175,10 @@ class System:
         return out
 
     def accept(self, d: Array, t: float) -> None:
-        """Let elements whose laws have a memory remember the state d (n_full,) at t: a step has been accepted there."""
+        """Let laws that have a memory remember the state d (n_full,) at t: a step has been accepted there."""
+        if self.model.contacts:
+            for batch in (*self.model.interactions.springs, *self.model.interactions.held):
+                batch.accept(d, t)
         if self.model.remembers:
             self.model.set_natural(t)
             for group in self.model.groups:

@@ -166,6 +166,10 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
     out["probes"] = recorder.probes
     if state is not None:
         out["reactions"] = reactions(model, state)
+        if model.contacts:
+            from ..solvers.contact import contact_report
+
+            out["contacts"] = contact_report(model, state)
         out["energy"] = dict(state.history) if recorder.moves else energies(model, state)
         out["t" if recorder.moves else "load_factor"] = state.t
         if "negative_pivots" in state.history and model.symmetric:

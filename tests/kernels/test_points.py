@@ -87,7 +87,7 @@ def one_by_one(d, v, amps):
     energy = power = 0.0
     for i, p in enumerate(patches):
         u, w = p.rows @ d[p.coordinates], p.rows @ v[p.coordinates]
-        a = np.array([1.0, 0.0, 0.0]) if p.signal is None else amps[table.signal[i]]
+        a = np.array([1.0, 0.0, 0.0]) if p.signal is None else amps[table.signal[i, 0]]
         if p.fed >= 0:
             u[p.fed], w[p.fed] = a[:2]
         m = len(u)
@@ -164,7 +164,7 @@ def test_forces_of_a_step_are_those_of_the_laws(at_end):
         used[model.n_q:] = 0.5 * (d0 + d1)[model.n_q:]
     for i, p in enumerate(patches):
         u0, u1, w = p.rows @ d0[p.coordinates], p.rows @ used[p.coordinates], p.rows @ v[p.coordinates]
-        a0, a1 = (np.array([1.0, 0, 0]) if p.signal is None else x[table.signal[i]] for x in (amps0, amps1))
+        a0, a1 = (np.array([1.0, 0, 0]) if p.signal is None else x[table.signal[i, 0]] for x in (amps0, amps1))
         if p.fed >= 0:
             u0[p.fed], u1[p.fed] = a0[0], a1[0]
         f = np.zeros(len(u0))
@@ -230,7 +230,7 @@ def test_turns_of_torsion_springs_are_counted_from_accepted_states():
         for _ in range(2):
             # asking changes nothing
             assert point_forces(table, d, 0 * d, no_amps, np.zeros(len(d)))[0] == pytest.approx(1.5 * angle**2)
-        point_accept(table, d)
+        point_accept(table, d, no_amps)
     np.testing.assert_allclose(table.mem, [[15.0, 0.0]])
 
 
@@ -261,7 +261,7 @@ def test_empty_tables_do_nothing():
     assert point_mean_forces(table, d, d, d, no_amps, no_amps, True, Q) == (0.0, 0.0)
     point_constraint_rates(table, d, d, no_amps, Q, Q)
     assert point_violation(table, d, no_amps) == 0.0
-    point_accept(table, d)
+    point_accept(table, d, no_amps)
     point_noise(table, d, Q)
     assert not Q.any()
     assert not A.any()

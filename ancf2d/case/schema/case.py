@@ -150,6 +150,10 @@ class Case:
     springs: tuple[Any, ...] = key(ListOf(Registered(), "springs"), "Springs and dampers", default=())
     masses: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "masses"), "Point masses", default=())
     loads: tuple[Any, ...] = key(ListOf(Registered(), "loads"), "Loads", default=())
+    obstacles: dict[str, Any] = key(MapOf(Registered(), "obstacles by name"), "Obstacles that bodies may touch",
+                                    default={})
+    contacts: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "contacts"), "What may touch what (static, eigen, "
+                                    "frequency_response, state_space, dynamic)", default=())
     initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
     damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic, eigen, buckling, "
                                   "frequency_response)", default=None)
@@ -211,6 +215,8 @@ DECLARED: dict[str, dict[str, Any]] = {
     # the prescribed motions by their keys
     "boundary_conditions": {"motions": {}},
     "masses": {},
+    "obstacles": {},
+    "contacts": {},
 }
 
 

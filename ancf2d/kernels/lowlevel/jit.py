@@ -262,6 +262,11 @@ def addressed(function: Callable[..., Any]) -> Any:
     return _compiled(function, pipeline_class=LeanCompiler, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
+def addressed_with_memory(function: Callable[..., Any]) -> Any:
+    """Compile as ``addressed`` what makes arrays."""
+    return _compiled(function, pipeline_class=OwnCompiler, no_cpython_wrapper=True, **_MEMORY)
+
+
 def named(function: Callable[..., Any], kind: str) -> Callable[..., Any]:
     """Return a function of which there are several kinds under the name that the cache tells it from others by."""
     function.__qualname__ = f"{function.__name__}_{kind}"

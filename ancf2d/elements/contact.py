@@ -1,0 +1,328 @@
+"""Laws of contact of a point of a body with an obstacle: one that yields, and one that lets nothing penetrate.
+
+A point that is free to move along the curve stands where the gap is least, g_z = 0
+(``contact_geometry``); with A = t.rho_q, B = nu.rho_qz, T = t.rho_z, c = nu.rho_zz and D = 1/k its Hessian is
+nu.rho_qq + (c A A - T (A B + B A) - D B B)/(T T + c D), which has a limit at a corner (D = 0) and on a plane (D = inf).
+
+Functions of arrays and numbers alone, which kernels compile as they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .contact_geometry import (
+    ANCHOR,
+    AT_1,
+    AT_2,
+    BY,
+    BY_BY,
+    CIRCLE,
+    DAMPING,
+    FEATURE,
+    FREE,
+    FRICTION,
+    HELD,
+    HOME,
+    MATRIX,
+    OF_THETA,
+    ORIGIN,
+    OTHER,
+    PLACE,
+    POLYLINE,
+    RHO,
+    ROW,
+    SECTION,
+    SHAPE,
+    STICK,
+    STIFFNESS,
+    TERMS,
+    TOUCH,
+    VECTOR,
+    WEIGHT,
+    WORK,
+    along,
+    corner,
+    count_of,
+    facing,
+    feature_at,
+    gap_at,
+    is_back,
+    least,
+    offset,
+    seen,
+    side_of,
+    spread,
+    spread_both,
+    stand,
+    take,
+)
+from .point_laws import PointLaw
+
+
+def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
+    """Set out (fields,) from ``add`` on to the derivative of rho along (nx, ny)."""
+    body, pose = count_of(par)
+    for a in range(body + pose):
+        work[VECTOR + a] = nx * work[BY + a] + ny * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, out, add)
+
+
+def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
+    """Add the Hessian of the gap of a fixed point, nu.rho_qq + k A A, to H."""
+    body, pose = count_of(par)
+    n = body + pose
+    for a in range(n):
+        ta = -ny * work[BY + a] + nx * work[BY + 8 + a]
+        for b in range(n):
+            tb = -ny * work[BY + b] + nx * work[BY + 8 + b]
+            work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b] + k * ta * tb
+    spread_both(par, z, work, H, 1.0)
+
+
+def bent_free(par, z, nx, ny, k, work, H, m):  # type: ignore[no-untyped-def]
+    """Add the Hessian of the gap of a point that stands where it is least along the curve to H (m fields)."""
+    bent(par, z, nx, ny, 0.0, work, H)
+    body, pose = count_of(par)
+    x1, y1 = along(par, work, AT_1, 1)
+    x2, y2 = along(par, work, AT_2, 2)
+    T, bend = -ny * x1 + nx * y1, nx * x2 + ny * y2
+    # B = nu.(rho_XX X' W + rho_X W')
+    for a in range(body + pose):
+        v = 0.0
+        for b in range(body):
+            v += (nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
+        work[VECTOR + a], work[VECTOR + 8 + a] = v, nx * work[BY + a] + ny * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, work, ROW)
+    spread(par, z, work, VECTOR + 8, 1, work, OTHER)
+    for q in range(m):
+        work[OTHER + q] += work[ROW + q]
+    normal(par, z, -ny, nx, work, work, ROW)
+    D = 1.0 / k if k != 0.0 else 0.0
+    below = T * T + bend * D if k != 0.0 else bend
+    for p in range(m):
+        A, B = work[ROW + p], work[OTHER + p]
+        for q in range(m):
+            if k != 0.0:
+                H[p, q] += (bend * A * work[ROW + q] - T * (A * work[OTHER + q] + B * work[ROW + q])
+                            - D * B * work[OTHER + q]) / below
+            else:
+                H[p, q] -= B * work[OTHER + q] / below
+
+
+def slip(par, s, anchor):  # type: ignore[no-untyped-def]
+    """Return how far a place s on the obstacle is from another, the short way around."""
+    way = s - anchor
+    if int(par[SHAPE]) == CIRCLE:
+        round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
+    elif int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] > 0.0:
+        round_ = par[ORIGIN + 1]
+    else:
+        return way
+    return way - round_ * np.floor(way / round_ + 0.5)
+
+
+def drag(par, way, pressed):  # type: ignore[no-untyped-def]
+    """Return the force of friction along s after a slip, and whether it slides: elastic up to Coulomb's limit."""
+    force, most = -par[STICK] * way, par[FRICTION] * pressed
+    if abs(force) <= most:
+        return force, False
+    return (most if force > 0.0 else -most), True
+
+
+def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
+    """Add a force of friction along s to f, and its derivative at a given pressure to H; leave ds/dq in work (ROW)."""
+    body, pose = count_of(par)
+    n = body + pose
+    for a in range(n):
+        na, ta = nx * work[BY + a] + ny * work[BY + 8 + a], -ny * work[BY + a] + nx * work[BY + 8 + a]
+        for b in range(n):
+            nb, tb = nx * work[BY + b] + ny * work[BY + 8 + b], -ny * work[BY + b] + nx * work[BY + 8 + b]
+            bend = -ny * work[BY_BY + 8 * a + b] + nx * work[BY_BY + 64 + 8 * a + b]
+            work[MATRIX + 8 * a + b] = ds * (bend - k * (na * tb + ta * nb))
+    spread_both(par, z, work, H, -force)
+    normal(par, z, -ds * ny, ds * nx, work, work, ROW)
+    m = fields_of(par)
+    for p in range(m):
+        f[p] -= force * work[ROW + p]
+        for q in range(m):
+            H[p, q] += stiff * work[ROW + p] * work[ROW + q]
+
+
+def fields_of(par):  # type: ignore[no-untyped-def]
+    """Return how many fields the curve and the obstacle have."""
+    _, pose = count_of(par)
+    return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS]) + pose
+
+
+def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit."""
+    work = np.zeros(WORK)
+    z, m, weight, stiffness, damping = par[HOME], len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
+    stand(par, p0, u, z, work)
+    g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
+    if g >= 0.0 or is_back(par, nx, ny, work):
+        return 0.0, 0.0
+    normal(par, z, nx, ny, work, work, ROW)
+    rate = 0.0
+    for q in range(m):
+        rate += work[ROW + q] * w[q]
+    pressure = -stiffness * g - damping * rate
+    energy = 0.5 * weight * stiffness * g * g
+    if pressure <= 0.0:
+        return energy, weight * stiffness * g * -rate
+    power, force = weight * damping * rate * rate, weight * pressure
+    bent(par, z, nx, ny, k, work, H)
+    normal(par, z, nx, ny, work, work, ROW)
+    for p in range(m):
+        slope = 0.0
+        for q in range(m):
+            slope += H[p, q] * w[q]
+        # of the force, with the sign turned
+        work[OTHER + p] = weight * (stiffness * work[ROW + p] + damping * slope)
+    for p in range(m):
+        N = work[ROW + p]
+        f[p] = -force * N
+        for q in range(m):
+            H[p, q] = -force * H[p, q] + N * work[OTHER + q]
+            C[p, q] = weight * damping * N * work[ROW + q]
+    if par[FRICTION] > 0.0:
+        way = slip(par, s, mem[ANCHOR])
+        held, slides = drag(par, way, force)
+        # kept, as what follows works in the same places
+        keep = np.empty((2, m))
+        for q in range(m):
+            keep[0, q], keep[1, q] = work[ROW + q], work[OTHER + q]
+        rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
+        energy += 0.5 * held * held / par[STICK]
+        if slides:
+            power -= held * limit_slopes(par, way, m, w, work, keep, H, C)
+    return energy, power
+
+
+def limit_slopes(par, way, m, w, work, keep, H, C):  # type: ignore[no-untyped-def]
+    """Add how Coulomb's limit follows the pressure to H and C; return the rate of sliding."""
+    share, rate = par[FRICTION] if way > 0.0 else -par[FRICTION], 0.0
+    for p in range(m):
+        S = work[ROW + p]
+        rate += S * w[p]
+        for q in range(m):
+            H[p, q] -= share * S * keep[1, q]
+            C[p, q] -= share * S * par[WEIGHT] * par[DAMPING] * keep[0, q]
+    return rate
+
+
+def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """No penetration: the multiplier, the last field, is minus the force; where it would pull, there is none.
+
+    The stationary point of U + lambda g where it is closed, and of U - lambda^2/(2 c) where it is open, after Alart
+    & Curnier 1991: closed is what has -lambda - c g > 0, unless whoever solves keeps count of that.
+    """
+    m, c = len(u) - 1, par[STIFFNESS]
+    force = -u[m]
+    f[m], H[m, m] = force / c, -1.0 / c
+    if mem[FREE] < 0.0 or mem[HELD] == 0.0:
+        return 0.0, 0.0
+    work, z = np.zeros(WORK), par[HOME]
+    if mem[FREE] == 1.0:
+        z = least(par, p0, u, mem, work)
+        if np.isnan(z):
+            return 0.0, 0.0
+        g, nx, ny, k, s, ds = facing(par, mem, work)
+    else:
+        feature = -1.0
+        if mem[FREE] > 0.0:
+            z, feature = mem[PLACE], mem[FEATURE]
+        stand(par, p0, u, z, work)
+        g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
+    if mem[HELD] < 0.0 and (force - c * g < -c * par[TOUCH] or is_back(par, nx, ny, work)):
+        return 0.0, 0.0
+    H[m, m] = 0.0
+    if mem[FREE] == 1.0:
+        bent_free(par, z, nx, ny, k, work, H, m)
+    else:
+        bent(par, z, nx, ny, k, work, H)
+    normal(par, z, nx, ny, work, work, ROW)
+    for p in range(m):
+        f[p] = -force * work[ROW + p]
+        for q in range(m):
+            H[p, q] *= -force
+        H[p, m] = H[m, p] = work[ROW + p]
+    f[m] = g
+    if par[FRICTION] == 0.0 or force <= 0.0 or mem[FREE] > 0.0:
+        return 0.0, 0.0
+    way = slip(par, s, mem[ANCHOR])
+    held, slides = drag(par, way, force)
+    rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
+    if slides:
+        sign = 1.0 if way > 0.0 else -1.0
+        for p in range(m):
+            # the limit grows with the force, which is minus the multiplier
+            H[p, m] -= sign * par[FRICTION] * work[ROW + p]
+    return 0.5 * held * held / par[STICK], 0.0
+
+
+def over_step(law, extra):  # type: ignore[no-untyped-def]
+    """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law."""
+    def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+        m = len(u1) - extra
+        n = len(u1)
+        keep = np.zeros((4, n))
+        H, C = np.zeros((n, n)), np.zeros((n, n))
+        for i in range(n):
+            keep[0, i] = 0.5 * (u0[i] + u1[i])
+        if extra == 1:
+            keep[0, m] = u1[m]
+        # rates of zero: what dissipates is added behind
+        law(p0, keep[0], keep[1], par, a1, mem, f, H, C)
+        before, _ = law(p0, u0, keep[1], par, a0, mem, keep[2], H, C)
+        after, _ = law(p0, u1, keep[1], par, a1, mem, keep[3], H, C)
+        if extra == 1:
+            before, after = u1[m] * keep[2, m], u1[m] * keep[3, m]
+            f[m] = keep[3, m]
+        square, work = 0.0, after - before
+        for i in range(m):
+            change = u1[i] - u0[i]
+            square += change * change
+            work -= f[i] * change
+        if square > 0.0:
+            for i in range(m):
+                f[i] += work / square * (u1[i] - u0[i])
+        return after if extra == 0 else 0.0, 0.0
+    return mean
+
+
+def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
+    """Let friction remember where on the obstacle an accepted state holds to."""
+    work = np.zeros(WORK)
+    stand(par, p0, u, z, work)
+    g, _, _, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
+    if pressed < 0.0:
+        pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
+    held, slides = drag(par, slip(par, s, mem[ANCHOR]), pressed)
+    if slides:
+        mem[ANCHOR] = s + held / par[STICK]
+
+
+def accept_compliant(p0, u, par, mem):  # type: ignore[no-untyped-def]
+    """Take the accepted state as what friction goes on from."""
+    if par[FRICTION] > 0.0:
+        _settle(par, p0, u, mem, par[HOME], -1.0)
+
+
+def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
+    """Take the accepted state as where the search for the point goes on, and what friction goes on from."""
+    if mem[FREE] == 1.0:
+        z = least(par, p0, u, mem, np.zeros(WORK))
+        if not np.isnan(z):
+            mem[PLACE] = z
+    elif mem[FREE] == 0.0 and par[FRICTION] > 0.0:
+        _settle(par, p0, u, mem, par[HOME], max(-u[len(u) - 1], 0.0))
+
+
+HELPERS = (count_of, take, offset, seen, corner, side_of, feature_at, gap_at, along, stand, least, facing, is_back,
+           spread, spread_both, normal, bent, bent_free, slip, drag, fields_of, rub)
+COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant,
+                     helpers=(*HELPERS, limit_slopes, _settle, compliant), memory=True)
+HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard,
+                helpers=(*HELPERS, _settle, hard), memory=True)

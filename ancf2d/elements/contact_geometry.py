@@ -1,0 +1,331 @@
+"""A curve that an element carries, opposite to an obstacle: the gap, and what its derivatives are made of.
+
+The curve is the axis or a face of one element, rho(z) with z from -1 to 1. A law sees its coefficients, in powers of z,
+as fields: x and y of the curve itself; of sections that stay rigid x and y of the axis and, where it is a coordinate,
+the rotation, from which rho = r + y n follows. Behind these stand the fields of the obstacle, where it moves: x, y and
+angle, or x, y and the direction of a rigid body. A hard contact has its multiplier behind all of them.
+
+With X (n,) the position, rotation or tangent at z and the pose of the obstacle, rho(X) is the point as the obstacle
+sees it. Its gap g has the gradient nu (a unit vector) and the Hessian k t t^T, with t across nu and k = 1/distance
+from the centre of curvature.
+
+Functions of arrays and numbers alone, which kernels compile as they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# how rho follows from what an element interpolates: it is that, or an offset from an axis that turns
+CURVE, OF_THETA, OF_TANGENT = 0, 1, 2
+# how an obstacle moves: it stands still, by x, y and angle, or by x, y and a direction
+STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
+HALF_PLANE, CIRCLE, POLYLINE = 0, 1, 2
+# par: the place on the body, what acts there, the obstacle's pose in the reference, its shape and what describes it
+(SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
+ SHAPE, ORIGIN) = range(17)
+# mem: where along the element; whether it moves there (0 it stands at home, 1 it is free, 2 it stands at that place,
+# -1 it is out of use); what of a polyline it is opposite to; the place on the obstacle that friction holds it to; and
+# whether it is closed (1) or open (0), which force and gap tell where it is -1
+PLACE, FREE, FEATURE, ANCHOR, HELD = range(5)
+MEMORY = 5
+# numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
+AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
+WORK = 370
+# a face that looks this much away from an obstacle is the back of what touches (cosine of the angle to its normal)
+BACK = 0.7
+# beyond a multiple of its length, the polynomial of an element says nothing of its neighbour
+INSIDE = 1.0
+TRIES = 30
+
+
+def count_of(par):  # type: ignore[no-untyped-def]
+    """Return how many entries of X are of the body, and how many of the obstacle."""
+    section, pose = int(par[SECTION]), int(par[POSE])
+    return 2 + section, (0 if pose == STILL else 2 + pose)
+
+
+def take(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+    """Fill X, dX/dz and d2X/dz2 at z from the fields p0 + u."""
+    terms, section = int(par[TERMS]), int(par[SECTION])
+    sets = 3 if section == OF_THETA else 2
+    for k in range(24):
+        work[k] = 0.0
+    for c in range(sets):
+        v0, v1, v2, v3 = 0.0, 0.0, 0.0, 0.0
+        for j in range(terms - 1, -1, -1):
+            a = p0[c * terms + j] + u[c * terms + j]
+            v3 = v3 * z + 3.0 * v2
+            v2 = v2 * z + 2.0 * v1
+            v1 = v1 * z + v0
+            v0 = v0 * z + a
+        work[AT + c], work[AT_1 + c], work[AT_2 + c] = v0, v1, v2
+        if section == OF_TANGENT:
+            work[AT + 2 + c], work[AT_1 + 2 + c], work[AT_2 + 2 + c] = v1, v2, v3
+    body, pose = count_of(par)
+    for i in range(pose):
+        work[AT + body + i] = p0[sets * terms + i] + u[sets * terms + i]
+
+
+def offset(par, work):  # type: ignore[no-untyped-def]
+    """Fill rho, its gradient and its second derivative by what the element interpolates, in the plane of the scene."""
+    y, section = par[OFFSET], int(par[SECTION])
+    for k in range(RHO, VECTOR):
+        work[k] = 0.0
+    work[RHO], work[RHO + 1] = work[AT], work[AT + 1]
+    work[BY], work[BY + 9] = 1.0, 1.0
+    if section == OF_THETA:
+        c, s = np.cos(work[AT + 2]), np.sin(work[AT + 2])
+        work[RHO] -= y * s
+        work[RHO + 1] += y * c
+        work[BY + 2], work[BY + 10] = -y * c, -y * s
+        work[BY_BY + 18], work[BY_BY + 82] = y * s, -y * c
+    elif section == OF_TANGENT and y != 0.0:
+        dx, dy = work[AT + 2], work[AT + 3]
+        L = np.sqrt(dx * dx + dy * dy)
+        e0, e1 = dx / L, dy / L
+        work[RHO] -= y * e1
+        work[RHO + 1] += y * e0
+        for j in range(2):
+            ej = e1 if j == 1 else e0
+            # of e: (1 - e e)/L; n = (-e1, e0)
+            d0, d1 = (1.0 - j - e0 * ej) / L, (j - e1 * ej) / L
+            work[BY + 2 + j], work[BY + 10 + j] = -y * d1, y * d0
+            for k in range(2):
+                ek = e1 if k == 1 else e0
+                jk = 1.0 if j == k else 0.0
+                f0 = (3.0 * e0 * ej * ek - e0 * jk - (1 - j) * ek - (1 - k) * ej) / (L * L)
+                f1 = (3.0 * e1 * ej * ek - e1 * jk - j * ek - k * ej) / (L * L)
+                work[BY_BY + 8 * (2 + j) + 2 + k], work[BY_BY + 64 + 8 * (2 + j) + 2 + k] = -y * f1, y * f0
+
+
+def seen(par, work):  # type: ignore[no-untyped-def]
+    """Turn rho and its derivatives into those that the obstacle sees, whose motion adds its own."""
+    pose = int(par[POSE])
+    if pose == STILL:
+        return
+    body, _ = count_of(par)
+    x, y = work[RHO] - work[AT + body], work[RHO + 1] - work[AT + body + 1]
+    if pose == BY_ANGLE:
+        c, s = np.cos(work[AT + body + 2]), np.sin(work[AT + body + 2])
+    else:
+        c, s = work[AT + body + 2] / par[LENGTH], work[AT + body + 3] / par[LENGTH]
+    work[RHO], work[RHO + 1] = par[POSE_X] + c * x + s * y, par[POSE_Y] - s * x + c * y
+    # the last fields turn it: d(c, s) by each of them
+    for k in range(pose):
+        at = body + 2 + k
+        if pose == BY_ANGLE:
+            dc, ds = -s, c
+            work[BY_BY + 9 * at], work[BY_BY + 64 + 9 * at] = -(c * x + s * y), s * x - c * y
+        else:
+            dc, ds = (1.0 - k) / par[LENGTH], k / par[LENGTH]
+        work[BY + at], work[BY + 8 + at] = dc * x + ds * y, -ds * x + dc * y
+        for b in range(body + 2):
+            if b < body:
+                jx, jy = work[BY + b], work[BY + 8 + b]
+            else:
+                jx, jy = (-1.0, 0.0) if b == body else (0.0, -1.0)
+            qx, qy = dc * jx + ds * jy, -ds * jx + dc * jy
+            work[BY_BY + 8 * at + b], work[BY_BY + 8 * b + at] = qx, qx
+            work[BY_BY + 64 + 8 * at + b], work[BY_BY + 64 + 8 * b + at] = qy, qy
+    for b in range(body):
+        jx, jy = work[BY + b], work[BY + 8 + b]
+        work[BY + b], work[BY + 8 + b] = c * jx + s * jy, -s * jx + c * jy
+        for k in range(body):
+            qx, qy = work[BY_BY + 8 * b + k], work[BY_BY + 64 + 8 * b + k]
+            work[BY_BY + 8 * b + k], work[BY_BY + 64 + 8 * b + k] = c * qx + s * qy, -s * qx + c * qy
+    work[BY + body], work[BY + 8 + body] = -c, s
+    work[BY + body + 1], work[BY + 8 + body + 1] = -s, -c
+
+
+def corner(par, i, x, y):  # type: ignore[no-untyped-def]
+    """Return (gap, nu, k, s, ds) opposite to corner i of a polyline."""
+    n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
+    vx, vy = par[at + 3 * i], par[at + 3 * i + 1]
+    dx, dy = x - vx, y - vy
+    D = np.sqrt(dx * dx + dy * dy)
+    before, after = (i - 1 + n) % n, (i + 1) % n
+    nx, ny = 0.0, 0.0
+    if closed or i > 0:
+        ex, ey = vx - par[at + 3 * before], vy - par[at + 3 * before + 1]
+        L = np.sqrt(ex * ex + ey * ey)
+        nx, ny = nx - ey / L, ny + ex / L
+    if closed or i < n - 1:
+        ex, ey = par[at + 3 * after] - vx, par[at + 3 * after + 1] - vy
+        L = np.sqrt(ex * ex + ey * ey)
+        nx, ny = nx - ey / L, ny + ex / L
+    sign = 1.0 if dx * nx + dy * ny >= 0.0 or not (closed or 0 < i < n - 1) else -1.0
+    if D == 0.0:
+        L = np.sqrt(nx * nx + ny * ny)
+        return 0.0, nx / L, ny / L, 0.0, par[at + 3 * i + 2], 0.0
+    return sign * D, sign * dx / D, sign * dy / D, sign / D, par[at + 3 * i + 2], 0.0
+
+
+def side_of(par, i, x, y):  # type: ignore[no-untyped-def]
+    """Return (gap, nu, k, s, ds) opposite to the line of segment i of a polyline."""
+    n, at = int(par[ORIGIN]), ORIGIN + 2
+    j = (i + 1) % n
+    ax, ay = par[at + 3 * i], par[at + 3 * i + 1]
+    ex, ey = par[at + 3 * j] - ax, par[at + 3 * j + 1] - ay
+    L = np.sqrt(ex * ex + ey * ey)
+    ex, ey = ex / L, ey / L
+    return (-ey * (x - ax) + ex * (y - ay), -ey, ex, 0.0, par[at + 3 * i + 2] + ex * (x - ax) + ey * (y - ay), -1.0)
+
+
+def feature_at(par, x, y):  # type: ignore[no-untyped-def]
+    """Return which part of a polyline is nearest: 2 i for segment i, 2 i + 1 for corner i."""
+    n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
+    best, found = np.inf, 0
+    for i in range(n if closed else n - 1):
+        j = (i + 1) % n
+        ax, ay = par[at + 3 * i], par[at + 3 * i + 1]
+        ex, ey = par[at + 3 * j] - ax, par[at + 3 * j + 1] - ay
+        s = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+        what = 2 * i
+        if s <= 0.0:
+            s, what = 0.0, 2 * i + 1
+        elif s >= 1.0:
+            s, what = 1.0, 2 * j + 1
+        dx, dy = x - ax - s * ex, y - ay - s * ey
+        D = dx * dx + dy * dy
+        if best > D:
+            best, found = D, what
+    return found
+
+
+def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
+    """Return (g, nu_x, nu_y, k, s, ds): the gap, its gradient and curvature, the arc length on the obstacle there and
+    its derivative along (-nu_y, nu_x); of a polyline from one of its parts, or from the nearest (``feature`` -1)."""
+    shape = int(par[SHAPE])
+    if shape == HALF_PLANE:
+        nx, ny = par[ORIGIN + 2], par[ORIGIN + 3]
+        dx, dy = x - par[ORIGIN], y - par[ORIGIN + 1]
+        return nx * dx + ny * dy, nx, ny, 0.0, -ny * dx + nx * dy, 1.0
+    if shape == CIRCLE:
+        dx, dy, R = x - par[ORIGIN], y - par[ORIGIN + 1], par[ORIGIN + 2]
+        # a negative radius: from within
+        sign = 1.0 if R > 0.0 else -1.0
+        D = max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
+        nx, ny = sign * dx / D, sign * dy / D
+        return sign * D - R, nx, ny, sign / D, abs(R) * np.arctan2(dy, dx), R / D
+    what = feature_at(par, x, y) if feature < 0 else int(feature)
+    if what % 2 == 0:
+        return side_of(par, what // 2, x, y)
+    return corner(par, what // 2, x, y)
+
+
+def along(par, work, first, order):  # type: ignore[no-untyped-def]
+    """Return drho/dz (order 1) or d2rho/dz2 (order 2), from J and Q by X and X' (from ``first``)."""
+    body, _ = count_of(par)
+    rx, ry = 0.0, 0.0
+    for a in range(body):
+        rx += work[BY + a] * work[first + a]
+        ry += work[BY + 8 + a] * work[first + a]
+        if order == 2:
+            for b in range(body):
+                q = work[AT_1 + a] * work[AT_1 + b]
+                rx += work[BY_BY + 8 * a + b] * q
+                ry += work[BY_BY + 64 + 8 * a + b] * q
+    return rx, ry
+
+
+def stand(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+    """Fill X, rho and its derivatives at z."""
+    take(par, p0, u, z, work)
+    offset(par, work)
+    seen(par, work)
+
+
+def least(par, p0, u, mem, work):  # type: ignore[no-untyped-def]
+    """Return z next to mem[PLACE] where the gap to mem[FEATURE] is least, nan where that is beyond the element."""
+    z, feature = mem[PLACE], mem[FEATURE]
+    for _ in range(TRIES):
+        stand(par, p0, u, z, work)
+        _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
+        x1, y1 = along(par, work, AT_1, 1)
+        x2, y2 = along(par, work, AT_2, 2)
+        T, slope, bend = -ny * x1 + nx * y1, nx * x1 + ny * y1, nx * x2 + ny * y2
+        if k != 0.0:
+            # D g_z and D g_zz, which stay finite at a corner
+            slope, bend = slope / k, T * T + bend / k
+            bend = max(bend, 0.1 * (x1 * x1 + y1 * y1))
+        elif bend <= 0.0:
+            return np.nan
+        step = -slope / bend
+        new = min(max(z + step, z - 0.5), z + 0.5)
+        moved, z = abs(new - z), new
+        if not abs(z) < 1.5:
+            return np.nan
+        if moved < 1e-13:
+            break
+    stand(par, p0, u, z, work)
+    return z if abs(z) <= INSIDE else np.nan
+
+
+def facing(par, mem, work):  # type: ignore[no-untyped-def]
+    """Return (g, nu, k, s, ds) where the gap is least along the curve: nu is then normal to it, at a corner too."""
+    g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
+    if k != 0.0:
+        tx, ty = along(par, work, AT_1, 1)
+        L = np.sqrt(tx * tx + ty * ty)
+        cx, cy = -ty / L, tx / L
+        sign = 1.0 if cx * nx + cy * ny > 0.0 else -1.0
+        nx, ny = sign * cx, sign * cy
+    return g, nx, ny, k, s, ds
+
+
+def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def]
+    """Set out (fields,) from ``add`` on to what entries (n,) by X, at ``first`` of work, are by the fields.
+
+    ``order`` 1: by the fields' own derivative by z.
+    """
+    terms, section = int(par[TERMS]), int(par[SECTION])
+    body, pose = count_of(par)
+    sets = 3 if section == OF_THETA else 2
+    for c in range(sets):
+        m0, m1, m2 = 1.0, 0.0, 0.0
+        for j in range(terms):
+            v = work[first + c] * (m0 if order == 0 else m1)
+            if section == OF_TANGENT:
+                v += work[first + 2 + c] * (m1 if order == 0 else m2)
+            out[add + c * terms + j] = v
+            m0, m1, m2 = m0 * z, m1 * z + m0, m2 * z + 2.0 * m1
+    for i in range(pose):
+        out[add + sets * terms + i] = work[first + body + i] if order == 0 else 0.0
+
+
+def spread_both(par, z, work, H, share):  # type: ignore[no-untyped-def]
+    """Add ``share`` times the matrix (8, 8) by X in work to H (fields, fields)."""
+    terms, section = int(par[TERMS]), int(par[SECTION])
+    body, pose = count_of(par)
+    sets = 3 if section == OF_THETA else 2
+    fields = sets * terms + pose
+    for a in range(body + pose):
+        empty = True
+        for b in range(body + pose):
+            work[VECTOR + b] = work[MATRIX + 8 * a + b]
+            if work[VECTOR + b] != 0.0:
+                empty = False
+        if empty:
+            continue
+        spread(par, z, work, VECTOR, 0, work, OTHER)
+        if a >= body:
+            for q in range(fields):
+                H[sets * terms + a - body, q] += share * work[OTHER + q]
+            continue
+        c, up = (a - 2, 1) if section == OF_TANGENT and a >= 2 else (a, 0)
+        m0, m1 = 1.0, 0.0
+        for j in range(terms):
+            m = share * (m1 if up == 1 else m0)
+            if m != 0.0:
+                for q in range(fields):
+                    H[c * terms + j, q] += m * work[OTHER + q]
+            m0, m1 = m0 * z, m1 * z + m0
+
+
+def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
+    """Whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
+    if par[FACE] == 0.0:
+        return False
+    tx, ty = along(par, work, AT_1, 1)
+    return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)

@@ -1,0 +1,195 @@
+"""Obstacles: discs, half planes and polylines that stand still, move by amplitudes or with rigid bodies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..case.binder import Issue
+from ..case.declare import key, record
+from ..case.kinds import Flag, ListOf, Name, Number, Vector
+from ..case.records import ByShape, OneOf, Record
+from ..case.schema.amplitudes import Amplitude
+from ..case.schema.case import register
+from ..elements import contact_geometry as geometry
+from ..elements.shape import Array
+from ..model.mesh import BodyMesh
+from ..model.point_patch import NOTHING, Field, position_fields, turn_fields
+from ..model.points import point_ref
+
+PLACE = Vector(Number("m"))
+MOTION = ByShape(number=Number(""), map=OneOf(Amplitude))
+
+
+@record
+class Motion:
+    """A motion of an obstacle from where it stands: displacements, and a rotation about its centre."""
+
+    x: float | Amplitude = key(MOTION, "Displacement along x [m]", default=0.0)
+    y: float | Amplitude = key(MOTION, "Displacement along y [m]", default=0.0)
+    angle: float | Amplitude = key(MOTION, "Rotation, counter-clockwise [rad]", default=0.0)
+    about: tuple[float, float] | None = key(
+        PLACE, "Centre of the rotation, which moves along (default: that of the circle, the point of the half plane, "
+        "the mean of the corners)", default=None, example=[0, 0])
+
+
+MOTION_DOC = "Motion of the obstacle (default: it stands still)"
+ON_DOC = ("Rigid body that the obstacle is fixed to; the obstacle is placed in the scene as it stands in the reference "
+          "(default: the ground)")
+
+
+def _held(self: Any) -> Iterator[Issue]:
+    if self.on is not None and self.motion is not None:
+        yield Issue(("motion",), "{}: an obstacle on a body moves with it", "on or motion")
+
+
+@record
+class Circle:
+    """A disc; or, with ``inside``, all that is outside a circle."""
+
+    tag = "circle"
+    center: tuple[float, float] = key(PLACE, "Centre", example=[0, -0.5])
+    radius: float = key(Number("m", gt=0), "Radius", example=0.5)
+    inside: bool = key(Flag(), "Bodies are within the circle, as in a pipe", default=False)
+    on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
+    motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
+    check = _held
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The point about which it turns."""
+        return self.center
+
+    def shape(self) -> list[float]:
+        """Return what the law of contact takes."""
+        return [geometry.CIRCLE, *self.center, -self.radius if self.inside else self.radius]
+
+    def outline(self) -> tuple[Array, bool]:
+        """Return points (n, 2) of its surface, and whether they close."""
+        phi = np.linspace(0.0, 2.0 * np.pi, 181)[:-1]
+        return np.asarray(self.center) + self.radius * np.stack([np.cos(phi), np.sin(phi)], axis=1), True
+
+
+@record
+class HalfPlane:
+    """All that is behind a straight line."""
+
+    tag = "half_plane"
+    through: tuple[float, float] = key(PLACE, "A point of its surface", example=[0, 0])
+    normal: tuple[float, float] = key(Vector(Number(""), nonzero=True), "Direction out of it, to the bodies",
+                                      example=[0, 1])
+    on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
+    motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
+    check = _held
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The point about which it turns."""
+        return self.through
+
+    def shape(self) -> list[float]:
+        """Return what the law of contact takes."""
+        size = math.hypot(*self.normal)
+        return [geometry.HALF_PLANE, *self.through, self.normal[0] / size, self.normal[1] / size]
+
+    def outline(self) -> tuple[Array, bool]:
+        """Return two points of its surface (2, 2), one length unit to either side, and False: it goes on."""
+        _, x, y, nx, ny = self.shape()
+        return np.array([[x + ny, y - nx], [x - ny, y + nx]]), False
+
+
+@record
+class PolylineObstacle:
+    """Straight walls from corner to corner: closed around a solid, or open, with the solid to the right."""
+
+    tag = "polyline"
+    points: tuple[tuple[float, float], ...] = key(
+        ListOf(PLACE, "points", 2), "Corners; bodies are to the left of the way along an open line (above, from left "
+        "to right), and outside a closed one", example=[[0, 0], [1, 0.2]])
+    closed: bool = key(Flag(), "Whether the last corner is joined to the first", default=False)
+    on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
+    motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield corners that make no walls."""
+        yield from _held(self)
+        if self.closed and len(self.points) < 3:
+            yield Issue(("points",), "{}.points: a closed polyline has at least 3 corners")
+        following = [*self.points[1:], *self.points[:1]] if self.closed else self.points[1:]
+        for i, (a, b) in enumerate(zip(self.points, following, strict=False)):
+            if a == b:
+                yield Issue(("points", i), f"{{}}.points: corner {i} and the next one are the same point")
+        if self.closed and len(self.points) >= 3 and _area(self.points) == 0.0:
+            yield Issue(("points",), "{}.points: the corners enclose no area")
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The point about which it turns."""
+        x, y = np.mean(self.points, axis=0)
+        return float(x), float(y)
+
+    def corners(self) -> Array:
+        """Return the corners (n, 2), the solid to the right of the way along them."""
+        points = np.array(self.points)
+        return points[::-1] if self.closed and _area(self.points) > 0.0 else points
+
+    def shape(self) -> list[float]:
+        """Return what the law of contact takes: corners with the arc length up to each."""
+        points = self.corners()
+        steps = np.hypot(*np.diff([*points, points[0]], axis=0).T)
+        lengths = np.concatenate([[0.0], np.cumsum(steps)])
+        table = np.column_stack([points, lengths[:-1]])
+        return [geometry.POLYLINE, len(points), lengths[-1] if self.closed else -1.0, *table.ravel()]
+
+    def outline(self) -> tuple[Array, bool]:
+        """Return the corners (n, 2), and whether they close."""
+        return self.corners(), self.closed
+
+
+def _area(points: tuple[tuple[float, float], ...]) -> float:
+    x, y = np.array(points).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+for _kind in (Circle, HalfPlane, PolylineObstacle):
+    register("obstacles", _kind, ())
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How an obstacle stands and moves: the fields that tell its pose, what they follow, and what laws take of them."""
+
+    kind: int
+    fields: tuple[Field, ...] = ()
+    signals: tuple[Any, ...] = ()
+    origin: tuple[float, float] = (0.0, 0.0)
+    length: float = 1.0
+
+    def pose(self, d: Array, t: float) -> tuple[float, float, float]:
+        """Return how far the point ``origin`` has moved, and how far the obstacle has turned, at d (n_q,)."""
+        if self.kind == geometry.STILL:
+            return 0.0, 0.0, 0.0
+        if self.kind == geometry.BY_ANGLE:
+            x, y, angle = (signal(t) for signal in self.signals)
+            return x, y, angle
+        x, y, c, s = (f.p0 + float(f.weights @ d[f.coords]) for f in self.fields)
+        return x - self.origin[0], y - self.origin[1], math.atan2(s, c)
+
+
+def frame_of(obstacle: Any, meshes: dict[str, BodyMesh], timing: Any) -> Frame:
+    """Return how an obstacle moves: not, by its amplitudes, or with a rigid body."""
+    if obstacle.on is not None:
+        point = point_ref(meshes[obstacle.on], 0.0)
+        _, direction = turn_fields(point)
+        fields = (*position_fields(point), *direction)
+        return Frame(geometry.BY_DIRECTION, fields, (), (fields[0].p0, fields[1].p0), direction[0].p0)
+    if obstacle.motion is None:
+        return Frame(geometry.STILL)
+    m = obstacle.motion
+    origin = obstacle.centre if m.about is None else m.about
+    fields = tuple(Field(NOTHING.coords, NOTHING.weights, p0) for p0 in (*origin, 0.0))
+    return Frame(geometry.BY_ANGLE, fields, tuple(timing.motion(v, 0.0) for v in (m.x, m.y, m.angle)), origin)

@@ -1,0 +1,277 @@
+"""What touches in a state: points that hold where a body is deepest, forces, contact zones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..elements.contact_geometry import FEATURE, FREE, HELD, MEMORY, PLACE, POLYLINE, SHAPE, TOUCH
+from ..elements.shape import Array
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..model.mechanism import rigid_motion
+from ..model.mesh import Index
+from ..model.model import Model
+
+if TYPE_CHECKING:
+    from ..kernels.points import Points
+    from .state import State
+
+# penetration that counts as none, beside the extent of the scene
+PENETRATION = 5e-9
+# depths beside the deepest, and points beside a chosen one, that are left for the next round
+SHALLOW, BESIDE = 0.1, 2
+# pulls beside the largest force that count as none
+PULL = 1e-9
+# rounds in which points are opened and closed, first several and then one at a time, before that is given up
+ROUNDS, SEVERAL, PATIENT = 80, 15, 35
+
+
+class _Table:
+    """The points of one contact as kernels take them, with what they remember at the moment."""
+
+    def __init__(self, model: Model, pair: ContactPair) -> None:
+        from ..model.interactions import point_table
+
+        self.pair = pair
+        self.signals: list[Any] = []
+        if pair.hard:
+            self.points = [c for c in model.constraints if isinstance(c, ContactPoint) and c.pair is pair]
+            self.table: Points = point_table(self.points, self.signals)
+        else:
+            self.points = []
+            self.table = point_table([CompliantContact(pair)], self.signals)
+
+    def at(self, t: float) -> tuple[Points, Array]:
+        """Return the table and the amplitudes at t."""
+        from ..model.timing import rates_of
+
+        mem = [p.mem[:MEMORY] for p in self.points] if self.points else self.pair.mem[:, :MEMORY]
+        self.table.mem[:, :MEMORY] = mem
+        amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
+        return self.table, amps
+
+    @property
+    def free(self) -> Any:
+        """Which points may move along their element (m,)."""
+        return np.array([p.free for p in self.pair.spots])
+
+
+def tables(model: Model) -> list[_Table]:
+    """Return the points of each contact of a model, made once."""
+    if not hasattr(model, "_contact_tables"):
+        model._contact_tables = [_Table(model, pair) for pair in model.contacts]  # type: ignore[attr-defined]
+    return model._contact_tables  # type: ignore[attr-defined,no-any-return]
+
+
+def memory(model: Model) -> list[Array]:
+    """Return a copy of what the points of contact remember, to go back to."""
+    model.interactions  # noqa: B018  tables that hold it are made with them
+    return [np.array([p.mem[:MEMORY] for p in one.points]) for one in tables(model)]
+
+
+def recall(model: Model, kept: list[Array]) -> None:
+    """Let points of contact remember what they did."""
+    for one, mem in zip(tables(model), kept, strict=True):
+        for point, row in zip(one.points, mem, strict=True):
+            point.mem[:MEMORY] = row
+
+
+def exchange(model: Model, d: Array, t: float, round_: int) -> tuple[int, float]:
+    """Open the points of contact that pull at an equilibrium d (n_full,), and close those that are in an obstacle.
+
+    Of what overlaps, that is the deepest among its neighbours, where it stands at home, or a free point placed there.
+    From round SEVERAL on, one change at a time; from PATIENT on, more and more depth is left: points that take turns
+    without end do so over next to nothing. Returns the number of changes, and the largest depth [m]. An equilibrium
+    without changes is one of bodies and obstacles, whatever led there.
+    """
+    changed, worst = 0, 0.0
+    limit = PENETRATION * model.extent * 2.0 ** (max(round_ - PATIENT, 0) / 4)
+    for one in tables(model):
+        if one.pair.hard:
+            changes, depth = _exchange(one, d, t, round_ >= SEVERAL, limit)
+            changed, worst = changed + changes, max(worst, depth)
+    return changed, worst
+
+
+def begin(model: Model, d: Array, t: float) -> None:
+    """Close the points of contact that touch in the first state d (n_full,), and open the others."""
+    for one in tables(model):
+        if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
+            gap, faces = _gaps(one, d, t)
+            for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
+                point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
+
+
+def _gaps(one: _Table, d: Array, t: float) -> tuple[Array, Any]:
+    from ..kernels.contact import contact_gaps
+
+    table, amps = one.at(t)
+    n = len(table.forces)
+    gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
+    contact_gaps(table, d, amps, gap, along, faces)
+    return gap, faces
+
+
+def _exchange(one: _Table, d: Array, t: float, single: bool, limit: float) -> tuple[int, float]:
+    from ..kernels.contact import deepest
+
+    table, amps = one.at(t)
+    n = len(table.forces)
+    depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
+    deepest(table, one.free, d, amps, depth, place, feature)
+    gap, faces = _gaps(one, d, t)
+    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
+    # what is closed is so deep by round-off alone; a free point in use follows its own place
+    depth[held] = np.where(one.free[held], depth[held], 0.0)
+    home = ~one.free & ~held & faces
+    depth[home] = np.maximum(-gap[home], 0.0)
+    pull = np.where(held, [d[p.multiplier] for p in one.points], 0.0)
+    drop = np.flatnonzero(pull > PULL * np.abs(pull).max(initial=0.0))
+    if single:
+        drop = drop[np.argsort(-pull[drop])][:1]
+    for k in drop.tolist():
+        _open(one.points[k], d)
+    chosen = _apart(depth, limit)
+    if single:
+        chosen = [] if len(drop) else chosen[:1]
+    for k in chosen:
+        point = one.points[k]
+        point.mem[HELD] = 1.0
+        if one.free[k]:
+            # a corner says where it touches; elsewhere a body may bend just as the obstacle does, and any place will do
+            corner = point.par[SHAPE] == POLYLINE and feature[k] % 2 == 1
+            point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = 2.0 - corner, place[k], feature[k]
+            for other in () if single else (k - 1, k + 1):
+                if 0 <= other < n and held[other] and one.pair.spots[other].eta == one.pair.spots[k].eta:
+                    # the point between takes over
+                    d[point.multiplier] += min(d[one.points[other].multiplier], 0.0)
+                    _open(one.points[other], d)
+    return len(drop) + len(chosen), float(depth.max(initial=0.0))
+
+
+def _open(point: ContactPoint, d: Array) -> None:
+    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
+    if point.mem[FREE] > 0.0:
+        point.mem[FREE] = -1.0
+
+
+def _apart(depth: Array, limit: float) -> list[int]:
+    """Return the points that are deepest among their neighbours: what else overlaps may follow from these."""
+    chosen: list[int] = []
+    for k in np.argsort(-depth, kind="stable").tolist():
+        if depth[k] <= max(limit, SHALLOW * depth.max()):
+            break
+        if all(abs(k - other) > BESIDE for other in chosen):
+            chosen.append(k)
+    return chosen
+
+
+class Touch(NamedTuple):
+    """What one contact does in a state.
+
+    ``gap`` (m,) [m], ``force`` (m, 2) on the body and ``moment`` (m,) about the origin of each point, ``s`` (m,) along
+    the body, ``closed`` (m,).
+    """
+
+    pair: ContactPair
+    s: Array
+    gap: Array
+    force: Array
+    moment: Array
+
+    @property
+    def closed(self) -> Any:
+        """Which points bear a force (m,)."""
+        return np.hypot(*self.force.T) > 0.0
+
+
+def touches(model: Model, state: State) -> list[Touch]:
+    """Return what each contact of a model does in a state."""
+    return [_touch(model, one, state) for one in tables(model)]
+
+
+def _touch(model: Model, one: _Table, state: State) -> Touch:
+    from ..kernels.contact import contact_gaps
+    from ..kernels.points import point_matrices
+
+    pair, mesh = one.pair, one.pair.mesh
+    table, amps = one.at(state.side)
+    m = len(table.forces)
+    coords: Index = table.dofs.reshape(m, -1)
+    n = coords.shape[1]
+    gap, along, faces = np.zeros(m), np.zeros(m), np.zeros(m, dtype=bool)
+    contact_gaps(table, state.d, amps, gap, along, faces)
+    energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+    v = np.zeros(len(state.d))
+    if state.v is not None:
+        v[:len(state.v)] = state.v
+    point_matrices(table, state.d, v, amps, False, energy, Q, K, C)
+    own = mesh.plan.element.n_dof
+    e = model.e0 + state.d[:model.n_q]
+    moves = rigid_motion(mesh, coords[:, :own].ravel(), e, np.zeros(2)).reshape(m, own, 3)
+    total = -np.einsum("mn,mnk->mk", Q[:, :own], moves)
+    s = pair.s.copy()
+    free = one.free & (table.mem[:, FREE] > 0.0)
+    for k in np.flatnonzero(free):
+        ie = pair.spots[k].ie
+        s[k] = (mesh.starts[ie] + 0.5 * (table.mem[k, PLACE] + 1.0) * mesh.lengths[ie]) / mesh.plan.length
+    gap[one.free & ~free] = np.nan
+    return Touch(pair, s, gap, total[:, :2], total[:, 2])
+
+
+def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
+    """Return force, moment about the origin and contact zone of each contact of a model, as ``--json`` has them."""
+    out = []
+    for touch in touches(model, state):
+        pair, closed = touch.pair, touch.closed
+        sign = 1.0
+        entry: dict[str, Any] = {
+            "name": pair.name, "force": [float(sign * f) for f in touch.force.sum(axis=0)],
+            "moment": float(sign * touch.moment.sum()), "length": _length(pair, touch),
+            "from": float(touch.s[closed].min()) if closed.any() else None,
+            "to": float(touch.s[closed].max()) if closed.any() else None}
+        out.append(entry)
+    return out
+
+
+def _length(pair: ContactPair, touch: Touch) -> float:
+    """Return the length of the reference axis along which a body touches.
+
+    Of points that nothing is between, it is the length from one to the next; a compliant contact has lengths.
+    """
+    if not pair.hard:
+        weights = np.array([p.weight for p in pair.spots])
+        return float(weights[touch.closed].sum())
+    total = 0.0
+    for eta in {p.eta for p in pair.spots}:
+        here = np.array([p.eta == eta for p in pair.spots]) & np.isfinite(touch.gap)
+        order = np.argsort(touch.s[here], kind="stable")
+        s, closed = touch.s[here][order], touch.closed[here][order]
+        both = closed[1:] & closed[:-1]
+        total += float(np.diff(s)[both].sum()) * pair.mesh.plan.length
+    return total
+
+
+def obstacle_reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
+    """Return what each obstacle does to the bodies: force, and moment about its centre where that is in the state."""
+    out: dict[str, dict[str, float]] = {
+        name: {"fx": 0.0, "fy": 0.0, "m": 0.0} for name in model.case.obstacles
+        if any(pair.other == name for pair in model.contacts)}
+    for touch in touches(model, state):
+        pair = touch.pair
+        (fx, fy), m = touch.force.sum(axis=0), float(touch.moment.sum())
+        x, y = centre_at(pair, state.d[:model.n_q], state.side, model.case.obstacles[pair.other])
+        to = out[pair.other]
+        to["fx"] += float(fx)
+        to["fy"] += float(fy)
+        to["m"] += m - x * float(fy) + y * float(fx)
+    return out
+
+
+def centre_at(pair: ContactPair, d: Array, t: float, obstacle: Any) -> tuple[float, float]:
+    """Return where the centre of an obstacle is at d (n_q,) and t."""
+    x, y, angle = pair.frame.pose(d, t)
+    (ox, oy), (cx, cy) = pair.frame.origin, obstacle.centre
+    c, s = np.cos(angle), np.sin(angle)
+    return float(ox + x + c * (cx - ox) - s * (cy - oy)), float(oy + y + s * (cx - ox) + c * (cy - oy))

@@ -1,0 +1,117 @@
+"""Laws of contact: forces and stiffness as derivatives of gap and energy, for every section, pose and obstacle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ancf2d.elements import contact_geometry as geometry
+from ancf2d.elements.contact import COMPLIANT, HARD
+
+# what describes each obstacle, as its shape() gives it
+SHAPES = {"half plane": [geometry.HALF_PLANE, 0.0, 0.3, np.sin(0.2), np.cos(0.2)],
+          "circle": [geometry.CIRCLE, 0.1, -0.6, 1.0], "pipe": [geometry.CIRCLE, 0.0, 0.0, -0.3],
+          "polyline": [geometry.POLYLINE, 3, -1.0, 0.25, 0.0, 0.0, 0.2, 0.4, 0.4, 1.0, 0.3, 1.2]}
+SECTIONS = {"curve": (geometry.CURVE, 4), "theta": (geometry.OF_THETA, 3), "tangent": (geometry.OF_TANGENT, 4)}
+POSES = {"still": (geometry.STILL, 0), "angle": (geometry.BY_ANGLE, 3), "direction": (geometry.BY_DIRECTION, 4)}
+LENGTH = 1.3
+
+
+class Point:
+    """One point of contact: a bent curve, an obstacle somewhere on it, and how the law is asked."""
+
+    def __init__(self, law, section, pose, shape, friction=0.0, free=False, damping=0.0):
+        rng = np.random.default_rng(3)
+        kind, terms = SECTIONS[section]
+        how, entries = POSES[pose]
+        self.law = law
+        self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, friction, 50.0, 1e-12, how, 0.1, -0.05, LENGTH,
+                             0.0, *SHAPES[shape]])
+        curve = 0.02 * rng.standard_normal((3 if section == "theta" else 2, terms))
+        curve[0, :2] += [0.1, 0.5]
+        curve[1, 0] += 0.12
+        # free points stand where the gap is least: the curve bends towards the solid
+        curve[1, 2] = -0.2 if shape == "pipe" else 0.2
+        moved = [0.1, -0.05, *([0.0] if entries == 3 else [LENGTH, 0.0])] if entries else []
+        self.p0 = np.concatenate([curve.ravel(), np.array(moved) + 0.02 * rng.standard_normal(entries)])
+        if law is HARD:
+            self.p0 = np.append(self.p0, 0.0)
+        self.u = np.zeros(len(self.p0))
+        self.w = np.zeros(len(self.p0))
+        if law is HARD:
+            self.u[-1] = -3.0
+        elif damping:
+            self.w[:] = 0.3 * rng.standard_normal(len(self.w))
+        self.mem = np.zeros(geometry.MEMORY)
+        self.mem[geometry.FREE] = float(free)
+        self.mem[geometry.PLACE] = 0.1
+        # the corner of the polyline
+        self.mem[geometry.FEATURE] = 3.0 if shape == "polyline" else 0.0
+
+    def __call__(self, u, w):
+        m = len(u)
+        f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+        energy, _ = self.law.forces(self.p0, u, w, self.par, np.zeros(3), self.mem, f, H, C)
+        return energy, f, H, C
+
+
+def differences(function, x, h=1e-5):
+    """Return d function/dx (..., n) by central differences of fourth order."""
+    out = []
+    for e in h * np.eye(len(x)):
+        near, far = function(x + e) - function(x - e), function(x + 2 * e) - function(x - 2 * e)
+        out.append((8 * near - far) / (12 * h))
+    return np.stack(out, axis=-1)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize(("law", "friction", "damping", "free"), [
+    (COMPLIANT, 0.0, 0.0, False), (COMPLIANT, 0.3, 0.4, False), (COMPLIANT, 100.0, 0.4, False),
+    (HARD, 0.0, 0.0, False), (HARD, 0.3, 0.0, False), (HARD, 100.0, 0.0, False), (HARD, 0.0, 0.0, True)])
+def test_stiffness_and_damping_are_the_derivatives_of_the_forces(law, friction, damping, free, section, pose, shape):
+    point = Point(law, section, pose, shape, friction, free, damping)
+    _, f, H, C = point(point.u, point.w)
+    size = 1.0 + np.abs(H).max()
+    np.testing.assert_allclose(H, differences(lambda u: point(u, point.w)[1], point.u), atol=1e-8 * size)
+    np.testing.assert_allclose(C, differences(lambda w: point(point.u, w)[1], point.w), atol=1e-8 * size)
+    if law is COMPLIANT and not friction:
+        slope = differences(lambda u: np.array(point(u, point.w)[0]), point.u)
+        np.testing.assert_allclose(f, slope, atol=1e-8 * size)
+
+
+@pytest.mark.parametrize("shape", ["circle", "polyline"])
+def test_a_free_point_stands_where_the_gap_is_least(shape):
+    point = Point(HARD, "curve", "still", shape, free=True)
+    work = np.zeros(geometry.WORK)
+    z = geometry.least(point.par, point.p0, point.u, point.mem, work)
+
+    def gap(z):
+        geometry.stand(point.par, point.p0, point.u, z, work)
+        if shape == "circle":
+            return np.hypot(work[geometry.RHO] - 0.1, work[geometry.RHO + 1] + 0.6) - 1.0
+        return np.hypot(work[geometry.RHO] - 0.2, work[geometry.RHO + 1] - 0.4)
+
+    assert abs(z) < 1.0
+    assert gap(z) == pytest.approx(min(gap(z + h) for h in np.linspace(-0.2, 0.2, 2001)), abs=1e-9)
+
+
+def test_nothing_acts_on_a_point_that_is_away_and_nothing_pulls():
+    point = Point(HARD, "curve", "still", "half plane")
+    away, pulled = point.u.copy(), point.u.copy()
+    away[4], away[-1] = 10.0, 0.0
+    pulled[-1] = 1e4
+    for u in (away, pulled):
+        _, f, H, _ = point(u, point.w)
+        assert not f[:-1].any()
+        assert f[-1] == -u[-1] / 100.0
+        assert H[-1, -1] == -0.01
+
+
+def test_the_back_of_a_body_does_not_touch():
+    point = Point(COMPLIANT, "curve", "still", "circle")
+    assert point(point.u, point.w)[1].any()
+    for side, touches in ((1.0, False), (-1.0, True)):
+        point.par[geometry.FACE] = side
+        assert point(point.u, point.w)[1].any() == touches
