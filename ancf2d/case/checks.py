@@ -209,9 +209,6 @@ class _Checker:
     def contact(self, path: Path, contact: Any) -> None:
         """Check one contact."""
         case = self.case
-        if self.solver == "dynamic" and contact.law is None:
-            self.fail(path, f"{dotted(path)}: motions need a law of contact in this version", "law: "
-                      "{stiffness, damping}")
         between = contact.between or ()
         for k, name in enumerate(between):
             known = (*case.bodies, *case.obstacles)

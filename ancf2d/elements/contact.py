@@ -17,6 +17,7 @@ from .contact_geometry import (
     AT_2,
     BY,
     BY_BY,
+    BY_CHOICE,
     CIRCLE,
     DAMPING,
     FEATURE,
@@ -26,6 +27,7 @@ from .contact_geometry import (
     HOME,
     MATRIX,
     OF_THETA,
+    OPEN,
     ORIGIN,
     OTHER,
     PLACE,
@@ -221,7 +223,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     m, c = len(u) - 1, par[STIFFNESS]
     force = -u[m]
     f[m], H[m, m] = force / c, -1.0 / c
-    if mem[FREE] < 0.0 or mem[HELD] == 0.0:
+    if mem[FREE] < 0.0 or mem[HELD] == OPEN:
         return 0.0, 0.0
     work, z = np.zeros(WORK), par[HOME]
     if mem[FREE] == 1.0:
@@ -235,7 +237,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             z, feature = mem[PLACE], mem[FEATURE]
         stand(par, p0, u, z, work)
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
-    if mem[HELD] < 0.0 and (force - c * g < -c * par[TOUCH] or is_back(par, nx, ny, work)):
+    if mem[HELD] == BY_CHOICE and (force - c * g < -c * par[TOUCH] or is_back(par, nx, ny, work)):
         return 0.0, 0.0
     H[m, m] = 0.0
     if mem[FREE] == 1.0:
@@ -254,12 +256,14 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     way = slip(par, s, mem[ANCHOR])
     held, slides = drag(par, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
+    power = 0.0
     if slides:
         sign = 1.0 if way > 0.0 else -1.0
         for p in range(m):
             # the limit grows with the force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
-    return 0.5 * held * held / par[STICK], 0.0
+            power -= held * work[ROW + p] * w[p]
+    return 0.5 * held * held / par[STICK], power
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]

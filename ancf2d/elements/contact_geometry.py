@@ -29,6 +29,7 @@ HALF_PLANE, CIRCLE, POLYLINE = 0, 1, 2
 # whether it is closed (1) or open (0), which force and gap tell where it is -1
 PLACE, FREE, FEATURE, ANCHOR, HELD = range(5)
 MEMORY = 5
+BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
 WORK = 370

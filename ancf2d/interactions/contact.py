@@ -169,17 +169,19 @@ class ContactPair:
 
     ``dofs`` (m, n), ``G`` (m, fields, n), ``p0`` (m, fields), ``par`` and ``mem`` (m, .): see ``point_patch.Items``;
     ``spots`` (m) and their ``s`` (m,) along the body; ``hard``: whether each has a multiplier behind its fields.
-    ``held`` are the coordinates that supports hold.
+    ``held`` are the coordinates that supports hold, ``rapid`` [1/s] is a rate far above those of a motion, with which a
+    rigid body that sticks yields.
     """
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
-                 held: Set[int] = frozenset()) -> None:
+                 held: Set[int] = frozenset(), rapid: float = 0.0) -> None:
         self.item, self.name, self.mesh, self.frame, self.hard = item, name, mesh, frame, item.law is None
         self.body, self.other = mesh.plan.name, ""
         # what supports hold where it is cannot touch
         self.spots = [p for p in spots(mesh, item.side, not self.hard) if not _moved_by(mesh, p) <= held]
         self.s: Array = np.array([(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]) / mesh.plan.length
                                   for p in self.spots])
+        self.rapid = rapid
         coords, rows, p0 = _pose_rows(frame)
         dofs, G, start, par = [], [], [], []
         known: dict[tuple[int, float], tuple[Array, int, int]] = {}
@@ -215,7 +217,8 @@ class ContactPair:
         reach = 1.0 / _pieces_along(self.mesh)
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
-            return 1.0, reach, mu, STICK
+            mass = float(section.rhoA) * self.mesh.plan.length
+            return 1.0, reach, mu, mass * self.rapid**2 or STICK
         return section.EI / l**3, reach, mu, STICK * section.EA / l
 
     def gaps(self, d: Array, t: float) -> Array:
@@ -269,7 +272,7 @@ class CompliantContact:
     def items(self) -> Items:
         """Return the law as tables have it."""
         p = self.pair
-        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed)
+        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan)
 
     def keep_in(self, par: Array, mem: Array) -> None:
         """Keep constants and memory in rows of a table."""
@@ -308,6 +311,10 @@ class ContactPoint(PointConstraint):
     def opposed(self, d: Array, t: float) -> bool:
         """Return that no directions have to agree."""
         return False
+
+    def items(self) -> Items:
+        """Return the law as tables have it."""
+        return super().items()._replace(restitution=self.pair.item.restitution or 0.0)
 
     def keep_in(self, par: Array, mem: Array) -> None:
         """Keep constants and memory in rows of a table."""

@@ -156,8 +156,13 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
-    """Step, and return what that answers: NOT_CONVERGED too where springs may have been taken on another turn."""
+    """Step, and return what that answers.
+
+    NOT_CONVERGED too where springs may have been taken on another turn, or a point has passed through an obstacle.
+    """
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
+    if outcome == DONE and p.touches and calls.tunnels(p.calls, (p, w, s, m, t, h)):
+        return NOT_CONVERGED, iterations, error, contraction
     if outcome != DONE or not p.winds:
         return outcome, iterations, error, contraction
     _turn(p, w, s, m.end.z, m.end.v, t + h, h, at.turned)
@@ -252,6 +257,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 return FAILED, stored, logged, outcome, iterations
             continue
         end = target if h >= target - t else t + h
+        hit = p.sided and calls.impact(p.calls, (p, w, s, m, t, h))
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
@@ -274,10 +280,19 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             work, lost = _work_of_step(m, p, w, s, at, t, h)
             s.numbers[WORK] += work
             s.numbers[LOST] += lost
+        if hit:
+            gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) + work - lost
+            # what rests can only take energy; what moves may give it
+            if gone > 0.0:
+                s.numbers[LOST] += gone
+            elif plan.tracks:
+                s.numbers[WORK] -= gone
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
         if end >= target and plan.dt > 0.0 and target < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h)
+        if hit:
+            calls.restart(m.calls, (s, m.own))
         s.numbers[CONTRACTION] = contraction
         if plan.dt > 0.0:
             s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])

@@ -85,6 +85,7 @@ point_noise, sliding_noise = (_call(_nothing, None, _x, _x) for _ in range(2))
 point_violation, sliding_violation = (_call(_f, None, _x, _xx) for _ in range(2))
 point_rates, sliding_rates = (_call(_nothing, None, _x, _x, _xx, _x, _x) for _ in range(2))
 point_accept, sliding_accept = _call(_nothing, None, _x, _xx), _call(_nothing, None, _x)
+point_sides = _call(_nothing, None, _x, _x, _xx, _x)
 point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
 # matrices: kernels.symmetric
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
@@ -100,8 +101,12 @@ at_floor = _call(_b, None, _SCRATCH, _x, _x)
 # for SciPy's integrators: kernels.ode, kernels.consistent
 accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
+# impacts: kernels.impact
+tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
+impact = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
+lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
-accept = _call(_nothing, _MOTION, None)
+accept, restart = (_call(_nothing, _MOTION, None) for _ in range(2))
 work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

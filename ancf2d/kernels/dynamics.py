@@ -26,8 +26,8 @@ class Problem(NamedTuple):
 
     groups : addresses of those of elements; states : all that their laws with memory remember, one group after another;
     calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
-    [s]; points, sliding, moving : tables of point laws, prismatic joints and points
-    that move along bodies; patched : whether there are any; turning :
+    [s]; points, sliding, moving : tables of point laws, prismatic joints and points that move along bodies; patched :
+    whether there are any; touches, sided : whether there are contacts, and one-sided constraints among them; turning :
     section directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place,
     indptr, index, value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of
     ``width`` entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are
@@ -45,6 +45,8 @@ class Problem(NamedTuple):
     sliding: Any
     moving: Any
     patched: bool
+    touches: bool
+    sided: bool
     turning: Any
     winds: bool
     programs: Any

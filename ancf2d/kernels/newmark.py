@@ -75,7 +75,7 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     iteration = 0
     while True:
-        if iteration == 0 or m.full or rate > SLOW:
+        if iteration == 0 or m.full or rate > SLOW or p.sided:
             calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
             add_mass(p, ca + p.alpha * cv, w.A)
             if not factor(p, w, w.A):
@@ -103,7 +103,8 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         last, iteration = step, iteration + 1
         if settled(step, rate if iteration > 1 else min(max(rate, 1e-2), 0.5), m.tolerance * size, p, w, end.z, w.amps):
             break
-        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
+        # which constraints are open is found on the way: the first increments need not shrink
+        if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
             return NOT_CONVERGED, iteration, 0.0, rate
     error = _error(m, p, w, s, h, ca)
     dense = end.dense
@@ -116,6 +117,12 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep what the next step needs beside the end of this one."""
     copy(m.alg, s.extra[0])
+
+
+@addressed
+def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
+    """Do as ``newmark_restart`` does, behind an impact."""
+    copy(s.a, s.extra[0])
 
 
 def newmark_restart(m: Any, s: Any) -> None:

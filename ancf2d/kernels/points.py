@@ -22,7 +22,8 @@ class Points(NamedTuple):
     -1;
     multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
     on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
-    fields have while their coordinates rest.
+    fields have while their coordinates rest;
+    restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact.
     """
 
     forces: Any
@@ -42,6 +43,7 @@ class Points(NamedTuple):
     scale: Any
     on: Any
     drift: Any
+    restitution: Any
 
 
 class Turning(NamedTuple):

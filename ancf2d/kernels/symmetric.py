@@ -101,18 +101,18 @@ def sizes_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
 
 @addressed
 def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
-    """Set to zero what is between unknowns of one kind (n,)."""
+    """Set to zero what is between unknowns of one kind (n,), but for the diagonal of multipliers (kind 0)."""
     n, bw = len(kind), p.width - 1
     rows = _band(p, A)
     for i in range(n):
         for j in range(max(0, i - bw), i + 1):
-            if kind[i] == kind[j]:
+            if kind[i] == kind[j] and (i != j or kind[i] != 0.0):
                 rows[i, bw + j - i] = 0.0
 
 
 @addressed
 def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
-    """Set to zero what is between unknowns of one kind (n,)."""
+    """Do as ``keep_between_band`` does."""
     fronts = p.fronts
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
@@ -120,7 +120,7 @@ def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
         for i in range(height):
             row = first + i if i < pivots else fronts.rows[start + i - pivots]
             for j in range(min(i + 1, pivots)):
-                if kind[row] == kind[first + j]:
+                if kind[row] == kind[first + j] and (row != first + j or kind[row] != 0.0):
                     A[fronts.at[q] + (i + 1) * (height - 1) + j] = 0.0
 
 

@@ -48,6 +48,8 @@ from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
+# of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
+RAPID, AT_LEAST = 1e3, 1e-3
 
 
 def timing_of(case: Case) -> Timing:
@@ -94,6 +96,13 @@ def support_names(case: Case) -> list[str]:
             name = f"{base} ({met[base]})"
         names[name] = None
     return list(names)
+
+
+def rapid_rate(case: Case) -> float:
+    """Return a rate far above what the steps of a motion follow [1/s], 0 in statics."""
+    if not isinstance(case.solver, Dynamic):
+        return 0.0
+    return RAPID / (case.solver.dt or AT_LEAST * case.solver.t_end)
 
 
 def contact_names(case: Case) -> list[str]:
@@ -272,7 +281,8 @@ class _Builder:
                 continue
             obstacle = self.case.obstacles[other]
             frame = frame_of(obstacle, self.meshes, self.timing)
-            pair = ContactPair(item, name, self.meshes[body], obstacle, frame, self.extent, held)
+            pair = ContactPair(item, name, self.meshes[body], obstacle, frame, self.extent, held,
+                               rapid_rate(self.case))
             pair.other = other
             out.append(pair)
             self.check_apart(i, pair)

@@ -83,7 +83,8 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
     signal, prescribed = (column(table, np.int64).reshape(-1, MAX_SIGNALS) for table in (rows, fed))
     return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, signal, prescribed,
                   column([p.multiplier for p in items], np.int64), column([p.scale for p in items], np.float64),
-                  column([p.on for p in items], np.bool_), np.zeros_like(p0))
+                  column([p.on for p in items], np.bool_), np.zeros_like(p0),
+                  column([p.restitution for p in items], np.float64))
 
 
 def turning_table(turns: Turns) -> Turning:
@@ -165,6 +166,13 @@ class Interactions:
         self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))
         self.joints = [c for c in constraints if isinstance(c, OnAxis)]
         self.sliding = sliding_table(self.joints, e0)
+
+    @property
+    def memory(self) -> list[tuple[slice, Array]]:
+        """Where the items of each of ``points`` are in their table, and what they remember (items, numbers)."""
+        found = [p.items().mem for p in self.points]
+        ends = np.cumsum([len(mem) for mem in found]).tolist()
+        return [(slice(end - len(mem), end), mem) for end, mem in zip(ends, found, strict=True)]
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False) -> Iterator[Evaluated]:
         """Yield energy, Q, K and coordinates of springs, constraints and, unless ``elastic``, of loads.

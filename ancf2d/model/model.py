@@ -194,6 +194,11 @@ class Model:
         return any(end is not None for spring in self.springs for end in spring.sections)
 
     @property
+    def sided(self) -> bool:
+        """Whether constraints may be open: contacts without a law."""
+        return any(contact.hard for contact in self.contacts)
+
+    @property
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric (follower forces have no potential, nor has friction)."""
         return symmetric(self.loads, self.contacts)

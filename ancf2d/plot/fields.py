@@ -25,10 +25,12 @@ from ancf2d.plot.body import (
     outline,
     when,
 )
+from ancf2d.plot.obstacles import draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
 from ancf2d.results.geometry import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
+from ancf2d.results.obstacles import Obstacle, obstacles_of
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
@@ -82,12 +84,14 @@ class Fields:
     signed: bool = False
     limits: tuple[float, float] | None = None
     box: np.ndarray | None = field(default=None, repr=False)
+    obstacles: list[Obstacle] = field(default_factory=list)
 
     def bounds(self) -> np.ndarray:
         """Return lower left and upper right corner of what is drawn in the plane."""
         if self.box is not None:
             return self.box
-        return bounds([p.reshape(-1, 2) for s in self.surfaces for p in (s.points, s.reference.boundary)])
+        points = [p.reshape(-1, 2) for s in self.surfaces for p in (s.points, s.reference.boundary)]
+        return with_obstacles(bounds(points), self.obstacles)
 
     @property
     def size(self) -> tuple[float, float]:
@@ -143,6 +147,7 @@ class Fields:
         return mesh
 
     def _plane(self, axes: Axes) -> None:
+        draw_obstacles(axes, self.obstacles)
         low, high = self.bounds()
         pad = 0.04 * float((high - low).max()) or 1.0
         axes.update_datalim([low - pad, high + pad])
@@ -241,7 +246,8 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
         flat = len(surfaces) <= STRIPS and max(s.height for s in surfaces) < FLAT * extent
     what = (label_of(name, part), first.units)
     note = when(results, state) + ("" if flat else magnified(factor))
-    return Fields(results.title, note, results.units.length, what, surfaces, flat, part not in POSITIVE)
+    return Fields(results.title, note, results.units.length, what, surfaces, flat, part not in POSITIVE,
+                  obstacles=obstacles_of(results, state, factor))
 
 
 def moving(sources: Sequence[Source], count: int, *, field: str | None = None, component: str | None = None,

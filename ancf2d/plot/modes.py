@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,11 @@ from matplotlib.patches import Polygon
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
+from ancf2d.plot.obstacles import draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.results import BodyRecord, Results
 from ancf2d.results.geometry import body_faces
+from ancf2d.results.obstacles import Obstacle, obstacles_of
 
 SHAPES = "modes/shapes"
 SHOWN = 12  # modes that are drawn unless asked for more
@@ -66,6 +68,7 @@ class Modes:
     units: str
     modes: list[Mode]
     box: np.ndarray | None = None
+    obstacles: list[Obstacle] = field(default_factory=list)
 
     def extent(self) -> np.ndarray:
         """Return lower left and upper right corner of all modes: ``box`` where it is given."""
@@ -73,7 +76,7 @@ class Modes:
             return self.box
         points = np.vstack([p for m in self.modes for b in m.bodies
                             for p in (_boundary(b.moved), _boundary(b.reference))])
-        return np.array([points.min(axis=0), points.max(axis=0)])
+        return with_obstacles(np.array([points.min(axis=0), points.max(axis=0)]), self.obstacles)
 
     @property
     def _grid(self) -> tuple[int, int]:
@@ -93,6 +96,7 @@ class Modes:
         low, high = self.extent()
         pad = 0.03 * float((high - low).max())
         for axes, mode in zip(grid.ravel(), self.modes, strict=False):
+            draw_obstacles(axes, self.obstacles)
             self._draw(axes, mode)
             axes.set_xlim(low[0] - pad, high[0] + pad)
             axes.set_ylim(low[1] - pad, high[1] + pad)
@@ -236,7 +240,8 @@ def _swung(sources: Sequence[Source], first: int, count: int, swing: float) -> M
     for k in range(int(first) - 1, min(len(shapes), int(first) - 1 + int(count))):
         factor = magnification(results, base, shapes[k], extent)
         found.append(_mode(results, k + 1, base, shapes[k], swing * factor, *_label(results, k)))
-    return Modes(results.title, results.units.length, found)
+    state = -1 if results.solver == "eigen" and results.nt else None
+    return Modes(results.title, results.units.length, found, obstacles=obstacles_of(results, state, 1.0))
 
 
 def _missing(results: Results) -> str:

@@ -14,8 +14,10 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot import style
 from ancf2d.plot.body import bounds, check_state, draw_symbols, no_states, when
 from ancf2d.plot.curves import quantities_of
+from ancf2d.plot.obstacles import draw_obstacles
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
+from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.results.symbols import Symbol, symbols_of
 
 FORCES = ("N", "Q", "M")
@@ -49,6 +51,7 @@ class Diagrams:
     units: str
     found: dict[tuple[str, str], list[Diagram]]
     symbols: list[Symbol]
+    obstacles: list[Obstacle]
 
     def _scale(self, diagrams: list[Diagram]) -> float:
         extent = float(np.hypot(*np.ptp(bounds([d.axis for d in diagrams]), axis=0)))
@@ -100,6 +103,7 @@ class Diagrams:
             rows = np.unique(np.linspace(0, len(line) - 1, max(LINES // len(diagrams), 2)).astype(int))
             for a, b in zip(d.axis[rows], line[rows], strict=True):
                 axes.plot(*np.array([a, b]).T, color=color, linewidth=0.5, alpha=0.7, zorder=1.9)
+        draw_obstacles(axes, self.obstacles)
         draw_symbols(axes, self.symbols)
         self._extremes(axes, diagrams, scale)
 
@@ -179,7 +183,8 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
     marks = symbols_of(first, None, 1.0) if symbols else []
     note += "; M is drawn on the side in tension" if "M" in drawn else ""
     return Diagrams(first.title, note, first.units.length,
-                    {(name, e[0][2]): [d for _, d, _ in e] for name, e in drawn.items()}, marks)
+                    {(name, e[0][2]): [d for _, d, _ in e] for name, e in drawn.items()}, marks,
+                    obstacles_of(first, None, 1.0))
 
 
 def _straight(axis: np.ndarray) -> bool:

@@ -29,8 +29,10 @@ from ancf2d.plot.body import (
     outline,
     when,
 )
+from ancf2d.plot.obstacles import different, draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source, common_title
 from ancf2d.results import Results
+from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.results.symbols import Symbol, symbols_of
 
 MAX_NODES = 80  # marked nodes per body; more would merge into a line
@@ -59,12 +61,14 @@ class Shape:
     parts: list[Part]
     symbols: list[Symbol] = field(default_factory=list)
     box: np.ndarray | None = None
+    obstacles: list[Obstacle] = field(default_factory=list)
 
     def _bounds(self) -> np.ndarray:
         """Return lower left and upper right corner: of ``box`` where it is given, else of what is drawn."""
         if self.box is not None:
             return self.box
-        return bounds([o.boundary for p in self.parts for o in (p.reference, p.deformed) if o])
+        return with_obstacles(bounds([o.boundary for p in self.parts for o in (p.reference, p.deformed) if o]),
+                              self.obstacles)
 
     @property
     def size(self) -> tuple[float, float]:
@@ -84,6 +88,7 @@ class Shape:
             if part.deformed is not None:
                 look = i if part.entry == part.name or not last else part.file
                 handles[part.entry] = self._deformed(axes, part, look, fill, 1.3 + step * (last - part.file))
+        draw_obstacles(axes, self.obstacles)
         draw_symbols(axes, self.symbols)
         if any(_marked(p).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
@@ -166,7 +171,9 @@ def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int 
             parts.append(_part(source, file, name, outline(results, body, None, 1.0), deformed))
     first = sources[0].results
     marks = symbols_of(first, state if first.nt else None, factor) if symbols else []
-    return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts, marks)
+    solids = obstacles_of(first, state if first.nt else None, factor)
+    return Shape(common_title(sources), _note(with_states, state, factor), first.units.length, parts, marks,
+                 obstacles=solids)
 
 
 def _part(source: Source, file: int, name: str, reference: Outline, deformed: Outline | None) -> Part:
@@ -192,8 +199,9 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
     factor = chosen_scale(sources, -1, scale)
     boxes = [bounds([outline(s.results, b, i, factor).boundary for b in s.results.bodies.values()
                      for i in (None, *even_states(s.results.t, count))]) for s in sources]
-    box = bounds(boxes)
-    for i in states:
+    solids = [obstacles_of(first, i, factor) for i in states]
+    box = with_obstacles(bounds(boxes), [o for found in solids for o in found])
+    for i, found in zip(states, solids, strict=True):
         parts = []
         for file, source in enumerate(sources):
             results = source.results
@@ -202,7 +210,8 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
                 parts.append(_part(source, file, name, outline(results, body, None, 1.0),
                                    outline(results, body, k, factor)))
         marks = symbols_of(first, i, factor) if symbols else []
-        yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, marks, box)
+        yield Shape(common_title(sources), when(first, i) + magnified(factor), first.units.length, parts, marks, box,
+                    found)
 
 
 SHAPE = Kind("shape", "deformed bodies with their sections, over the reference", no_bodies, shape, moving)
@@ -221,6 +230,7 @@ class Moment:
     t: float
     file: int
     bodies: dict[str, Outline]
+    obstacles: list[Obstacle]
 
 
 @dataclass
@@ -235,7 +245,8 @@ class Snapshots:
     axis: tuple[str, str]
 
     def _bounds(self) -> np.ndarray:
-        return bounds([b.boundary for m in self.moments for b in m.bodies.values()])
+        return with_obstacles(bounds([b.boundary for m in self.moments for b in m.bodies.values()]),
+                              [o for m in self.moments for o in m.obstacles])
 
     @property
     def size(self) -> tuple[float, float]:
@@ -248,6 +259,7 @@ class Snapshots:
         labels = list(dict.fromkeys(m.label for m in self.moments))
         shades = matplotlib.colormaps["cividis"](np.linspace(LIGHT, DARK, max(len(labels), 2)))
         handles: dict[str, Any] = {}
+        draw_obstacles(axes, different(o for m in self.moments for o in m.obstacles))
         for moment in self.moments:
             color = tuple(shades[labels.index(moment.label)])
             dash = style.DASHES[moment.file % len(style.DASHES)]
@@ -328,7 +340,8 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
         results = source.results
         for i in _states(results, at, int(count)):
             bodies = {name: outline(results, body, i, factor) for name, body in results.bodies.items()}
-            moments.append(Moment(when(results, i), float(results.t[i]), file, bodies))
+            moments.append(Moment(when(results, i), float(results.t[i]), file, bodies,
+                                  obstacles_of(results, i, factor)))
     files = [s.label or s.results.path.name for s in sources]
     first = sources[0].results
     axis = ("time", first.units.time) if first.solver == "dynamic" else ("load factor", "1")

@@ -77,6 +77,15 @@ def recall(model: Model, kept: list[Array]) -> None:
             point.mem[:MEMORY] = row
 
 
+def recall_rows(model: Model, rows: Array) -> None:
+    """Let points of contact remember what a table of all point laws (items, numbers) of a model does."""
+    for patch, (at, _) in zip(model.interactions.points, model.interactions.memory, strict=True):
+        if isinstance(patch, CompliantContact):
+            patch.pair.mem[:, :MEMORY] = rows[at, :MEMORY]
+        elif isinstance(patch, ContactPoint):
+            patch.mem[:MEMORY] = rows[at][0, :MEMORY]
+
+
 def exchange(model: Model, d: Array, t: float, round_: int) -> tuple[int, float]:
     """Open the points of contact that pull at an equilibrium d (n_full,), and close those that are in an obstacle.
 

@@ -16,6 +16,7 @@ from ..kernels.motion import COUNT, REJECTED
 from ..model.coarse import inverted
 from ..model.model import Model
 from ..pace import Pace
+from .contact import recall_rows
 from .energy import Energies, is_constant
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
@@ -203,6 +204,8 @@ class Run:
 
     def _state(self, row: Row, keep: bool = False) -> State:
         d, v, a = self.stepper.full(row)
+        if self.model.contacts:
+            recall_rows(self.model, row.turns)
         F = self.model.external(row.side)
         Q = self.stepper.forces(row) + F
         energies = self.balance.take(row, d, v)

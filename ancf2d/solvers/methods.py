@@ -22,7 +22,7 @@ from ..kernels.conserving import (
 )
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import Step, method_of
-from ..kernels.newmark import Newmark, newmark_accept, newmark_restart, newmark_step
+from ..kernels.newmark import Newmark, newmark_accept, newmark_go_on, newmark_restart, newmark_step
 from ..kernels.radau import TILE, Radau, radau_accept, radau_restart, radau_step
 from .schemes import Integrator, spectral_radius
 
@@ -33,17 +33,21 @@ CONSERVING = 1e-18
 
 
 class Kernels(NamedTuple):
-    """The functions of a family of integrators; ``work`` of those that know the work of a step themselves."""
+    """The functions of a family of integrators.
+
+    ``work`` of those that know the work of a step themselves, ``go_on`` of those that go on behind an impact.
+    """
 
     step: Any
     accept: Any
     restart: Callable[[Any, Any], None]
     work: Any = None
+    go_on: Any = None
 
 
 # by the kind of their own tuples
 KERNELS = {
-    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart),
+    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, go_on=newmark_go_on),
     Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, conserving_work),
     Radau: Kernels(radau_step, radau_accept, radau_restart),
 }
@@ -166,15 +170,17 @@ class Method:
         method = method_of(order, basis, len(p.weights))
         self.own = Record(make(spec, p, tolerance, method.end))
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
-        self.functions = self._functions(p.layout)
+        self.functions = self._functions(p.layout, p.sided)
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None)
 
-    def _functions(self, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    def _functions(self, problem: Any, sided: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
         out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
                calls.work: (work, problem)}
         if kernels.work is not None:
             out[calls.work_of_step] = kernels.work, problem, own
+        if sided:
+            out[calls.restart] = kernels.go_on, own
         return out
 
     @cached_property

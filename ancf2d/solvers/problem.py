@@ -14,6 +14,7 @@ from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
+from ..kernels.impact import begin, impact_functions
 from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
 from ..kernels.patches import patch_functions
@@ -27,7 +28,7 @@ from ..model.model import Model, Numbering
 from ..model.timing import Signal
 from .energy import is_constant
 from .linear import full_mass, unknowns_to_coordinates
-from .schemes import DEFAULT, INTEGRATORS, Integrator
+from .schemes import INTEGRATORS, Integrator, default_method
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -158,7 +159,7 @@ def _points(model: Model, signals: Signals) -> Any:
 
 def _method(model: Model) -> Integrator:
     """Return the integrator of the motion."""
-    return INTEGRATORS[getattr(model.case.solver, "method", None) or DEFAULT]
+    return INTEGRATORS[getattr(model.case.solver, "method", None) or default_method(model)]
 
 
 def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
@@ -171,6 +172,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
             **patch_functions(fronts, acts, slides, carries, method.conserves, layout),
+            **(impact_functions(model.sided, layout) if model.contacts else {}),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
 
 
@@ -181,7 +183,7 @@ def nothing() -> Record:
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
         groups=n, states=x, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
-        moving=moving_table([], int, x), patched=False,
+        moving=moving_table([], int, x), patched=False, touches=False, sided=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -214,7 +216,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     followed = programs((s.amplitude, s.factor, s.offset) for s in signals.all)
-    p = Record(Problem(programs=followed, patched=patched, **data))
+    p = Record(Problem(programs=followed, patched=patched, touches=bool(model.contacts),
+                       sided=model.sided, **data))
     if p.layout != nothing().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
     return p, signals.all
@@ -250,8 +253,9 @@ def tracks(model: Model, p: Record) -> bool:
     fed = bool((p.points.fed >= 0).any())
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
     natural = natural or bool(model.loads.flows)
-    return bool(natural or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha or dampers or fed
-                or model.loads.patches)
+    rubs = any(contact.item.friction for contact in model.contacts)
+    return bool(natural or rubs or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha
+                or dampers or fed or model.loads.patches)
 
 
 Compilation = Callable[[], object]
@@ -270,21 +274,23 @@ def of_elements(model: Model) -> list[Compilation]:
 
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     """Return what compiles everything for a motion, what takes longest first."""
-    name, p = spec.method or DEFAULT, nothing()
+    name, p = spec.method or default_method(model), nothing()
     own = calls.compilations(Method(name, spec, p, 0.0).functions) if name in MAKERS else []
     called = functions(model)
     slides = calls.sliding_forces in called
     patched = slides or calls.point_forces in called
-    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, patched, slides),
+    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, patched, slides, model.sided),
             *calls.compilations(called)]
 
 
-def _called_from_python(P: Any, own: bool, patched: bool, slides: bool) -> list[Compilation]:
+def _called_from_python(P: Any, own: bool, patched: bool, slides: bool, sided: bool) -> list[Compilation]:
     """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, M, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
         evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x)}
+    if sided:
+        signatures[begin] = signatures[consistent]
     if patched:
         signatures[onto_constraints] = P, W, _x, _x, _f
     if slides:

@@ -78,6 +78,13 @@ _LIST = (
 INTEGRATORS: dict[str, Integrator] = {m.name: m for m in _LIST}
 SCHEMES: dict[str, Scheme] = {m.name: m.scipy for m in _LIST if m.scipy is not None}
 DEFAULT = "radau5"
+# of scenes with impacts
+IMPACTS = "generalized_alpha"
+
+
+def default_method(model: Model) -> str:
+    """Return the method of a case that names none."""
+    return IMPACTS if model.sided else DEFAULT
 
 
 def spectral_radius(spec: Dynamic) -> float:
@@ -148,7 +155,15 @@ def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
                f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
 
 
-RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets)
+def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """Steps of one stage alone end where nothing overlaps and nothing pulls."""
+    if model.sided and scheme.name not in ("generalized_alpha", "hht"):
+        names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.hard))
+        yield ("method", f"{scheme.name} cannot step contact without a law ({names})",
+               "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
+
+
+RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)
 
 
 def method_problems(model: Model) -> list[Problem]:
@@ -156,6 +171,6 @@ def method_problems(model: Model) -> list[Problem]:
     spec = model.case.solver
     if not isinstance(spec, Dynamic) or model.loaded is None:
         return []
-    scheme = INTEGRATORS[spec.method or DEFAULT]
+    scheme = INTEGRATORS[spec.method or default_method(model)]
     return [model.loaded.source.problem(("solver", key), f"solver.{key}: {message}", expected)
             for rule in RULES for key, message, expected in rule(scheme, spec, model)]

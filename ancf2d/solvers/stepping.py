@@ -14,6 +14,7 @@ from ..interactions.prismatic import OnAxis
 from ..kernels import advance as kernels
 from ..kernels.consistent import consistent, onto_constraints
 from ..kernels.dynamics import forces, inertia_at, to_full
+from ..kernels.impact import begin
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import (
     COUNT,
@@ -40,7 +41,7 @@ from .initial import goes_on
 from .linear import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
-from .schemes import DEFAULT, INTEGRATORS
+from .schemes import INTEGRATORS, default_method
 from .state import MEMORIES, Row
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
@@ -65,7 +66,7 @@ class Stepper:
         self.problem, self.p, self.past = problem, own(problem, model), own(problem, model)
         n = len(problem.coordinate)
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
-        self.method = INTEGRATORS[spec.method or DEFAULT]
+        self.method = INTEGRATORS[spec.method or default_method(model)]
         self.tolerance = spec.tolerance or 0.0
         # None where SciPy steps
         self.m: Method | None = None
@@ -133,8 +134,8 @@ class Stepper:
         self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
-        for k, spring in enumerate(model.springs):
-            self.p.points.mem[k] = spring.mem
+        for rows, mem in model.interactions.memory:
+            self.p.points.mem[rows, :mem.shape[1]] = mem
 
     def _impulse(self, v: Array) -> Array:
         """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.
@@ -150,7 +151,7 @@ class Stepper:
         return np.asarray(unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing))
 
     def consistent(self, t: float, impulse: Array) -> None:
-        if not consistent(self.p, self.w, self.s, t, impulse):
+        if not (begin if self.p.sided else consistent)(self.p, self.w, self.s, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
                 advice="give every body a density (rhoI too where the section is given by stiffnesses); remove joints "

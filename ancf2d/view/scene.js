@@ -263,10 +263,28 @@ function drawScene() {
   pen.beginPath();
   pen.rect(area[0], area[2], area[1] - area[0], area[3] - area[2]);
   pen.clip();
+  drawObstacles(X, Y);
   drawBodies(X, Y);
   if (el("trace").checked) drawTraces(X, Y);
   if (el("symbols").checked) drawSymbols(X, Y, area);
   pen.restore();
+}
+// solids that bodies touch: filled, with their surface as lines
+function drawObstacles(X, Y) {
+  for (const obstacle of data.obstacles) {
+    let first = obstacle.first;
+    obstacle.counts.forEach((count, k) => {
+      pen.beginPath();
+      for (let i = first; i < first + count; i++) pen.lineTo(X(points[2 * i]), Y(points[2 * i + 1]));
+      first += count;
+      pen.fillStyle = pen.strokeStyle = css("--reference");
+      pen.globalAlpha = k === 0 ? 0.18 : 1;
+      pen.lineWidth = 1.2;
+      if (k === 0) pen.fill();
+      else pen.stroke();
+    });
+  }
+  pen.globalAlpha = 1;
 }
 function drawBodies(X, Y) {
   if (el("reference").checked) {

@@ -9,6 +9,7 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import Results
+from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.view.curves import curves
 from ancf2d.view.layers import Attached, Drawn, drawn_body, fields, listed, packed
 
@@ -46,29 +47,49 @@ def scene(results: Results, budget: int = BUDGET, wanted: Sequence[str] = ()) ->
     base = results.e(-1) if modes and results.solver == "eigen" and results.nt else results.e0
     bodies, count = listed(drawn)
     extent = float(np.hypot(*np.ptp(_points(drawn, base), axis=0))) or 1.0
-    stage = Stage(drawn, Attached(results, extent), base, count)
+    stage = Stage(results, drawn, Attached(results, extent), base, count)
     part = _modes(results, stage, extent, budget) if modes else _states(results, stage, extent, budget, wanted)
     units = results.units
     return {"title": results.title or results.path.name, "file": results.path.name, "solver": results.solver,
             "status": results.status, "units": {"length": units.length, "time": units.time, "force": units.force},
             "bodies": bodies, "reference": packed(stage.start, "f4"), "extent": extent,
-            "solid": count, **stage.attached.listed(count), **part}
+            "solid": count, **stage.listed(), **part}
 
 
 def _points(drawn: Sequence[Drawn], e: np.ndarray) -> np.ndarray:
     return np.concatenate([d.points(e) for d in drawn])
 
 
-class Stage:
-    """All points of a page: ``count`` of the bodies, then those of symbols; ``start`` (points, 2): where they begin."""
+def outlined(solids: Sequence[Obstacle]) -> list[np.ndarray]:
+    """Return the points of obstacles: of each what is filled, then the lines of its surface."""
+    return [points for solid in solids for points in (solid.solid, *solid.lines)]
 
-    def __init__(self, drawn: Sequence[Drawn], attached: Attached, base: np.ndarray, count: int) -> None:
-        self.drawn, self.attached, self.base, self.count = drawn, attached, base, count
+
+class Stage:
+    """All points of a page: ``count`` of the bodies, then those of symbols and of obstacles.
+
+    ``start`` (points, 2): where they begin.
+    """
+
+    def __init__(self, results: Results, drawn: Sequence[Drawn], attached: Attached, base: np.ndarray,
+                 count: int) -> None:
+        self.results, self.drawn, self.attached, self.base, self.count = results, drawn, attached, base, count
         self.start = self.points(base)
 
-    def points(self, e: np.ndarray) -> np.ndarray:
-        """Return all points (n, 2) at nodal coordinates e (nq,)."""
-        return np.concatenate([_points(self.drawn, e), self.attached.points(e)])
+    def points(self, e: np.ndarray, state: int | None = None) -> np.ndarray:
+        """Return all points (n, 2) at nodal coordinates e (nq,); obstacles are where they are in a state."""
+        solids = obstacles_of(self.results, state, 1.0)
+        return np.concatenate([_points(self.drawn, e), self.attached.points(e), *outlined(solids)])
+
+    def listed(self) -> dict[str, Any]:
+        """Return symbols and obstacles as the page takes them: the first of their points, and how many."""
+        solids, out = obstacles_of(self.results, None, 1.0), []
+        first = len(self.start) - sum(len(points) for points in outlined(solids))
+        for solid in solids:
+            counts = [len(solid.solid), *map(len, solid.lines)]
+            out.append({"name": solid.name, "first": first, "counts": counts})
+            first += sum(counts)
+        return {**self.attached.listed(self.count), "obstacles": out}
 
     def rate(self, shape: np.ndarray, extent: float) -> np.ndarray:
         """Return the rates (points, 2) of all points where the nodal coordinates change by ``shape`` (nq,)."""
@@ -100,7 +121,7 @@ def _even(t: np.ndarray, most: int) -> np.ndarray:
 def _states(results: Results, stage: Stage, extent: float, budget: int, wanted: Sequence[str]) -> dict[str, Any]:
     colours = int(FIELDS * budget) if wanted or any(results.fields.values()) else 0
     chosen = _even(results.t, stage.most(budget - colours))
-    moves = np.array([stage.points(results.e(int(i))) - stage.start for i in chosen])
+    moves = np.array([stage.points(results.e(int(i)), int(i)) - stage.start for i in chosen])
     t = results.t[chosen]
     shown: list[int | None] = [int(i) for i in chosen]
     dynamic = results.solver == "dynamic"

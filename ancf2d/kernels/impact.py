@@ -1,0 +1,290 @@
+"""Impacts: what one-sided constraints (hard contacts) do to rates, and which of them press afterwards.
+
+A step of the Newmark family ends where no gap is negative and no force pulls, by Newton's method. Where a constraint
+closes in the step, its positions are right, but the method takes the stop for a force over the whole step, and what is
+left of the rates depends on when in the step that was. So rates are set after it: to what the constraints that are
+closed allow, by the least change in kinetic energy (plastic impact), or to ``restitution`` times the rate of approach;
+accelerations and multipliers follow from the state. Both take energy, and never give any, where the obstacle rests.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..elements.contact_geometry import BY_CHOICE, CLOSED, FREE, HELD, HOME, OPEN, RHO, WORK, gap_at, stand
+from . import calls
+from .bodies import elastic, set_natural
+from .compiled_laws import call_forces
+from .consistent import consistent, constraint_matrix
+from .dynamics import to_full, twice_kinetic
+from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
+from .lowlevel.records import whole
+from .motion import evaluate
+from .patches import patch_forces, rates_of_constraints
+from .points import amplitude_of, fields_of_item
+
+# of the largest rate: constraints that part slower than this are closed
+PARTING = 1e-9
+# times that constraints let go after one another, and fields of a contact at most
+_MOST, _FIELDS = 20, 100
+# of the extent: a way that leads no deeper into an obstacle does not pass through it
+DEPTH = 1e-3
+
+
+@addressed_with_memory
+def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
+    """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
+    u, w, a, f = np.zeros(_FIELDS), np.zeros(_FIELDS), np.zeros(3), np.zeros(_FIELDS)
+    for i in range(len(points.forces)):
+        if points.restitution[i] >= 0.0:
+            b, m = points.field[i], points.field[i + 1] - points.field[i]
+            fields_of_item(points, i, d, u)
+            fields_of_item(points, i, v, w)
+            amplitude_of(points, i, amps, u, w, a)
+            H, C = np.zeros((m, m)), np.zeros((m, m))
+            f[:m] = 0.0
+            call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H,
+                                           C))
+            # of those that are open, the multiplier is 0
+            out[points.multiplier[i]] = 1.0 if H[m - 1, m - 1] == 0.0 else 0.0
+
+
+@inner_with_memory
+def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
+    """Fill ``how`` (items,) with CLOSED or OPEN at unknowns z, by the multipliers, and hold the items there."""
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    for i in range(len(how)):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, HELD] = BY_CHOICE
+    w.other[:] = 0.0
+    calls.point_sides(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
+    for i in range(len(how)):
+        how[i] = BY_CHOICE
+        if p.points.restitution[i] >= 0.0:
+            how[i] = CLOSED if w.other[p.points.multiplier[i]] != 0.0 else OPEN
+            p.points.mem[i, HELD] = how[i]
+
+
+@inner_with_memory
+def _release(p, how):  # type: ignore[no-untyped-def]
+    """Let Newton's method choose again."""
+    for i in range(len(how)):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, HELD] = BY_CHOICE
+
+
+@inner_with_memory
+def _rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
+    """Fill the gaps, their rates and second rates (items,) of items that are held closed at z; w.amps as there."""
+    velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    patch_forces(p, w.d, w.v, w.amps, w.other)
+    gaps = w.other.copy()
+    constraint_matrix(p, w)
+    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+    calls.product(p.calls, (p, w.A, v, w.y))
+    calls.product(p.calls, (p, w.A, a, y))
+    for i in range(len(g)):
+        if p.points.restitution[i] >= 0.0:
+            k = p.points.multiplier[i]
+            g[i] = gaps[k]
+            rate[i] = velocity[k] + w.y[p.place[k]]
+            second[i] = acceleration[k] + y[p.place[k]]
+
+
+@inner_with_memory
+def _settle(p, w, x, t, impulse, how):  # type: ignore[no-untyped-def]
+    """Make rates, accelerations and multipliers of x consistent, letting go what would pull; return whether it went."""
+    for i in range(len(x.z)):
+        x.z[i] *= p.coordinate[i]
+    for _ in range(_MOST):
+        if not consistent(p, w, x, t, impulse):
+            return False
+        impulse[:] = 0.0
+        pulls = False
+        for i in range(len(how)):
+            if how[i] == CLOSED and x.z[p.place[p.points.multiplier[i]]] > 0.0:
+                how[i] = OPEN
+                p.points.mem[i, HELD] = OPEN
+                pulls = True
+        if not pulls:
+            break
+    return True
+
+
+@kernel_with_memory
+def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
+    """Do as ``consistent`` where one-sided constraints touch: those that part are open, the others take the impact."""
+    n = len(p.points.mem)
+    how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    evaluate(p.programs, t, w.amps)
+    _hold(p, w, s.z, s.v, how)
+    _rates(p, w, s.z, s.v, s.a, g, rate, second)
+    fastest = 0.0
+    for i in range(len(s.v)):
+        fastest = max(fastest, p.weights[i] * abs(s.v[i]))
+    bounce = np.zeros(len(s.z))
+    bounces = False
+    for i in range(n):
+        if how[i] == CLOSED and rate[i] > PARTING * fastest:
+            how[i] = OPEN
+            p.points.mem[i, HELD] = OPEN
+        elif how[i] == CLOSED and rate[i] < -PARTING * fastest and p.points.restitution[i] > 0.0:
+            bounce[p.place[p.points.multiplier[i]]] = -p.points.restitution[i] * rate[i]
+            bounces = True
+    for i in range(len(bounce)):
+        bounce[i] += impulse[i]
+    good = _after(p, w, s, t, bounce, how, bounces)
+    _release(p, how)
+    return good
+
+
+@inner_with_memory
+def _after(p, w, x, t, impulse, how, bounces):  # type: ignore[no-untyped-def]
+    """Set the rates of x after an impact, then all else; what bounces off no longer presses."""
+    if not bounces:
+        return _settle(p, w, x, t, impulse, how)
+    kept = impulse.copy()
+    for i in range(len(x.z)):
+        x.z[i] *= p.coordinate[i]
+    good = consistent(p, w, x, t, impulse)
+    for i in range(len(how)):
+        if how[i] == CLOSED and kept[p.place[p.points.multiplier[i]]] > 0.0:
+            how[i] = OPEN
+            p.points.mem[i, HELD] = OPEN
+    impulse[:] = 0.0
+    return good and _settle(p, w, x, t, impulse, how)
+
+
+@inner_with_memory
+def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
+    """Return the rate at which a gap closes that had g, its rate and second rate a time of at most h before."""
+    if g <= 0.0:
+        return min(rate, 0.0)
+    square = rate * rate - 2.0 * second * g
+    if square <= 0.0:
+        return 0.0
+    return -min(np.sqrt(square), abs(rate) + abs(second) * h)
+
+
+@addressed_with_memory
+def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
+    """Do what constraints that closed in the step from s at t to m.end do to its end; return whether there were any."""
+    n, end = len(p.points.mem), m.end
+    how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    evaluate(p.programs, t + h, w.amps)
+    _hold(p, w, end.z, end.v, how)
+    closes, bounces = False, False
+    for i in range(n):
+        if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0:
+            closes = True
+            bounces |= p.points.restitution[i] > 0.0
+    if not closes:
+        _release(p, how)
+        return False
+    bounce = np.zeros(len(s.z))
+    if bounces:
+        evaluate(p.programs, t, w.amps)
+        _rates(p, w, s.z, s.v, s.a, g, rate, second)
+        evaluate(p.programs, t + h, w.amps)
+        bounces = False
+        for i in range(n):
+            k = p.place[p.points.multiplier[i]]
+            if how[i] == CLOSED and not s.z[k] < 0.0:
+                bounce[k] = -p.points.restitution[i] * _approach(g[i], rate[i], second[i], h)
+                bounces |= bounce[k] > 0.0
+    _after(p, w, end, t + h, bounce, how, bounces)
+    _release(p, how)
+    # straight on between states that touch nothing from within
+    for i in range(len(s.z)):
+        change = end.z[i] - s.z[i]
+        m.end.dense[0, i], m.end.dense[1, i], m.end.dense[2, i] = change, change, change
+    return True
+
+
+@inner_with_memory
+def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
+    """Return kinetic and strain energy less the work of constant loads; that of springs unless it counts as work."""
+    evaluate(p.programs, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    set_natural(p, w.amps, w.amps)
+    energy = elastic(p, w.d, w.other)
+    if not tracks:
+        energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
+    for k in range(len(p.load_coord)):
+        if not p.load_varies[k]:
+            energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]
+    return energy + 0.5 * twice_kinetic(p, w, v)
+
+
+@addressed_with_memory
+def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
+    """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
+    return _held(p, w, s.z, s.v, t, tracks) - _held(p, w, m.end.z, m.end.v, t + h, tracks)
+
+
+@inner_with_memory
+def _place(p, w, i, amps, u, work):  # type: ignore[no-untyped-def]
+    """Return where point i is, as its obstacle sees it, and its gap, at w.d and signals ``amps``."""
+    points = p.points
+    b, m = points.field[i], points.field[i + 1] - points.field[i]
+    rates, amplitude = u[len(u) // 2:], work[WORK:]
+    fields_of_item(points, i, w.d, u)
+    amplitude_of(points, i, amps, u, rates, amplitude)
+    stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
+    return work[RHO], work[RHO + 1], gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
+
+
+@inner_with_memory
+def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
+    """Return whether a straight way (dx, dy) from (x, y), where the gap is g > 0, leads deep into an obstacle."""
+    length = np.sqrt(dx * dx + dy * dy)
+    s = max(g, depth)
+    while s < length:
+        # nothing is nearer than the gap
+        g = gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
+        if g < -depth:
+            return True
+        s += max(g, depth)
+    return False
+
+
+@addressed_with_memory
+def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
+    """Return whether a point passes through an obstacle in the step from s at t to m.end, apart from it at both."""
+    n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
+    u, work, before = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), np.zeros((n, 3))
+    evaluate(p.programs, t, w.amps)
+    to_full(p, s.z, w.amps, 0, w.d)
+    for i in range(n):
+        if not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0:
+            before[i, 0], before[i, 1], before[i, 2] = _place(p, w, i, w.amps, u, work)
+    evaluate(p.programs, t + h, w.amps)
+    to_full(p, end.z, w.amps, 0, w.d)
+    for i in range(n):
+        if not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0:
+            x, y, g = _place(p, w, i, w.amps, u, work)
+            dx, dy = x - before[i, 0], y - before[i, 1]
+            if before[i, 2] > 0.0 and g > 0.0 and np.sqrt(dx * dx + dy * dy) > before[i, 2] + g \
+                    and _is_crossed(p.points.par[i], before[i, 0], before[i, 1], before[i, 2], dx, dy, depth):
+                return True
+    return False
+
+
+def impact_functions(sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of contacts that the table of a model of this type has (``kernels.calls.table``).
+
+    ``sided`` : whether contacts without a law are among them.
+    """
+    out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)}
+    if sided:
+        out |= {calls.point_sides: (point_sides, problem.place["points"][1].whole()),
+                calls.impact: (impact, problem), calls.lost_in_impact: (lost_in_impact, problem)}
+    return out

@@ -1,0 +1,165 @@
+"""Contact without a law in motion: impacts, rest, sliding and rolling, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import ride, rigid
+
+from ancf2d.solvers.schemes import method_problems
+from scripts.references import contacts as references
+
+G, HEIGHT, MASS, INERTIA = 9.81, 0.5, 2.0, 0.2
+FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}
+FLAT = rigid([0, HEIGHT], [1, HEIGHT], MASS, INERTIA)
+FALL = [{"type": "gravity", "value": [0, -G]}]
+
+
+def scene(rod: dict[str, Any] = FLAT, obstacles: Any = FLOOR, loads: Any = FALL, **contact: Any) -> dict[str, Any]:
+    """Return a rod whose axis may touch an obstacle."""
+    touch = {"name": "touch", "between": ["rod", next(iter(obstacles))], "side": "axis", **contact}
+    return {"bodies": {"rod": rod}, "loads": loads, "obstacles": obstacles, "contacts": [touch]}
+
+
+def flung(velocity: tuple[float, float], rod: dict[str, Any] = FLAT, obstacles: Any = FLOOR, **contact: Any,
+          ) -> dict[str, Any]:
+    """Return a rod without weight that is thrown at an obstacle."""
+    return {**scene(rod, obstacles, [], **contact), "initial": {"velocity": list(velocity)}}
+
+
+def middle(found: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and heights (states,) of the middle of the rod."""
+    return np.array([row.t for row in found.rows]), np.array([found.place("rod@0.5", k)[1]
+                                                              for k in range(len(found.rows))])
+
+
+def lost(found: Any) -> float:
+    """Return the energy that contact took."""
+    return float(found.rows[-1].lost)
+
+
+def test_a_rod_that_falls_flat_lies_still_where_it_lands():
+    found = ride(scene(), 0.6, dt=1e-3)
+    for s in ("rod@0", "rod@1"):
+        assert found.place(s)[1] == pytest.approx(0.0, abs=1e-12)
+    _, v, _ = found.full()
+    assert np.abs(v).max() < 1e-10
+    # all that it had
+    assert lost(found) == pytest.approx(MASS * G * HEIGHT, rel=1e-10)
+
+
+def test_bounces_come_at_their_times_and_heights():
+    found = ride(scene(restitution=0.8), 1.5, dt=5e-4, every=1)
+    t, y = middle(found)
+    times, heights = references.bounces(HEIGHT, 0.8, G, 3)
+    hits = t[1:-1][(y[1:-1] <= y[:-2]) & (y[1:-1] < y[2:]) & (y[1:-1] < 1e-12)]
+    # a step late at most, each
+    assert hits[:3] == pytest.approx(times[:3], abs=3 * 5e-4)
+    tops = [y[(t > a) & (t < b)].max() for a, b in pairwise(times)]
+    assert tops[:2] == pytest.approx(heights[:2], rel=2e-3)
+
+
+@pytest.mark.parametrize("dt", [3e-2, 1e-3])
+def test_elastic_bounces_go_on_for_ever(dt):
+    found = ride(scene(restitution=1.0), 4000 * dt, dt=dt, states=50)
+    total, _ = found.totals()
+    assert total == pytest.approx(total[0] * np.ones_like(total), abs=1e-9 * MASS * G * HEIGHT)
+
+
+@pytest.mark.slow
+def test_a_bouncing_rod_gains_no_energy_in_100000_steps():
+    tilted = rigid([0, HEIGHT], [0.9, 0.9], MASS, INERTIA)
+    found = ride(scene(tilted, restitution=1.0), 100.0, dt=1e-3, states=1000)
+    total, _ = found.totals()
+    assert total.max() <= total[0] * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_a_rod_that_hits_a_stop_turns_as_its_impulse_says(restitution):
+    # the stop is 0.3 to the right of the middle
+    peg = {"peg": {"type": "polyline", "points": [[0.95, 0.3], [1.05, 0.3]]}}
+    found = ride(flung((0, -2.0), obstacles=peg, restitution=restitution), 0.1005, dt=1e-3)
+    _, v, _ = found.full()
+    # of a rigid body: x, y of its first point and a direction
+    vy, omega, _ = references.struck_rod(MASS, INERTIA, 0.5, 2.0, restitution)
+    model = found.model
+    rates = {s: float(h.dot(h.point_ref(model.meshes["rod"], s).position()[1], v)) for s in (0.5, 1.0)}
+    # at once after the impact, while the rod has hardly turned
+    assert rates[0.5] == pytest.approx(vy, abs=2e-2)
+    assert (rates[1.0] - rates[0.5]) / 0.5 == pytest.approx(omega, abs=4e-2)
+
+
+@pytest.mark.parametrize("dt", [2e-2, 1e-3])
+@pytest.mark.parametrize("angle", [0.1, 1.2, 2.5])
+def test_a_tumbling_rod_never_penetrates_nor_gains_energy(angle, dt):
+    rod = rigid([0, 0.8], [0.9 * math.cos(angle), 0.8 + 0.9 * math.sin(angle)], MASS, INERTIA)
+    found = ride(scene(rod), 2.0, dt=dt, every=1)
+    total, _ = found.totals()
+    for s in ("rod@0", "rod@1"):
+        assert min(found.place(s, k)[1] for k in range(len(found.rows))) > -1e-9
+    assert np.diff(total).max() < 2e-3 * MASS * G
+    assert total.max() <= total[0] + 1e-9 * MASS * G
+
+
+@pytest.mark.parametrize("dt", [0.3, 0.02, 1e-3])
+def test_nothing_passes_through_an_obstacle_however_long_the_steps(dt):
+    peg = {"peg": {"type": "circle", "center": [0, -1], "radius": 0.01}}
+    found = ride(flung((0, -50.0), obstacles=peg), 0.3, dt=dt)
+    # the end that met the peg lost its speed to the turning of the rod
+    assert lost(found) > 100.0
+
+
+def test_a_floor_that_rises_lifts_a_rod_and_the_balance_tells():
+    lift = {"floor": {**FLOOR["floor"], "motion": {"y": {"type": "expression", "value": "0.6*sin(t)^2"}}}}
+    found = ride(scene(obstacles=lift), 1.0, dt=1e-3)
+    assert found.place("rod@0")[1] == pytest.approx(0.6 * math.sin(1.0)**2, abs=1e-9)
+    total, _ = found.totals()
+    row = found.rows[-1]
+    assert total[-1] - total[0] == pytest.approx(row.work - row.lost, rel=2e-3)
+
+
+def test_an_elastic_bar_stays_at_a_wall_for_two_passages_of_its_wave():
+    count, v, gap = 40, 0.01, 0.005
+    section = {"EA": 1.0, "EI": 1e-4, "kGA": 0.3, "rhoA": 1.0, "rhoI": 1e-4}
+    bar = h.body({"type": "line", "start": [gap, 0], "end": [1 + gap, 0]}, h.element("reissner2", count), section)
+    wall = {"wall": {"type": "half_plane", "through": [0, 0], "normal": [1, 0]}}
+    found = ride(flung((-v, 0), bar, wall), 3.2, dt=0.5 / count, every=1)
+    duration, force, after = references.bar_against_wall(1.0, 1.0, 1.0, v)
+    t = np.array([row.t for row in found.rows])
+    x = np.array([found.place("rod@0", k)[0] for k in range(len(t))])
+    touching = t[x < 1e-9]
+    assert touching[-1] - touching[0] == pytest.approx(duration, abs=2.5 / count)
+    assert touching[0] == pytest.approx(gap / v, abs=1.0 / count)
+    # impulse and rebound: what waves shorter than the elements keep is all that is missing
+    _, momenta = found.totals()
+    assert momenta[-1, 0] == pytest.approx(-after, rel=0.04)
+    inside = (t > gap / v + 0.3) & (t < gap / v + 1.7)
+    middle, ends = momenta[inside, 0], t[inside]
+    assert (middle[-1] - middle[0]) / (ends[-1] - ends[0]) == pytest.approx(force, rel=0.02)
+
+
+@pytest.mark.parametrize("mu", [0.5, 0.2])
+def test_a_block_on_an_incline_sticks_or_slides(mu):
+    rod = rigid([0, 0], [1, 0], MASS, INERTIA)
+    slope, size = 0.3, G
+    loads = [{"type": "gravity", "value": [size * math.sin(slope), -size * math.cos(slope)]}]
+    found = ride(scene(rod, loads=loads, friction=mu), 1.0, dt=2e-3)
+    way = references.on_incline(slope, mu, size, 1.0)
+    assert found.place("rod@0")[0] == pytest.approx(way, rel=5e-3, abs=1e-5)
+    # friction takes what the way costs
+    row = found.rows[-1]
+    assert row.lost - row.work == pytest.approx(mu * MASS * size * math.cos(slope) * way, rel=5e-3, abs=1e-4)
+
+
+def test_methods_that_cannot_step_an_impact_are_refused():
+    rod = scene()
+    bodies = rod.pop("bodies")
+    for method in ("radau5", "newmark", "energy_momentum", "RK45"):
+        model = h.build(bodies, {"type": "dynamic", "t_end": 1, "dt": 0.1, "method": method}, **rod)
+        assert any("contact without a law (touch)" in p.message and "generalized_alpha" in p.expected
+                   for p in method_problems(model))
