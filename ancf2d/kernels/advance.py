@@ -173,12 +173,26 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _keep(p, w, m, s, t, h):  # type: ignore[no-untyped-def]
-    """Make the end of the step the motion; return the violation of constraints there."""
+def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
+    """Count what an impact takes of the energy, ``given`` all else that goes in: what moves may give some."""
+    gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given
+    if gone > 0.0:
+        s.numbers[LOST] += gone
+    elif tracks:
+        s.numbers[WORK] -= gone
+
+
+@inner
+def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
+    """Make the end of the step the motion, a new one behind an impact; return the violation of constraints there."""
+    if hit:
+        _count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
     calls.accept(m.calls, (s, m.own))
     copy(m.end.z, s.z)
     copy(m.end.v, s.v)
     copy(m.end.a, s.a)
+    if hit:
+        calls.restart(m.calls, (s, m.own))
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
@@ -280,19 +294,10 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             work, lost = _work_of_step(m, p, w, s, at, t, h)
             s.numbers[WORK] += work
             s.numbers[LOST] += lost
-        if hit:
-            gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) + work - lost
-            # what rests can only take energy; what moves may give it
-            if gone > 0.0:
-                s.numbers[LOST] += gone
-            elif plan.tracks:
-                s.numbers[WORK] -= gone
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
         if end >= target and plan.dt > 0.0 and target < plan.t_stop:
             s.numbers[GRID] += 1.0
-        worst = _keep(p, w, m, s, end, h)
-        if hit:
-            calls.restart(m.calls, (s, m.own))
+        worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
         s.numbers[CONTRACTION] = contraction
         if plan.dt > 0.0:
             s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
