@@ -141,6 +141,9 @@ def _exchange(one: _Table, d: Array, t: float, single: bool, limit: float) -> tu
         drop = drop[np.argsort(-pull[drop])][:1]
     for k in drop.tolist():
         _open(one.points[k], d)
+    if (depth[home] > limit).any():
+        # first the points at home, as those between follow from them
+        depth[~home] = 0.0
     chosen = _apart(depth, limit)
     if single:
         chosen = [] if len(drop) else chosen[:1]
@@ -151,11 +154,6 @@ def _exchange(one: _Table, d: Array, t: float, single: bool, limit: float) -> tu
             # a corner says where it touches; elsewhere a body may bend just as the obstacle does, and any place will do
             corner = point.par[SHAPE] == POLYLINE and feature[k] % 2 == 1
             point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = 2.0 - corner, place[k], feature[k]
-            for other in () if single else (k - 1, k + 1):
-                if 0 <= other < n and held[other] and one.pair.spots[other].eta == one.pair.spots[k].eta:
-                    # the point between takes over
-                    d[point.multiplier] += min(d[one.points[other].multiplier], 0.0)
-                    _open(one.points[other], d)
     return len(drop) + len(chosen), float(depth.max(initial=0.0))
 
 

@@ -1,0 +1,88 @@
+"""Statics with obstacles, against closed forms and shooting solutions."""
+
+from __future__ import annotations
+
+import math
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.errors import CaseError
+from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
+from ancf2d.solvers.post import reactions
+from scripts.references import contacts as reference
+from scripts.references.statics import Beam
+
+STIFF = {"EA": 1e6, "EI": 1.0, "kGA": 1e6, "rhoA": 1.0, "rhoI": 1e-6}
+CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
+
+
+def strip(count, **scene):
+    """Return the model of a thin strip from 0 to 1 along x that touches with its axis."""
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", count), STIFF)}
+    return helpers.build(bodies, contacts=[{"name": "touch", "between": ["beam", "solid"], "side": "axis"}], **scene)
+
+
+def check_balance(solution, dead):
+    """Supports, obstacles and dead loads are in balance, and no body is in an obstacle."""
+    model, state = solution.model, solution.state
+    held = reactions(model, state)
+    total = np.sum([[r["fx"], r["fy"]] for r in held.values()], axis=0)
+    np.testing.assert_allclose(total, -np.asarray(dead), atol=1e-7)
+    for touch in touches(model, state):
+        assert np.nanmin(touch.gap) > -1e-6
+        # the obstacle pushes
+        assert (touch.force[touch.closed] @ np.array([0.0, 1.0]) > 0.0).all()
+
+
+def test_a_strip_wraps_around_a_drum() -> None:
+    """It lies on the drum up to the lift-off, where a concentrated force acts."""
+    exact = reference.strip_on_drum(1.0, 1.0, 2.0, 0.9)
+    solution = helpers.Solution(strip(
+        16, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -0.9]}],
+        obstacles={"solid": {"type": "circle", "center": [0, -2], "radius": 2}}))
+    np.testing.assert_allclose(solution.r("beam@1"), exact.tip, rtol=1e-4)
+    check_balance(solution, [0, -0.9])
+    (report,) = contact_report(solution.model, solution.state)
+    assert report["to"] == pytest.approx(2.0 * exact.angle, abs=2e-3)
+    # without friction all forces go through the centre of the drum
+    assert obstacle_reactions(solution.model, solution.state)["solid"]["m"] == pytest.approx(0.0, abs=1e-9)
+    fx, fy = report["force"]
+    assert report["moment"] == pytest.approx(2.0 * fx, abs=1e-9)
+    assert fy == pytest.approx(0.9, rel=1e-2)
+
+
+def test_a_strip_touches_a_drum_at_a_point() -> None:
+    """A point that is no node, by shooting."""
+    center, radius, force = (0.6, -0.3), 0.28, 6.0
+    found, s, pressed = reference.strip_at_drum(Beam(1e6, math.inf, 1.0), 1.0, center, radius, force, (-0.5, 0.7, 1.57))
+    solution = helpers.Solution(strip(
+        16, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -force]}],
+        obstacles={"solid": {"type": "circle", "center": list(center), "radius": radius}}))
+    np.testing.assert_allclose(solution.r("beam@1"), found[:2], rtol=1e-4)
+    (report,) = contact_report(solution.model, solution.state)
+    assert report["from"] == pytest.approx(s, rel=1e-3)
+    assert np.hypot(*report["force"]) == pytest.approx(pressed, rel=1e-3)
+
+
+def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
+    length, (_, height, theta) = reference.lifted_far(1.0, 9.81, 3.0)
+    weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
+    lift = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
+    solution = helpers.Solution(strip(
+        20, bc=[{"name": "anchor", "type": "roller", "at": "beam@0", "fixed": "x"}],
+        loads=[{"type": "gravity", "value": [0, -9.81], "amplitude": weight},
+               {"type": "force", "at": "beam@1", "value": [0, 3], "amplitude": lift}],
+        obstacles={"solid": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}))
+    assert solution.r("beam@1")[1] == pytest.approx(height, rel=1e-3)
+    assert solution.theta("beam@1") == pytest.approx(theta, rel=2e-3)
+    check_balance(solution, [0, 3 - 9.81])
+    (report,) = contact_report(solution.model, solution.state)
+    np.testing.assert_allclose(report["force"], [0, 9.81 - 3], atol=1e-7)
+    assert report["to"] == pytest.approx(1.0 - length, abs=5e-3)
+
+
+def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep() -> None:
+    with pytest.raises(CaseError, match=r"overlap in the reference, by up to 0\.1 at S = 0\.5"):
+        strip(4, bc=[CLAMP], obstacles={"solid": {"type": "circle", "center": [0.5, -0.2], "radius": 0.3}})
