@@ -220,6 +220,8 @@ class Curves:
             axes.set_yscale("log")
         if panel.whole:
             axes.locator_params(axis="y", integer=True)
+        if panel.x[0] == "step":
+            axes.locator_params(axis="x", integer=True)
 
     @staticmethod
     def _labels(axes: Axes, panel: Panel) -> None:

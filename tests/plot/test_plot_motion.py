@@ -106,6 +106,8 @@ def test_load_steps_are_drawn_by_their_number(tmp_path: Path) -> None:
             "load factor", "iterations", "step")
         np.testing.assert_allclose(factor.lines[0].get_xydata(), [(k, k / 5) for k in range(6)])
         np.testing.assert_array_equal(iterations.lines[0].get_ydata(), np.full(6, 3))
+        ticks = iterations.get_xticks()
+        np.testing.assert_array_equal(ticks, np.round(ticks))
 
 
 def test_very_many_steps_are_drawn_by_their_extremes() -> None:

@@ -9,6 +9,7 @@ import helpers
 import pytest
 
 from ancf2d.case import LoadedCase
+from ancf2d.solvers import resolution
 from ancf2d.study.run import Outcome, run_case
 
 COUNTS = (1, 2, 4, 8)
@@ -177,6 +178,23 @@ def test_a_coarse_body_beside_one_of_very_many_elements_says_so() -> None:
 
     assert "bodies.b" in warnings(1)[0]
     assert not warnings(8)
+
+
+def test_a_sample_of_very_many_bodies_says_the_same_as_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cantilevers that are all alike, of which 50 are looked at, and one alone."""
+    looked = []
+    energies = resolution._Body.energies
+    monkeypatch.setattr(resolution._Body, "energies", lambda *given: looked.append(1) or energies(*given))
+    told = []
+    for count in (1, 120):
+        bodies = {f"b{k}": helpers.body(helpers.line(2.0), helpers.element("2d2n", 2), SECTION, helpers.STEEL)
+                  for k in range(count)}
+        loads = [{"type": "force", "at": f"{name}@1", "value": [0, -4e3]} for name in bodies]
+        case = helpers.load(bodies, "static", bc=[{"type": "clamp", "at": f"{name}@0"} for name in bodies], loads=loads)
+        (warning,) = said(run_case(case))
+        told.append(re.search(r"off by about (\S+) %", warning)[1])
+    assert told[0] == told[1]
+    assert len(looked) == 1 + resolution.LOOKED
 
 
 def test_a_short_body_whose_sections_stay_straight_is_judged() -> None:
