@@ -102,7 +102,7 @@ class Modes:
             axes.set_ylim(low[1] - pad, high[1] + pad)
         for axes in grid.ravel()[len(self.modes):]:
             axes.set_axis_off()
-        style.verbatim(figure.suptitle(self.title))
+        style.heading(figure, self.title)
 
     @staticmethod
     def _draw(axes: Axes, mode: Mode) -> None:

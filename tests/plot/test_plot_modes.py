@@ -81,3 +81,16 @@ def test_the_figure_can_be_drawn_and_its_data_listed(modes: Results) -> None:
     rows = list(picture.rows())
     assert len(rows) == len(picture.modes[0].bodies[0].moved["axis"])
     assert len(rows[0]) == len(picture.header())
+
+
+def test_a_long_title_is_broken_into_lines_that_fit(tmp_path: Path) -> None:
+    title = "two girders of ten kilometres each, welded to each other in the middle, and pressed by " * 2
+    run_case(load(CASES / "buckling" / "euler_pinned.yaml", [f"title={title}"]), str(tmp_path / "b.h5"))
+    with open_results(tmp_path / "b.h5") as results:
+        figure = draw(results, "modes", count=1)
+        figure.canvas.draw()
+        (heading,) = [text for text in figure.texts if text.get_text().startswith("two girders")]
+        place, page = heading.get_window_extent(), figure.bbox
+        first = figure.axes[0].title.get_window_extent()
+        assert page.x0 <= place.x0 < place.x1 <= page.x1
+        assert first.y1 <= place.y0 < place.y1 <= page.y1
