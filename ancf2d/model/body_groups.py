@@ -91,7 +91,8 @@ def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
         if plan.rigid:
             continue
         tau = damping_time(case, name)
-        key = id(plan.element), plan.formulation.name, plan.rule, tau
+        # a formulation samples each layer
+        key = id(plan.element), plan.formulation.name, plan.rule, tau, len(plan.section.layers)
         if plan.count < MANY and key in found:
             found[key].meshes.append(mesh)
             continue

@@ -165,12 +165,15 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
 
 
 def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
-    """Yield the straight ways from eyelet to eyelet, or along the guide of a body at a constant distance."""
+    """Yield the straight ways from eyelet to eyelet, or along the guide of a body, at a distance that a table may give.
+    """
     eyelets = [(e.get("at"), e.get("y") or 0.0) if isinstance(e, dict) else (e, 0.0)
                for e in entry.get("through") or []]
     if entry.get("on") in scene.results.bodies:
         start, end = entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"]
-        eyelets = [(f"{entry['on']}@{s}", entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)]
+        y = entry.get("y") or 0.0
+        eyelets = [(f"{entry['on']}@{s}", float(np.interp(s, y["s"], y["value"])) if isinstance(y, dict) else y)
+                   for s in np.linspace(start, end, 2 * ALONG_LOAD).tolist()]
     if not all(isinstance(y, int | float) for _, y in eyelets):
         return
     for ends in pairwise(eyelets):

@@ -185,6 +185,17 @@ def test_frequencies_do_not_depend_on_where_the_axis_lies() -> None:
     assert first(0.0) == pytest.approx(first("middle"), rel=1e-6)
 
 
+@pytest.mark.parametrize(("kind", "formulation"), [("vallejo", "enhanced"), ([3, 3], "continuum")])
+def test_bodies_with_and_without_layers_stand_side_by_side(kind: Any, formulation: str) -> None:
+    load = {"type": "force", "at": "strip@1", "value": [0, F]}
+    alone = strip(kind, [layer(1e-3, 2e11), layer(2e-3, 1e11)], [load], formulation=formulation)
+    both = strip(kind, [layer(1e-3, 2e11), layer(2e-3, 1e11)], [load], formulation=formulation)
+    plain = {**both["bodies"]["strip"], "section": {"height": 3e-3, "width": WIDTH}, "material": {"E": 1e11, "nu": 0.3}}
+    both["bodies"]["plain"] = plain
+    both["boundary_conditions"] += [{"name": "other", "type": "clamp", "at": "plain@0"}]
+    assert probes(both)["tip"]["uy"] == pytest.approx(probes(alone)["tip"]["uy"], rel=1e-9)
+
+
 @pytest.mark.parametrize(("kind", "changes", "says"), [
     ("reissner3", {"solver": {"type": "eigen", "modes": 1}}, "mass lies"),
     ("vallejo", {"formulation": "continuum", "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one rule"),
