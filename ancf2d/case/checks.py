@@ -11,7 +11,7 @@ from typing import Any
 from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import Source, quoted
 from .records import walk
-from .schema import Case, Layers, LimitPoints, MovingPoint, Point, Stiffness
+from .schema import Active, Case, Layers, LimitPoints, MovingPoint, Point, Stiffness
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")
@@ -50,6 +50,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
     if case.solver is not INVALID:
         checker.sections()
         checker.moving()
+        checker.active()
         checker.flows()
         checker.goals()
         checker.masses()
@@ -134,6 +135,13 @@ class _Checker:
                               f"name of {section}.{seen[name]} (line {line})")
                 else:
                     seen[name] = i
+
+    def active(self) -> None:
+        """Check that things begin and end in motions alone."""
+        for path, value, _ in walk(self.case):
+            if isinstance(value, Active) and self.solver != "dynamic":
+                self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only with dynamic",
+                          on_key=True)
 
     def flows(self) -> None:
         """Check what moves along bodies: once on each, at a speed that is known where nothing depends on time."""

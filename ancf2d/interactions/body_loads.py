@@ -13,7 +13,7 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Flag, Name, Number, Vector
-from ..case.schema.amplitudes import Amplitude
+from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
 from ..case.schema.points import MovingPoint
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.formulations import FORMULATIONS
@@ -24,7 +24,7 @@ from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
 from .flow import fluid_weight
-from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
+from .forces import ACTIVE, AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
 
 Density = tuple[float | Profile, float | Profile]
 # points along, beside those for a constant, that integrate a load that varies
@@ -71,6 +71,7 @@ class Gravity:
     value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
                                      example=[0, -9.81])
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -187,6 +188,7 @@ class Distributed:
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     follower: bool = key(Flag(), "Turns with the axis", default=False)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -252,6 +254,7 @@ class Eigenstrain:
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -281,6 +284,7 @@ class Temperature:
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property

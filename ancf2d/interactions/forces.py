@@ -12,8 +12,8 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
-from ..case.records import OneOf, tag_of
-from ..case.schema.amplitudes import Amplitude
+from ..case.records import OneOf, Record, tag_of
+from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
 from ..case.schema.case import Fluid, register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
@@ -27,6 +27,7 @@ from .moving import MovingPatch, moving_force
 R = TypeVar("R", bound=type)
 NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
+ACTIVE = Record(Active)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
 SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"
@@ -151,6 +152,7 @@ class Force:
     value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
@@ -223,6 +225,7 @@ class FollowerForce:
                                      "Force along the axes of the section", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
@@ -265,6 +268,7 @@ class Moment:
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: float = key(Number("N m"), "Moment, counter-clockwise", example=100)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
@@ -283,6 +287,7 @@ class Torque:
                                                    example=["a@1", "b@0"])
     value: float = key(Number("N m"), "Moment on the second, counter-clockwise", example=3)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:

@@ -11,7 +11,8 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number
-from ..case.records import tag_of
+from ..case.records import Record, tag_of
+from ..case.schema.amplitudes import ACTIVE_DOC, Active
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
@@ -34,6 +35,7 @@ from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
 NAME = Name()
+ACTIVE = Record(Active)
 ONLY = Choice("tension", "compression")
 ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
             "acts only against shortening (default: acts both ways)")
@@ -221,6 +223,7 @@ class TranslationalSpring:
                                "in the reference)", default=None)
     only: str | None = key(ONLY, ONLY_DOC, default=None)
     gap: float = key(Number("m", ge=0), "Elongation or shortening beyond which it acts, as a stop", default=0.0)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property
@@ -261,6 +264,7 @@ class RotationalSpring:
                        default=0.0)
     only: str | None = key(ONLY, ONLY_DOC, default=None)
     gap: float = key(Number("rad", ge=0), "Relative rotation, either way, beyond which it acts, as a stop", default=0.0)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     @property

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Constant, Expression, Ramp, Table, syntax
+from ..case import Constant, Expression, Ramp, Table, Windowed, syntax
 from ..elements.shape import Array
 from .timing import Signal
 
@@ -100,6 +100,9 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
         return ()
     if isinstance(amplitude, Expression):
         places = switches(amplitude.tree, t0, t1)
+    elif isinstance(amplitude, Windowed):
+        inner = breakpoints(Signal(amplitude.inner), t0, t1)
+        places = [*inner, *(Break(t, 0, math.nextafter(t, -math.inf)) for t in amplitude.t if t0 < t <= t1)]
     elif isinstance(amplitude, Ramp | Table):
         times = (amplitude.t0, amplitude.t1) if isinstance(amplitude, Ramp) else amplitude.t
         places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in times if t0 < t <= t1]

@@ -104,10 +104,12 @@ class Batch:
         m = len(self.table.forces)
         self.dofs: Index = self.table.dofs.reshape(m, -1)
         at = 0
+        self.timed: list[tuple[int, Any]] = []
         for patch in patches:
             count = len(patch.items().p0)
             if isinstance(patch, PointPatch):
                 patch.keep_in(self.table.par[at], self.table.mem[at])
+                self.timed += [(at, patch.active)] if patch.active is not None else []
             elif isinstance(patch, CompliantContact):
                 patch.keep_in(self.table.par[at:at + count], self.table.mem[at:at + count])
             at += count
@@ -129,6 +131,8 @@ class Batch:
         ``linear``: constraints are those of linear theory about the reference.
         """
         Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
+        for k, active in self.timed:
+            self.table.on[k] = active.at(t)
         rates = np.zeros_like(d) if v is None else v
         point_matrices(self.table, d, rates, self.amplitudes(t), linear, self._energy, Q, K, C)
         return float(self._energy.sum()), Q, K, C

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static
+from ..case import Active, Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static, amplitude_of
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, ResultsError
 from ..model.build import build_model
@@ -66,7 +67,11 @@ def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
 def static_case(case: Case) -> Case:
     """Return the static case whose end is the equilibrium at t = 0: loads and prescribed motion at their size then."""
     def scaled(load: Any) -> Any:
-        return load if load.amplitude is None else replace(load, amplitude=Ramp(scale=float(load.amplitude.value(0.0))))
+        amplitude = amplitude_of(load)
+        if amplitude is None:
+            return load
+        windowed = {} if getattr(load, "active", None) is None else {"active": None}
+        return replace(load, amplitude=Ramp(scale=float(amplitude.value(0.0))), **windowed)
 
     def held(support: Any) -> Any:
         changes = {k: float(s.value(0.0)) for k, s in support.motions.items() if hasattr(s, "value")}
@@ -77,6 +82,10 @@ def static_case(case: Case) -> Case:
         def at(point: Any) -> Any:
             return replace(point, s=Constant(float(point.s.value(0.0)))) if isinstance(point, MovingPoint) else point
 
+        active = getattr(item, "active", None)
+        if active is not None:
+            # what does not act yet never does
+            item = replace(item, active=None if active.at(0.0) else Active(math.inf))
         if hasattr(item, "between"):
             return replace(item, between=tuple(map(at, item.between)))
         return replace(item, at=at(item.at)) if hasattr(item, "at") else item

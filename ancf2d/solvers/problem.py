@@ -249,7 +249,7 @@ def driving(p: Record) -> list[int]:
 
 def tracks(model: Model, p: Record) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
-    dampers = any(spring.damped or spring.signal is not None for spring in model.springs)
+    dampers = any(spring.damped or spring.signal is not None or spring.active is not None for spring in model.springs)
     fed = bool((p.points.fed >= 0).any())
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
     natural = natural or bool(model.loads.flows)

@@ -4,7 +4,7 @@ A further solver or amplitude is one more dataclass with a ``tag`` (what ``type`
 module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions`` and in plugins, which register them.
 """
 
-from .amplitudes import Amplitude, Constant, Expression, Ramp, Sine, Table
+from .amplitudes import Active, Amplitude, Constant, Expression, Ramp, Sine, Table, Windowed, amplitude_of
 from .body import (
     AreaSection,
     Body,
@@ -49,11 +49,11 @@ from .solvers import (
 )
 
 __all__ = [
-    "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
+    "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
     "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid", "FrequencyResponse",
     "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece", "LinearStatic",
     "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Point", "Polyline", "Probe",
     "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate",
     "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
-    "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "register",
+    "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "Windowed", "amplitude_of", "register",
 ]
