@@ -224,6 +224,9 @@ class Tendon:
         elif self.tension is not None and self.slack:
             yield Issue(("slack",), "{}.slack: a tendon with a given tension has no unstretched length",
                         "stiffness in place of tension, or no slack")
+        if self.stiffness is not None and self.active is not None:
+            yield Issue(("active",), "{}.active: an elastic tendon always acts",
+                        "a tendon of given tension, or no active")
         if not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
         if self.friction:
