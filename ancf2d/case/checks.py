@@ -217,6 +217,9 @@ class _Checker:
     def contact(self, path: Path, contact: Any) -> None:
         """Check one contact."""
         case = self.case
+        if self.solver != "dynamic" and contact.friction and contact.law is None:
+            self.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with solver "
+                      f"{self.solver}", "law: {stiffness, damping}")
         between = contact.between or ()
         for k, name in enumerate(between):
             known = (*case.bodies, *case.obstacles)

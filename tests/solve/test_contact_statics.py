@@ -18,10 +18,11 @@ STIFF = {"EA": 1e6, "EI": 1.0, "kGA": 1e6, "rhoA": 1.0, "rhoI": 1e-6}
 CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
 
 
-def strip(count, **scene):
+def strip(count, friction=0.0, **scene):
     """Return the model of a thin strip from 0 to 1 along x that touches with its axis."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", count), STIFF)}
-    return helpers.build(bodies, contacts=[{"name": "touch", "between": ["beam", "solid"], "side": "axis"}], **scene)
+    return helpers.build(bodies, contacts=[{"name": "touch", "between": ["beam", "solid"], "side": "axis",
+                                            "friction": friction}], **scene)
 
 
 def check_balance(solution, dead):
@@ -81,6 +82,30 @@ def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
     (report,) = contact_report(solution.model, solution.state)
     np.testing.assert_allclose(report["force"], [0, 9.81 - 3], atol=1e-7)
     assert report["to"] == pytest.approx(1.0 - length, abs=5e-3)
+
+
+def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
+    """It slides until a spring bears what Coulomb's friction does not."""
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
+    weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
+    pull = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
+    law = {"stiffness": 1e5}
+    solution = helpers.Solution(helpers.build(
+        bodies, contacts=[{"between": ["beam", "floor"], "side": "axis", "friction": 0.3, "law": law}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["beam@1", [2, 0]], "stiffness": 100},
+                 # what nothing holds before the strip lies on the floor
+                 {"type": "translational", "between": ["beam@0.5", [0.5, 1]], "stiffness": 1e-3}],
+        loads=[{"type": "gravity", "value": [0, -10], "amplitude": weight},
+               {"type": "force", "at": "beam@1", "value": [-4, 0], "amplitude": pull}]))
+    (report,) = contact_report(solution.model, solution.state)
+    np.testing.assert_allclose(report["force"], [0.3 * 10.0, 10.0], rtol=1e-4)
+    assert solution.u("beam@1")[0] == pytest.approx(-(4.0 - 3.0) / 100.0, rel=1e-3)
+
+
+def test_friction_without_a_law_is_refused() -> None:
+    with pytest.raises(CaseError, match="friction needs a law of contact"):
+        strip(4, 0.2, bc=[CLAMP], obstacles={"solid": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}})
 
 
 def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep() -> None:
