@@ -36,8 +36,8 @@ BELOW = {
 }
 ROOMS = sorted(BELOW)
 SOURCES = cache(lambda: sources(PACKAGE))
-# the loop of a motion, and the step that keeps energy: one compiled function each, as calls there cost time
-LONG = {"advance": 80, "conserving_step": 60}
+# the loop of a motion, the machine of expressions and steps that are one compiled function each: calls there cost time
+LONG = {"advance": 80, "run_with_gradient": 60, "consistent": 60, "_with_border": 60, "conserving_step": 60}
 
 
 def imported(path: Path, tree: ast.AST) -> Iterator[str]:

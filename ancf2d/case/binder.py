@@ -8,10 +8,13 @@ from typing import Any, NamedTuple
 from ..errors import Problem
 from .declare import record
 from .nodes import Broken, Mark, Node, shorten
+from .syntax import Names
 from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
+# the quantities of a probe that expressions may use
+TOLD = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 # beyond so many names, the nearest one alone is shown
 _MANY = 6
 
@@ -59,6 +62,17 @@ class Binder:
         self.labels = SI
         self.unreported = 0
         self.refused: list[Path] = []
+        self.numbers: dict[str, float] = {}
+        self.probes: tuple[str, ...] = ()
+        self.controllers: tuple[str, ...] = ()
+        self.states: tuple[str, ...] = ()
+
+    def names(self, variable: str, local: tuple[str, ...] = (), feedback: bool = False) -> Names:
+        """Return the names that an expression may use; with ``feedback`` those of probes and controllers, too."""
+        if not feedback:
+            return Names(variable, self.numbers, local)
+        told = (f"{probe}.{quantity}" for probe in self.probes for quantity in TOLD)
+        return Names(variable, self.numbers, (*local, *self.states, *self.controllers, *told), self.probes)
 
     def unit(self, unit: str) -> str:
         """Return the label of an SI unit in the units of this case."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed
+from .feedback_checks import check_controllers, check_feedback
 from .nodes import Source, quoted
 from .records import walk
 from .schema import Active, Case, Layers, LimitPoints, MovingPoint, Point, Stiffness
@@ -24,6 +25,7 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("transport",): (*SMALL, "buckling", "dynamic"),
     ("fluid",): (*SMALL, "buckling", "dynamic"),
     ("contacts",): ("static", "dynamic", *SMALL),
+    ("controllers",): ("dynamic",),
     ("output", "interval"): ("dynamic",),
     ("output", "every"): ("static", "dynamic"),
 }
@@ -47,11 +49,13 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
     checker = _Checker(case, source, binder)
     checker.references()
     checker.names()
+    check_controllers(checker)
     if case.solver is not INVALID:
         checker.sections()
         checker.moving()
         checker.active()
         checker.flows()
+        check_feedback(checker)
         checker.goals()
         checker.masses()
         checker.times()
@@ -179,7 +183,7 @@ class _Checker:
             value: Any = self.case
             for part in path:
                 value = None if value is INVALID else getattr(value, part, None)
-            if value not in (None, (), INVALID) and self.solver not in solvers:
+            if value not in (None, (), {}, INVALID) and self.solver not in solvers:
                 self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only "
                           f"with {listed(solvers)}", on_key=True)
         for i, spring in enumerate(self.case.springs or ()):

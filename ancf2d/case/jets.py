@@ -1,5 +1,6 @@
-"""Functions of time as programs of a small stack machine that carries values with two time derivatives.
+"""Functions of a case as programs of a small stack machine that carries values with their derivatives.
 
+``run`` carries two derivatives by time, ``run_with_gradient`` those by quantities that a motion tells while it runs.
 Plain Python that kernels compile and the case runs as it is; whatever the functions are, the arrays have the
 same types, so that kernels are compiled once.
 """
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 
 (NUMBER, TIME, NEGATE, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, SIN, COS, EXP, SQRT, ABS,
  LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, UNEQUAL, KEEP, UNLESS, JUMP, BRANCH,
- RAMP, TABLE, SMOOTH_TABLE, SINE, SCALE) = range(28)
+ RAMP, TABLE, SMOOTH_TABLE, SINE, SCALE, QUANTITY, CLOCK) = range(30)
 
 
 class Programs(NamedTuple):
@@ -19,9 +20,11 @@ class Programs(NamedTuple):
 
     ``code`` (n,) says what each does, ``arg`` (n,) where it goes on (jumps) or where its numbers begin in ``data``.
     ``window`` (2,): the times between which functions are evaluated, at its ends for times outside, so that a step up
-    to a break sees nothing of what follows. ``stack`` (3, depth) is room to work in. Jumps count from the beginning of
-    ``code``: JUMP always, BRANCH takes the top of the stack and jumps where it is 0, UNLESS too, and puts 0 in place of
-    what is below. KEEP puts the top below the two topmost, for a chain of comparisons.
+    to a break sees nothing of what follows. ``stack`` (3, depth), of programs of quantities (1 + quantities, depth),
+    is room to work in. Jumps count from the beginning of ``code``: JUMP always, BRANCH takes the top of the stack and
+    jumps where it is 0, UNLESS too, and puts 0 in place of what is below. KEEP puts the top below the two topmost, for
+    a chain of comparisons. QUANTITY puts a quantity there,
+    and CLOCK the time in the place of the first derivative.
     """
 
     first: Any
@@ -198,6 +201,12 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
         elif op == NEGATE:
             for i in range(3):
                 stack[i, top] = -stack[i, top]
+        elif op == CLOCK:
+            stack[1, top], stack[2, top] = t, 0.0
+        elif op == QUANTITY:
+            # no function of time alone
+            top += 1
+            stack[0, top] = stack[1, top] = stack[2, top] = math.nan
         elif SIN <= op <= ABS:
             stack[0, top], stack[1, top], stack[2, top] = function_jet(op, stack[0, top], stack[1, top], stack[2, top])
         elif op >= RAMP or op <= TIME:
@@ -211,3 +220,71 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
     for i in range(3):
         good = math.isfinite(stack[0, top]) and math.isfinite(stack[i, top])
         out[row, i] = stack[i, top] if good else math.nan
+
+
+def combine(op, stack, top, n):  # type: ignore[no-untyped-def]
+    """Put what a binary operation makes of the two topmost in their place, with n derivatives."""
+    a, b = stack[0, top], stack[0, top + 1]
+    f, by_a, _ = binary_jet(op, a, 1.0, 0.0, b, 0.0, 0.0)
+    by_b = binary_jet(op, a, 0.0, 0.0, b, 1.0, 0.0)[1]
+    for i in range(1, n + 1):
+        # what stands still adds nothing, even where there is no derivative
+        one = by_a * stack[i, top] if stack[i, top] != 0.0 else 0.0
+        stack[i, top] = one + by_b * stack[i, top + 1] if stack[i, top + 1] != 0.0 else one
+    stack[0, top] = f
+
+
+def run_with_gradient(programs, k, t, values, out):  # type: ignore[no-untyped-def]
+    """Fill out (1 + n,) with function k at t and n values of quantities, and its derivatives by these.
+
+    The value is nan where there is none that is finite; a derivative is 0 there.
+    """
+    code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
+    n, at, top, end = len(values), programs.first[k], -1, programs.first[k + 1]
+    while at < end:
+        op, p = code[at], arg[at]
+        at += 1
+        if op == JUMP:
+            at = p
+        elif op in (BRANCH, UNLESS):
+            if math.isnan(stack[0, top]):
+                at = end
+            else:
+                at = p if stack[0, top] == 0.0 else at
+                top -= 1
+                if op == UNLESS and at == p:
+                    for i in range(n + 1):
+                        stack[i, top] = 0.0
+        elif op == KEEP:
+            top += 1
+            for i in range(n + 1):
+                stack[i, top] = stack[i, top - 1]
+                stack[i, top - 1] = stack[i, top - 2]
+                stack[i, top - 2] = stack[i, top]
+        elif op in (SCALE, NEGATE):
+            factor = data[p] if op == SCALE else -1.0
+            for i in range(n + 1):
+                stack[i, top] *= factor
+            stack[0, top] += data[p + 1] if op == SCALE else 0.0
+        elif SIN <= op <= ABS:
+            value, slope, _ = function_jet(op, stack[0, top], 1.0, 0.0)
+            for i in range(1, n + 1):
+                stack[i, top] = slope * stack[i, top] if stack[i, top] != 0.0 else 0.0
+            stack[0, top] = value
+        elif op == QUANTITY:
+            top += 1
+            for i in range(n + 1):
+                stack[i, top] = 0.0
+            quantity = int(data[p])
+            stack[0, top], stack[1 + quantity, top] = values[quantity], 1.0
+        elif op >= RAMP or op <= TIME:
+            top += 1
+            for i in range(n + 1):
+                stack[i, top] = 0.0
+            stack[0, top] = time_jet(op, data, p, t)[0]
+        else:
+            top -= 1
+            combine(op, stack, top, n)
+    out[0] = stack[0, top] if math.isfinite(stack[0, top]) else math.nan
+    for i in range(1, n + 1):
+        out[i] = stack[i, top] if math.isfinite(stack[i, top]) else 0.0

@@ -13,7 +13,7 @@ from .checks import check_case
 from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
 from .emit import written, yaml_text
-from .nodes import MapNode, Origin, Scalar, Source, line_breaks
+from .nodes import MapNode, Node, Origin, Scalar, Source, line_breaks
 from .overrides import apply_overrides
 from .records import bind_record
 from .schema import Case
@@ -63,6 +63,7 @@ def _load(text: str, name: str, overrides: Sequence[str], vocabulary: Vocabulary
     source = Source(name, text, root)
     binder = Binder(vocabulary, problems)
     binder.labels = _labels(root)
+    _tell_names(root, binder)
     case = bind_record(Case, root, (), binder)
     check_case(case, source, binder)
     definitions = _definitions(case, directory, binder, source)
@@ -84,14 +85,30 @@ def _no_case(root: object, name: str) -> Problem:
 
 def _labels(root: MapNode) -> tuple[str, str, str]:
     """Return the unit labels for messages before the case is read; SI where they are unusable."""
-    entry = root.entries.get("units")
-    found = {} if entry is None or not isinstance(entry.node, MapNode) else entry.node.entries
+    found = _entries(root, "units")
     labels = []
     for name, default in (("length", "m"), ("force", "N"), ("time", "s")):
-        node = found[name].node if name in found else None
+        node = found.get(name)
         usable = isinstance(node, Scalar) and node.shape == "text" and len(node.text) <= 12
         labels.append(node.text if usable and isinstance(node, Scalar) else default)
     return labels[0], labels[1], labels[2]
+
+
+def _tell_names(root: MapNode, binder: Binder) -> None:
+    """Let a binder know the parameters, probes and controllers of a case before the case is read."""
+    parameters = _entries(root, "parameters")
+    binder.numbers = {name: float(node.value) for name, node in parameters.items()
+                      if isinstance(node, Scalar) and node.shape == "number"}
+    output = root.entries.get("output")
+    binder.probes = tuple(_entries(output.node, "probes") if output is not None else ())
+    binder.controllers = tuple(_entries(root, "controllers"))
+
+
+def _entries(node: Node, name: str) -> dict[str, Node]:
+    """Return the nodes of a mapping below a key by name; none where there is no mapping."""
+    entry = node.entries.get(name) if isinstance(node, MapNode) else None
+    found = {} if entry is None or not isinstance(entry.node, MapNode) else entry.node.entries
+    return {key: item.node for key, item in found.items()}
 
 
 def _definitions(case: Case, directory: str, binder: Binder,

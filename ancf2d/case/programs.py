@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 from ..errors import ComputationError
 from . import jets
-from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Time, Tree
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
 
 
 class Assembler:
-    """Writes programs of the stack machine."""
+    """Writes programs of the stack machine.
 
-    def __init__(self) -> None:
+    ``meaning`` tells what quantities are: the number of one that is told, or the tree that stands for it.
+    """
+
+    def __init__(self, meaning: Mapping[str, int | Tree] | None = None) -> None:
+        self.meaning = meaning or {}
         self.code: list[int] = []
         self.arg: list[int] = []
         self.data: list[float] = []
@@ -46,6 +50,12 @@ class Assembler:
                 self.emit(jets.NUMBER, 1, value)
             case Time():
                 self.emit(jets.TIME, 1)
+            case Quantity(name):
+                meant = self.meaning.get(name, 0)
+                if isinstance(meant, int):
+                    self.emit(jets.QUANTITY, 1, meant)
+                else:
+                    self.tree(meant)
             case Negative(operand):
                 self.tree(operand)
                 self.emit(jets.NEGATE, 0)
@@ -138,6 +148,11 @@ class Function:
         """Return what messages call it."""
         return f"the {type(self).__name__.lower()}"
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What a motion has to tell for the function to have a value."""
+        return ()
+
 
 def _run(program: Assembler, t: float, length: int | None = None, stack: Any = None) -> tuple[float, float, float]:
     """Return what the first instructions of a program, or all of them, leave on the stack, with two derivatives."""
@@ -180,22 +195,62 @@ def _trouble(program: Assembler, t: float) -> str:
     return "it is too large"
 
 
-def programs(functions: Iterable[tuple[Function | None, float, float]]) -> jets.Programs:
+def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: Collection[int] = ()) -> jets.Programs:
     """Return (function, factor, offset) each as programs for kernels, offset + factor * function(t).
 
-    Without a function, 1 stands in its place. There may be none.
+    Without a function, 1 stands in its place. There may be none. Those in ``clocks`` have t in the place of their rate.
     """
     import numpy as np
 
     out, first = Assembler(), [0]
-    for function, factor, offset in functions:
+    for k, (function, factor, offset) in enumerate(functions):
         out.height = 0
         if function is None:
             out.emit(jets.NUMBER, 1, 1.0)
         else:
             function.emit(out)
         out.emit(jets.SCALE, 0, factor * (1.0 if function is None else function.scale), offset)
+        if k in clocks:
+            out.emit(jets.CLOCK, 0)
         first.append(len(out.code))
     return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
                          np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
                          np.array([-np.inf, np.inf]), np.zeros((3, max(out.depth, 1))))
+
+
+def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: Mapping[str, int | Tree], count: int
+                   ) -> jets.Programs:
+    """Return (function or tree, factor) each as programs of ``count`` quantities, for ``jets.run_with_gradient``.
+
+    ``meaning`` is that of ``Assembler``.
+    """
+    import numpy as np
+
+    out, first = Assembler(meaning), [0]
+    for function, factor in functions:
+        out.height = 0
+        if isinstance(function, Function):
+            function.emit(out)
+            factor *= function.scale
+        else:
+            out.tree(function)
+        out.emit(jets.SCALE, 0, factor, 0.0)
+        first.append(len(out.code))
+    return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
+                         np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
+                         np.array([-np.inf, np.inf]), np.zeros((1 + count, max(out.depth, 1))))
+
+
+def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) -> tuple[float, list[float]]:
+    """Return the value of function k of ``state_programs`` and its derivatives by the quantities; nan for no value."""
+    import numpy as np
+
+    out = np.zeros(1 + len(values))
+    with np.errstate(all="ignore"):
+        jets.run_with_gradient(program, k, np.float64(t), np.asarray(values, dtype=float), out)
+    return float(out[0]), out[1:].tolist()
+
+
+def switches(program: jets.Programs) -> bool:
+    """Whether a program compares, or takes an absolute value: it may jump, or have a kink."""
+    return bool({*range(jets.LESS, jets.UNEQUAL + 1), jets.ABS} & set(program.code.tolist()))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Time, Tree
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
 
 Series = NDArray[Any]
 WHOLE = 64  # powers of whole exponents up to this one are products, which zero and negative bases do not disturb
@@ -112,6 +112,8 @@ def _of(tree: Tree, s: Series) -> Series:
             return constant(value, s)
         case Time():
             return s
+        case Quantity():
+            return constant(np.nan, s)
         case Negative(operand):
             return -_of(operand, s)
         case Power(base, exponent):

@@ -4,24 +4,48 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, NamedTuple
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 60
 FUNCTION_NAMES = ("sin", "cos", "exp", "sqrt", "abs")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
+# names that nothing else can have
+WORDS = ("pi", "if", "else", *FUNCTION_NAMES)
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NAMES = "pi, " + ", ".join(FUNCTION_NAMES)
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-                    r"|(?P<name>[A-Za-z_]\w*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
+                    r"|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
+
+
+def _nearest(word: str, names: Collection[str]) -> str:
+    """Return the name most like a word, empty where none is near."""
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(word, list(names)[:10000], n=1)), "") if len(word) <= 80 else ""
 
 
 class ExpressionError(ValueError):
-    """A text that is no expression; ``column`` counts from 0 inside it."""
+    """A text that is no expression; ``column`` counts from 0 inside it, ``near`` is a name that was probably meant."""
 
-    def __init__(self, message: str, column: int) -> None:
+    def __init__(self, message: str, column: int, near: str = "") -> None:
         super().__init__(message)
-        self.column = column
+        self.column, self.near = column, near
+
+
+class Names(NamedTuple):
+    """What the names in an expression mean.
+
+    ``variable`` is that of the function, t or s; ``numbers`` are the parameters of the case with their values;
+    ``quantities`` what a motion tells while it runs, such as arm.theta. ``probes`` help to say what is wrong with a
+    name.
+    """
+
+    variable: str = "t"
+    numbers: Mapping[str, float] = {}
+    quantities: Collection[str] = ()
+    probes: Collection[str] = ()
 
 
 class Constant(NamedTuple):
@@ -32,6 +56,12 @@ class Constant(NamedTuple):
 
 class Time(NamedTuple):
     """The variable: t, or s along a body."""
+
+
+class Quantity(NamedTuple):
+    """What a motion tells while it runs: a quantity of a probe, of a point or a spring, or a controller."""
+
+    name: str
 
 
 class Negative(NamedTuple):
@@ -76,21 +106,74 @@ class Choice(NamedTuple):
     other: Tree
 
 
-Tree = Constant | Time | Negative | Power | Chain | Call | Comparison | Choice
+Tree = Constant | Time | Quantity | Negative | Power | Chain | Call | Comparison | Choice
 
 
-def syntax(text: str, variable: str = "t") -> Tree:
-    """Return the tree of an expression in ``variable``. Raises ExpressionError where the text is none."""
+def syntax(text: str, names: Names | str = "t") -> Tree:
+    """Return the tree of an expression, with numbers for parameters. Raises ExpressionError where the text is none.
+
+    ``names`` is the variable alone where there are no others; a ``Formula`` knows its own.
+    """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
-    return _Parser(text, variable).whole()
+    own = text.names if isinstance(text, Formula) else names
+    return _Parser(text, Names(own) if isinstance(own, str) else own).whole()
+
+
+class Formula(str):
+    """The text of an expression with the names that it uses beside its variable: two are equal where these are, too."""
+
+    names: Names
+
+    def __new__(cls, text: str, names: Names) -> Formula:
+        """Return the text with what its names mean."""
+        self = super().__new__(cls, text)
+        self.names = names
+        return self
+
+    def __getnewargs__(self) -> Any:
+        """Return what a copy is made of."""
+        return str(self), self.names
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether text and names are the same."""
+        return isinstance(other, Formula) and str.__eq__(self, other) and self.names == other.names
+
+    def __ne__(self, other: object) -> bool:
+        """Return whether text or names differ."""
+        return not self == other
+
+    def __hash__(self) -> int:
+        """Return the hash of the text."""
+        return str.__hash__(self)
+
+
+def formula(text: str, names: Names) -> str:
+    """Return an expression as a text that knows the names it uses; one that uses none is a plain text.
+
+    Raises ExpressionError where the text is no expression.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
+    parser = _Parser(text, names)
+    parser.whole()
+    if not parser.used:
+        return text
+    numbers = {k: v for k, v in names.numbers.items() if k in parser.used}
+    return Formula(text, Names(names.variable, numbers, tuple(sorted(parser.used - set(numbers)))))
+
+
+def quantities_of(text: str | None) -> tuple[str, ...]:
+    """Return what a motion has to tell while it runs for an expression to have a value, by name."""
+    return tuple(text.names.quantities) if isinstance(text, Formula) else ()
 
 
 class _Parser:
     """Recursive descent: conditional < comparison < sum < product < sign < power < atom."""
 
-    def __init__(self, text: str, variable: str) -> None:
-        self.text, self.variable = text, variable
+    def __init__(self, text: str, names: Names) -> None:
+        self.text, self.names = text, names
+        self.used: set[str] = set()
         self.tokens = list(self.split(text))
         self.at = 0
         self.depth = 0
@@ -202,16 +285,23 @@ class _Parser:
                         else f"'{text}' is unexpected")
 
     def named(self, text: str) -> Tree:
-        if text == self.variable:
+        told = text == self.names.variable or text in self.names.quantities
+        if told and text in self.names.numbers:
+            raise self.fail(f"'{text}' is a parameter, and has a meaning of its own here; give the parameter another "
+                            "name")
+        if told or text in self.names.numbers:
             self.take()
-            return Time()
+            if text == self.names.variable:
+                return Time()
+            self.used.add(text)
+            return Constant(self.names.numbers[text]) if text in self.names.numbers else Quantity(text)
         if text == "pi":
             self.take()
             return Constant(math.pi)
         if text in ("if", "else"):
             raise self.fail(f"a value is missing before '{text}'")
         if text not in FUNCTION_NAMES:
-            raise self.fail(f"'{text}' is unknown; known names are {self.variable}, {_NAMES}")
+            raise self.unknown(text)
         self.take()
         if self.peek() != "(":
             raise self.fail(f"'(' is missing after {text}")
@@ -219,6 +309,27 @@ class _Parser:
         argument = self.conditional()
         self.close()
         return Call(text, argument)
+
+    def unknown(self, text: str) -> ExpressionError:
+        """Return what is wrong with a name: a probe without a quantity, or one that is not known."""
+        probe, dot, quantity = text.partition(".")
+        own = [name for name in self.names.quantities if name.startswith(f"{probe}.")]
+        column = self.tokens[self.at][2]
+        if own and not dot:
+            return ExpressionError(f"'{text}' is a probe, whose quantities are {', '.join(own)}", column)
+        if own:
+            known = ", ".join(name.partition(".")[2] for name in own)
+            why = "section forces follow from the motion and cannot act back on it" if quantity in "NQM" else ""
+            return ExpressionError(f"'{text}' is unknown{': ' + why if why else ''}; quantities of a probe that an "
+                                   f"expression can use are {known}", column,
+                                   _nearest(text, own) if not why else "")
+        if dot and (self.names.probes or self.names.quantities):
+            return ExpressionError(f"'{text}' is unknown: there is no probe '{probe}' in output.probes", column,
+                                   _nearest(text, self.names.quantities))
+        plain = [name for name in (*self.names.quantities, *self.names.numbers) if "." not in name]
+        known = ", ".join([self.names.variable, _NAMES, *plain])
+        return ExpressionError(f"'{text}' is unknown; known names are {known}", column,
+                               _nearest(text, (*self.names.quantities, *self.names.numbers)))
 
     def close(self) -> None:
         if self.peek() != ")":

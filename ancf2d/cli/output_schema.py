@@ -63,6 +63,7 @@ def _run() -> Schema:
     optional: Schema = {
         "reactions": _named(QUANTITIES, "fx, fy, m of each support and obstacle"),
         "contacts": _list(contact, "in the order of the case"),
+        "controllers": _named(QUANTITIES, "output and states of each controller at the end"),
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
         "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),

@@ -83,4 +83,19 @@ class PointLaw:
     memory: bool = False
 
 
+# formulas of a case by the address that laws know them by, and what evaluates them; kernels have their own of both
+FORMULAS: dict[int, Any] = {}
+RUN: list[Callable[..., Any]] = []
+
+
+def formula_at(address):  # type: ignore[no-untyped-def]
+    """Return the formula at an address: ``values`` (n,) of its quantities, ``out`` (1 + n,) of ``evaluate_formula``."""
+    return FORMULAS[int(address)]
+
+
+def evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
+    """Fill ``formula.out`` with function k at s and ``formula.values``, and its derivatives by these."""
+    RUN[0](formula.programs, k, s, formula.values, formula.out)
+
+
 HELPERS = (turn, half_sine, turn_hessian, with_multiplier)

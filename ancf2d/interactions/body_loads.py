@@ -15,16 +15,18 @@ from ..case.declare import key, record
 from ..case.kinds import Flag, Name, Number, Vector
 from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
 from ..case.schema.points import MovingPoint
-from ..case.schema.profiles import Profile, ProfileOf
+from ..case.schema.profiles import Profile, ProfileOf, ProfileTable
 from ..elements.formulations import FORMULATIONS
-from ..elements.point_laws import DIRECTION, MAX_MEM, THETA
+from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, Index, mass_weights
 from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
+from ..model.timing import Answer, Clocked, Signal
 from .flow import fluid_weight
 from .forces import ACTIVE, AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
+from .formulas import ALONG_BODY, LOCAL, density_formula, is_formula, weights_of
 
 Density = tuple[float | Profile, float | Profile]
 # points along, beside those for a constant, that integrate a load that varies
@@ -68,6 +70,7 @@ class Gravity:
     """Gravity on everything that has mass."""
 
     tag = "gravity"
+    answers = False
     value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
                                      example=[0, -9.81])
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -98,6 +101,71 @@ class Gravity:
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
 
 
+def _turning(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
+    """Return G, p0 and the reference angle of x, y and of how the section turns, at points xi of elements of a class.
+
+    They are (elements, points, fields, n), (elements, points, fields) and (elements, points).
+    """
+    element, dofs = mesh.plan.element, mesh.dofs[elements]
+    nc, shape, zero = element.components, mesh.classes[mesh.cls[elements[0]]].shape, np.zeros_like(xi)
+    S, D = shape(xi, zero), shape(xi, zero, *_TURNS_WITH[element.section_kind])
+    local, theta = mesh.e0[dofs - mesh.first_dof], nc == 3
+    m, p, n = len(elements), len(xi), dofs.shape[1]
+    G, p0 = np.zeros((m, p, 3 if theta else 4, n)), np.zeros((m, p, 3 if theta else 4))
+    G[:, :, 0, 0::nc], G[:, :, 1, 1::nc] = S, S
+    if theta:
+        G[:, :, 2, 2::3] = D
+        return G, p0, local[:, 2::3] @ D.T
+    x, y = local[:, 0::2] @ D.T, local[:, 1::2] @ D.T
+    p0[:, :, 2] = length = np.hypot(x, y)
+    c, s = x / length, y / length
+    G[:, :, 2, 0::2], G[:, :, 2, 1::2] = c[..., None] * D, s[..., None] * D
+    G[:, :, 3, 0::2], G[:, :, 3, 1::2] = -s[..., None] * D, c[..., None] * D
+    return G, p0, np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
+
+
+class FormulaLine:
+    """A line load by formula in quantities of the points that it acts on, each a force at a quadrature point.
+
+    ``dofs`` (elements, n) are its coordinates.
+    """
+
+    symmetric = False
+
+    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
+                 amplitude: Callable[[float], float]) -> None:
+        self.mesh, self.cover = mesh, cover
+        self.formula, self.turns = density_formula(value)
+        self.amplitude = (Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
+                          if isinstance(amplitude, Signal) else amplitude)
+        self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
+
+    def items(self) -> Items:
+        """Return the forces at the quadrature points, element by element, as tables have them."""
+        return self._items
+
+    @cached_property
+    def _items(self) -> Items:
+        parts = [self._of(*part) for part in self.cover]
+        dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Items(ALONG_BODY, dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
+
+    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
+        """Return dofs, G, p0 and par of the points xi of some elements of one class."""
+        mesh, (G, p0, _) = self.mesh, _turning(self.mesh, elements, xi)
+        dofs, nc = mesh.dofs[elements], mesh.plan.element.components
+        m, p, _, n = G.shape
+        local = mesh.e0[dofs - mesh.first_dof]
+        for c in (0, 1):
+            p0[:, :, c] = np.einsum("mpn,mn->mp", G[:, :, c], local)
+        kind = (THETA if nc == 3 else DIRECTION) if self.turns else GROUND
+        fields = G.shape[2] if self.turns else 2
+        s = (mesh.starts[elements, None] + xi * mesh.lengths[elements, None]) / mesh.plan.length
+        par = weights_of(w, s, self.formula.address, kind)
+        return (np.repeat(dofs, p, axis=0), np.ascontiguousarray(G[:, :, :fields]).reshape(m * p, fields, n),
+                np.ascontiguousarray(p0[:, :, :fields]).reshape(m * p, fields), par.reshape(m * p, 4))
+
+
 class FollowerLine:
     """A line load (tangential, normal) per reference length: a force that turns at each of its quadrature points.
 
@@ -123,26 +191,11 @@ class FollowerLine:
 
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
-        mesh, element = self.mesh, self.mesh.plan.element
-        nc, dofs = element.components, mesh.dofs[elements]
-        shape, zero = mesh.classes[mesh.cls[elements[0]]].shape, np.zeros_like(xi)
-        S, D = shape(xi, zero), shape(xi, zero, *_TURNS_WITH[element.section_kind])
-        local, theta = mesh.e0[dofs - mesh.first_dof], nc == 3
-        m, p, n = len(elements), len(xi), dofs.shape[1]
-        G, p0 = np.zeros((m, p, 3 if theta else 4, n)), np.zeros((m, p, 3 if theta else 4))
-        G[:, :, 0, 0::nc], G[:, :, 1, 1::nc] = S, S
-        if theta:
-            angle = local[:, 2::3] @ D.T
-            G[:, :, 2, 2::3] = D
-        else:
-            x, y = local[:, 0::2] @ D.T, local[:, 1::2] @ D.T
-            p0[:, :, 2] = length = np.hypot(x, y)
-            c, s = x / length, y / length
-            G[:, :, 2, 0::2], G[:, :, 2, 1::2] = c[..., None] * D, s[..., None] * D
-            G[:, :, 3, 0::2], G[:, :, 3, 1::2] = -s[..., None] * D, c[..., None] * D
-            angle = np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
+        mesh, dofs = self.mesh, self.mesh.dofs[elements]
+        G, p0, angle = _turning(mesh, elements, xi)
+        m, p, _, n = G.shape
         (ft, fn), c, s = per_length(self.value, mesh, elements, xi), np.cos(angle), np.sin(angle)
-        kind = np.full((m, p), THETA if theta else DIRECTION)
+        kind = np.full((m, p), THETA if mesh.plan.element.components == 3 else DIRECTION)
         par = np.stack([w * (c * ft - s * fn), w * (s * ft + c * fn), kind], axis=-1)
         return np.repeat(dofs, p, axis=0), G.reshape(m * p, -1, n), p0.reshape(m * p, -1), par.reshape(m * p, 3)
 
@@ -181,9 +234,10 @@ class Distributed:
     tag = "distributed"
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="beam")
     value: Density = key(
-        Vector(ProfileOf("N/m"), "fx, fy"),
+        Vector(ProfileOf("N/m", local=LOCAL), "fx, fy"),
         "Force per length, each component a number, an expression in s or a table {s, value}; [tangential, normal] "
-        "with follower", example=[0, -500])
+        "with follower. Expressions may use t, and x, y, vx, vy, theta of the point that the force acts on",
+        example=[0, -500])
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
     follower: bool = key(Flag(), "Turns with the axis", default=False)
@@ -192,19 +246,39 @@ class Distributed:
     name: str | None = key(NAME, "Name", default=None)
 
     @property
-    def line(self) -> Line:
-        """Where it acts and how much, times the amplitude."""
-        return Line(self.on, self.from_, self.to, self.value, self.follower)
+    def line(self) -> Line | None:
+        """Where it acts and how much, times the amplitude; none where that depends on the motion."""
+        return None if is_formula(self.value) else Line(self.on, self.from_, self.to, self.value, self.follower)
+
+    @property
+    def places(self) -> tuple[str, tuple[float, ...]] | None:
+        """The body, and where along it nodes are wanted beside those of ``line``."""
+        return (self.on, (self.from_, self.to)) if is_formula(self.value) else None
 
     def check(self) -> Iterator[Issue]:
         """Yield an extent that is empty or backward."""
         if not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} "
                         f"to {self.to:g}")
+        if is_formula(self.value):
+            if self.follower:
+                yield Issue(("follower",), "{}: a load that depends on the motion of its points cannot follow the body",
+                            "components along x and y, which may use theta")
+            for k, value in enumerate(self.value):
+                if isinstance(value, ProfileTable):
+                    yield Issue(("value", k), f"{{}}.value.{k}: a table cannot stand beside a formula in quantities of "
+                                "the point", "an expression in s")
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the load by quadrature along the elements that it covers."""
         mesh = context.meshes[self.on]
+        if is_formula(self.value):
+            if isinstance(context.amplitude, Answer):
+                raise LoadError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
+                                "the formula in value without probes and controllers")
+            cover = covered(mesh, self.from_, self.to, VARYING)
+            out.patches.append(FormulaLine(mesh, cover, self.value, context.amplitude))
+            return
         more = 0 if all(isinstance(v, float) for v in self.value) else VARYING
         cover = [part for a, b in pairwise(load_breaks(self.line)) for part in covered(mesh, a, b, more)]
         if self.follower:
@@ -247,6 +321,7 @@ class Eigenstrain:
     """Strains that a body would take if it were free, caused by actuators, growth or an initial curvature."""
 
     tag = "eigenstrain"
+    answers = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     axial: float | Profile = key(ProfileOf(), "Strain of the axis", default=0.0, example=1e-3)
     curvature: float | Profile = key(ProfileOf("1/m"), "Change of the angle per length of the reference, "
@@ -277,6 +352,7 @@ class Temperature:
     """A change of temperature, which strains the body by the material's alpha, the same in all directions."""
 
     tag = "temperature"
+    answers = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     value: float | Profile = key(ProfileOf("K"), "Change of temperature on the axis", default=0.0, example=60)
     gradient: float | Profile = key(ProfileOf("K/m"), "Change per metre across, along the section's y axis",

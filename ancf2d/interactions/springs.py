@@ -12,7 +12,7 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number
 from ..case.records import Record, tag_of
-from ..case.schema.amplitudes import ACTIVE_DOC, Active
+from ..case.schema.amplitudes import ACTIVE_DOC, Active, ExpressionText
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
@@ -30,6 +30,7 @@ from ..model.point_patch import (
 )
 from ..model.points import PointRef, point_ref
 from ..model.timing import Timing
+from .formulas import by_formula, spring_formula, uses_rate
 from .moving import MovingPatch
 from .spring_laws import spring_law
 
@@ -39,6 +40,10 @@ ACTIVE = Record(Active)
 ONLY = Choice("tension", "compression")
 ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
             "acts only against shortening (default: acts both ways)")
+PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place of stiffness and damping; positive "
+            "pulls the ends together")
+TURN_DOC = ("Moment as a formula in u, the relative rotation less angle [rad], and its rate v, in place of stiffness "
+            "and damping; positive turns the second end back")
 End = PointRef | GroundPoint
 
 
@@ -170,9 +175,32 @@ def _check(self: Any) -> Iterator[Issue]:
     yield from check_ends(self.between)
 
 
-def _without_effect(stiffness: float, damping: float) -> Iterator[Issue]:
-    if stiffness == 0 and damping == 0:
-        yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0")
+def _without_effect(self: Any) -> Iterator[Issue]:
+    if self.force is not None:
+        for name in ("stiffness", "damping"):
+            if getattr(self, name) != 0.0:
+                yield Issue((name,), f"{{}}: {name} and force are both given", "one of them")
+    elif self.stiffness == 0 and self.damping == 0:
+        yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0, or force")
+
+
+# springs whose force is a formula
+FORMULAS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
+            for angle in (False, True)}
+
+
+def by_force(cls: R) -> R:
+    """Let a spring have the formula ``force`` in the place of its stiffness and damping."""
+    place = cls.place  # type: ignore[attr-defined]
+
+    def with_formula(self: Any, ends: list[End]) -> Spring:
+        if self.force is None:
+            return place(self, ends)  # type: ignore[no-any-return]
+        formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
+        constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
+        return (about if angle else along)(FORMULAS[angle], ends, constants, self.damped, self.rest())
+    cls.place = with_formula  # type: ignore[attr-defined]
+    return cls
 
 
 def linear(s, rate, par):  # type: ignore[no-untyped-def]
@@ -209,6 +237,7 @@ def _acting(only: str | None, gap: float) -> list[float]:
     return [-math.inf if only == "tension" else -gap, math.inf if only == "compression" else gap]
 
 
+@by_force
 @spring(linear, over_step=linear_mean)
 @record
 class TranslationalSpring:
@@ -221,6 +250,7 @@ class TranslationalSpring:
     damping: float = key(Number("N s/m", ge=0), "Damping", default=0.0)
     length: float | None = key(Number("m", ge=0), "Length at which the spring is unstressed (default: the distance "
                                "in the reference)", default=None)
+    force: str | None = key(ExpressionText("u", ("v",)), PULL_DOC, default=None, example="1e4*u + 1e6*u^3 + 5*v")
     only: str | None = key(ONLY, ONLY_DOC, default=None)
     gap: float = key(Number("m", ge=0), "Elongation or shortening beyond which it acts, as a stop", default=0.0)
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
@@ -229,7 +259,7 @@ class TranslationalSpring:
     @property
     def damped(self) -> bool:
         """Whether rates cause forces."""
-        return self.damping > 0.0
+        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
 
     @property
     def breaks(self) -> bool:
@@ -239,7 +269,7 @@ class TranslationalSpring:
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
         yield from check_ends(self.between)
-        yield from _without_effect(self.stiffness, self.damping)
+        yield from _without_effect(self)
 
     def constants(self) -> list[float]:
         """Return the constants of the law: U = k (L - L0)^2/2, and c dL/dt, where it acts."""
@@ -250,6 +280,7 @@ class TranslationalSpring:
         return self.length
 
 
+@by_force
 @spring(linear, on="angle", over_step=linear_mean)
 @record
 class RotationalSpring:
@@ -262,6 +293,7 @@ class RotationalSpring:
     damping: float = key(Number("N m s/rad", ge=0), "Damping", default=0.0)
     angle: float = key(Number("rad"), "Relative rotation (second minus first) at which the moment is zero",
                        default=0.0)
+    force: str | None = key(ExpressionText("u", ("v",)), TURN_DOC, default=None, example="2*sin(u) + 0.1*v")
     only: str | None = key(ONLY, ONLY_DOC, default=None)
     gap: float = key(Number("rad", ge=0), "Relative rotation, either way, beyond which it acts, as a stop", default=0.0)
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
@@ -270,7 +302,7 @@ class RotationalSpring:
     @property
     def damped(self) -> bool:
         """Whether rates cause forces."""
-        return self.damping > 0.0
+        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
 
     @property
     def breaks(self) -> bool:
@@ -280,7 +312,7 @@ class RotationalSpring:
     def check(self) -> Iterator[Issue]:
         """Yield ends that cannot be, or a spring without any effect."""
         yield from check_ends(self.between)
-        yield from _without_effect(self.stiffness, self.damping)
+        yield from _without_effect(self)
 
     def constants(self) -> list[float]:
         """Return the constants of the law: U = k (theta_b - theta_a - angle)^2/2, and its damping, where it acts."""

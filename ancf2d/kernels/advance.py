@@ -9,6 +9,7 @@ from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import addressed, inner, kernel
+from .lowlevel.records import array_at
 from .motion import (
     CONTRACTION,
     COUNT,
@@ -173,6 +174,12 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _moved(p, z):  # type: ignore[no-untyped-def]
+    """Return the largest displacement [m] of the unknowns z, states of controllers apart."""
+    return norm(p, array_at(z, 0, (p.inner,)))
+
+
+@inner
 def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
     """Count what an impact takes of the energy, ``given`` all else that goes in: what moves may give some."""
     gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given
@@ -195,10 +202,16 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
         calls.restart(m.calls, (s, m.own))
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
-    s.numbers[SIZE] = max(s.numbers[SIZE], norm(p, s.z))
-    if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0:
+    s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
+    if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and p.rank == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
+    if p.rank > 0:
+        calls.feedback_accept(p.calls, (p, w))
+        for i in range(p.inner, len(s.z)):
+            # relative to the states as errors of displacements are to these
+            scale = p.feedback.scale[i - p.inner]
+            p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
         s.numbers[LOST] += remember_elements(p, w.d, w.amps)
     if not p.patched:
@@ -256,7 +269,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if target - t < 1.1 * h:
             h = target - t
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h)
-        size = max(s.numbers[SIZE], norm(p, m.end.z))
+        size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:

@@ -98,6 +98,9 @@ add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, Non
 forces = _call(_pair, None, _SCRATCH, _x, _x)
 forces_tangent = _call(_f, None, _SCRATCH, _x, _x, _f)
 at_floor = _call(_b, None, _SCRATCH, _x, _x)
+# what answers the motion: kernels.feedback
+feedback, feedback_accept = (_call(_nothing, None, _SCRATCH) for _ in range(2))
+feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
 # for SciPy's integrators: kernels.ode, kernels.consistent
 accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)

@@ -6,18 +6,20 @@ A strain law works on the rows of one point in a work buffer (``lanes.Slots``): 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
+from ..case import jets
 from ..elements import point_laws
 from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.jit import addressed, addressed_with_memory, inlined
-from .lowlevel.records import address_of, caller, rows, table
+from .lowlevel.records import address_of, at, caller, rows, table, type_of
+from .motion import evaluate_with_gradient
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)
@@ -156,6 +158,39 @@ def law_address(law: StrainLaw) -> int:
 declare = cache(register_jitable)
 for _helper in point_laws.HELPERS:
     declare(_helper)
+
+class Formula(NamedTuple):
+    """Functions of n quantities that a law knows by their address: what ``evaluate_formula`` reads and fills."""
+
+    programs: Any
+    values: Any
+    out: Any
+
+
+def formula(programs: Any, n: int) -> Formula:
+    """Return functions of n quantities."""
+    return Formula(programs, np.zeros(n), np.zeros(1 + n))
+
+
+_no_numbers = np.zeros(0, dtype=np.int64)
+_FORMULA = type_of(formula(jets.Programs(_no_numbers, _no_numbers, _no_numbers, np.zeros(0), np.zeros(2),
+                                         np.zeros((0, 0))), 0))
+_formula_record = at(_FORMULA)
+
+
+@overload(point_laws.formula_at, inline="always")
+def _formula_at(address):  # type: ignore[no-untyped-def]
+    def found(address):  # type: ignore[no-untyped-def]
+        return _formula_record(int(address))
+    return found
+
+
+@overload(point_laws.evaluate_formula, inline="always")
+def _evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
+    def evaluate(formula, k, s):  # type: ignore[no-untyped-def]
+        evaluate_with_gradient(formula.programs, k, s, formula.values, formula.out)
+    return evaluate
+
 
 _v, _m = types.float64[::1], types.float64[:, ::1]
 _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)

@@ -85,6 +85,10 @@ def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     s.a[:] = 0.0
     calls.forces(p.calls, (p, w, s.z, s.v))
     residual(p, w, s.v, s.a)
+    for i in range(p.inner, n):
+        # rates of controllers' states are what they have to be
+        s.v[i] -= w.R[i]
+        w.R[i] = 0.0
     for i in range(n):
         rhs[i] = -w.R[i]
     if p.patched:

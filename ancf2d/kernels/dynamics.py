@@ -35,6 +35,9 @@ class Problem(NamedTuple):
     P; alpha : mass damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it
     turns: a coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights, straining :
     (n,) [m], those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers; extent : of the scene [m].
+    feedback : what answers the motion; inner : the unknowns without controllers' states, which are the last; rank : of
+    what signals and states add to tangents (``kernels.feedback``); sure : iterations at least, 2 where these switch, as
+    small increments say nothing of what is beyond a switch.
     """
 
     groups: Any
@@ -79,6 +82,10 @@ class Problem(NamedTuple):
     straining: Any
     coordinate: Any
     extent: float
+    feedback: Any
+    inner: int
+    rank: int
+    sure: int
 
 
 @kernel
@@ -181,12 +188,23 @@ def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
                 R[i] += f * p.motion_mass[k, i]
 
 
+@inner
+def answer(p, w):  # type: ignore[no-untyped-def]
+    """Set what answers the motion at w.d, w.v, and add z' - g of controllers' states to w.Q."""
+    if p.rank > 0:
+        calls.feedback(p.calls, (p, w))
+        for j in range(p.feedback.states):
+            k = p.full[p.inner + j]
+            w.Q[k] += w.v[k] - p.feedback.rates[j]
+
+
 @kernel
 def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     """Fill w.d, w.v and w.Q = Q - F (n_full,) at unknowns z with rates v; return (energy, dissipated power)."""
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
+    answer(p, w)
     w.counts[FORCES] += 1
     set_natural(p, w.amps, w.amps)
     place_moving(p, w.d, w.amps)
@@ -207,6 +225,9 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.A[:] = 0.0
+    answer(p, w)
+    if p.rank > 0:
+        calls.feedback_tangent(p.calls, (p, w, c))
     w.counts[TANGENTS] += 1
     set_natural(p, w.amps, w.amps)
     place_moving(p, w.d, w.amps)
@@ -293,6 +314,12 @@ def norm(p, x):  # type: ignore[no-untyped-def]
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0
+    if p.rank > 0:
+        to_full(p, v, w.amps, 1, w.v)
+        calls.feedback(p.calls, (p, w))
+        for j in range(p.feedback.states):
+            k = p.full[p.inner + j]
+            w.other[k] = abs(w.v[k]) + abs(p.feedback.rates[j])
     set_natural(p, w.amps, w.amps)
     place_moving(p, w.d, w.amps)
     elastic_noise(p, w.d, w.other)

@@ -103,10 +103,12 @@ def motion(n: int, kept: int, sections: int) -> Motion:
     return out
 
 
-for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet):
+for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet,
+                  jets.combine):
     register_jitable(_function)
 
 _run = kernel(jets.run)
+evaluate_with_gradient = kernel(jets.run_with_gradient)
 
 
 @kernel

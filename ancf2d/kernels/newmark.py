@@ -8,6 +8,7 @@ import numpy as np
 
 from . import calls
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
+from .feedback import weigh_state
 from .lowlevel.arrays import copy
 from .lowlevel.jit import addressed, inner
 from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
@@ -58,6 +59,10 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     for k in range(len(m.alg)):
         w.y[k] *= factor
     solve_with(p, w.A, w.y)
+    for k in range(p.inner, len(m.alg)):
+        # states of controllers have no mass: theirs is the term itself
+        w.y[k] = factor / ca * w.x[k]
+        weigh_state(p, s, k - p.inner, abs(m.end.v[k]))
     return norm(p, w.y)
 
 
@@ -101,7 +106,8 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                 end.z[i] += w.x[i]
         _move(m, p, s, h)
         last, iteration = step, iteration + 1
-        if settled(step, rate if iteration > 1 else min(max(rate, 1e-2), 0.5), m.tolerance * size, p, w, end.z, w.amps):
+        expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
+        if iteration >= p.sure and settled(step, expected, m.tolerance * size, p, w, end.z, w.amps):
             break
         # which constraints are open is found on the way: the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):

@@ -79,18 +79,20 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
     for k in range(m):
         out[k] = y[m + k]
         out[m + k] = s.a[free[k]] if found else np.nan
+        if free[k] >= p.inner:
+            # states of controllers have first derivatives alone: z' = g = v + (g - v), and v stays as it is
+            out[k] += out[m + k]
+            out[m + k] = 0.0
 
 
 @kernel
 def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
-    """Fill dQ/dz, dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
+    """Fill dQ/dz, dQ/dz + dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
     evaluate(p.programs, t, w.amps)
     calls.forces_tangent(p.calls, (p, w, s.z, s.v, 1.0))
     copy(w.A, C)
     calls.forces_tangent(p.calls, (p, w, s.z, s.v, 0.0))
     copy(w.A, K)
-    for i in range(len(C)):
-        C[i] -= K[i]
     to_full(p, s.z, w.amps, 0, w.d)
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
@@ -110,6 +112,10 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 @kernel
 def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
+    if p.rank > 0:
+        evaluate(p.programs, t, w.amps)
+        to_full(p, s.z, w.amps, 0, w.d)
+        calls.feedback_accept(p.calls, (p, w))
     if not p.patched:
         return 0.0
     calls.onto_constraints(p.calls, (p, w, s.z, s.v, t))

@@ -15,6 +15,7 @@ import numpy as np
 
 from . import calls
 from .dynamics import MET, norm, remember, residual, solve_with, to_full, weighed
+from .feedback import weigh_state
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import addressed, inner
 from .lowlevel.records import array_at
@@ -224,6 +225,10 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     for first in range(0, n, TILE):
         combine(m.embedded, 0, m.X, first, w.x, first, min(TILE, n - first))
         combine(m.embedded, 0, m.R, first, w.y, first, min(TILE, n - first))
+    # states of controllers have no mass: theirs is the difference itself
+    states = p.feedback.rates
+    for j in range(n - p.inner):
+        states[j] = w.x[p.inner + j] + g * s.v[p.inner + j]
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     calls.mass_product(p.calls, (p, w.x, w.y))
@@ -233,6 +238,12 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
     solve_with(p, m.B, w.y)
     if kept:
         turn(m, p, 0, 1.0, w.y)
+    for j in range(n - p.inner):
+        w.y[p.inner + j] = states[j]
+        rate = abs(s.v[p.inner + j])
+        for i in range(len(m.c)):
+            rate = max(rate, abs(m.V[i, p.inner + j]))
+        weigh_state(p, s, j, rate)
     return norm(p, w.y)
 
 
@@ -321,7 +332,8 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
         _rates(m, s, h, True)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
-        if (step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))) and _met(m, p, w, s):
+        small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
+        if small and iteration >= p.sure and _met(m, p, w, s):
             return DONE, iteration, rate
         if in_vain:
             return NOT_CONVERGED, iteration, rate

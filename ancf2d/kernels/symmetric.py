@@ -15,18 +15,19 @@ from .lowlevel.records import array_at
 from .matrix import Nested, SymBand, band_product, product_by_diagonals
 
 # pivots below this share of the terms that they are the difference of are none
-_TINY = 1e-16
+TINY = 1e-16
 
 
 @inlined
-def _band(p, A):  # type: ignore[no-untyped-def]
-    return array_at(A, 0, (len(p.coordinate), p.width))
+def band_of(p, A):  # type: ignore[no-untyped-def]
+    """Return a band as rows."""
+    return array_at(A, 0, (p.inner, p.width))
 
 
 @inlined
 def in_band(p, A):  # type: ignore[no-untyped-def]
     """Return where element matrices go in a band."""
-    return SymBand(_band(p, A))
+    return SymBand(band_of(p, A))
 
 
 @inlined
@@ -38,19 +39,19 @@ def in_fronts(p, A):  # type: ignore[no-untyped-def]
 @addressed
 def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
     """Factor A = L D L^T in place; return whether it could be. What is in ``scale`` (n,) is lost."""
-    return ldl_factor(_band(p, A), _TINY, scale)[0] < 0
+    return ldl_factor(band_of(p, A), TINY, scale)[0] < 0
 
 
 @addressed
 def factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
     """Do as ``factor_band`` does."""
-    return fronts_factor(p.fronts, A, _TINY, scale)[0] < 0
+    return fronts_factor(p.fronts, A, TINY, scale)[0] < 0
 
 
 @addressed
 def solve_band(p, A, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place."""
-    ldl_solve(_band(p, A), x)
+    ldl_solve(band_of(p, A), x)
 
 
 @addressed
@@ -62,7 +63,7 @@ def solve_fronts(p, A, x):  # type: ignore[no-untyped-def]
 @addressed
 def product_band(p, A, x, y):  # type: ignore[no-untyped-def]
     """Fill y = A x."""
-    band_product(_band(p, A), x, y)
+    band_product(band_of(p, A), x, y)
 
 
 @addressed
@@ -86,8 +87,8 @@ def mass_fronts(p, x, y):  # type: ignore[no-untyped-def]
 @addressed
 def sizes_band(p, A, x, y):  # type: ignore[no-untyped-def]
     """Add |A| x to y."""
-    n, bw = len(y), p.width - 1
-    rows = _band(p, A)
+    n, bw = p.inner, p.width - 1
+    rows = band_of(p, A)
     for i in range(n):
         for j in range(max(0, i - bw), min(n, i + bw + 1)):
             y[i] += abs(rows[i, bw + j - i] if j <= i else rows[j, bw + i - j]) * x[j]
@@ -102,8 +103,8 @@ def sizes_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
 @addressed
 def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
     """Set to zero what is between unknowns of one kind (n,), but for the diagonal of multipliers (kind 0)."""
-    n, bw = len(kind), p.width - 1
-    rows = _band(p, A)
+    n, bw = p.inner, p.width - 1
+    rows = band_of(p, A)
     for i in range(n):
         for j in range(max(0, i - bw), i + 1):
             if kind[i] == kind[j] and (i != j or kind[i] != 0.0):

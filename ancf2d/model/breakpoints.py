@@ -209,6 +209,9 @@ class _Trace:
                 return np.full(len(self.t), value)
             case syntax.Time():
                 return self.t
+            case syntax.Quantity():
+                # not known beforehand: what depends on it switches while the motion runs
+                return np.full(len(self.t), np.nan)
             case syntax.Negative(operand):
                 return -self.value(operand)
             case syntax.Power(base, exponent):

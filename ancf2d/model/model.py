@@ -24,6 +24,7 @@ from .timing import Timing
 
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPair
+    from .feedback import Feedback
     from .interactions import Interactions
 
 
@@ -280,6 +281,13 @@ class Model:
         from .interactions import Interactions
 
         return Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
+
+    @cached_property
+    def feedback(self) -> Feedback:
+        """What answers the motion, empty where nothing does. Raises CaseError for a probe that cannot be used."""
+        from .feedback import Feedback
+
+        return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
 
     @property
     def patches(self) -> list[Patch]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..case import Amplitude
 
@@ -34,6 +35,34 @@ class Signal:
             return self.offset + self.factor, 0.0, 0.0
         value, rate, second = self.amplitude.jet(t)
         return self.offset + self.factor * value, self.factor * rate, self.factor * second
+
+
+@dataclass(frozen=True)
+class Answer(Signal):
+    """A signal that is a function of quantities of the motion; it has the value of the state last looked at."""
+
+    level: list[float] = field(default_factory=lambda: [math.nan], compare=False)
+
+    def __call__(self, t: float) -> float:
+        """Return the value at the state last looked at."""
+        return self.level[0]
+
+    def rate(self, t: float) -> float:
+        """Return 0: the motion tells how it changes."""
+        return 0.0
+
+    def derivatives(self, t: float) -> tuple[float, float, float]:
+        """Return the value at the state last looked at."""
+        return self.level[0], 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Clocked(Signal):
+    """A signal that tells the time in the place of its rate: what loads follow that are formulas in t."""
+
+    def derivatives(self, t: float) -> tuple[float, float, float]:
+        """Return the value at time t, and the time."""
+        return self(t), t, 0.0
 
 
 def rates_of(course: Callable[[float], float] | None, t: float) -> tuple[float, float]:
@@ -72,7 +101,13 @@ class Timing:
 
 
 class TimeTiming(Timing):
-    """Over time: what has no amplitude is constant. Everything is a Signal, which kernels can evaluate."""
+    """Over time: what has no amplitude is constant. Everything is a Signal, which kernels can evaluate.
+
+    ``answers`` are those that are functions of the motion, each once.
+    """
+
+    def __init__(self) -> None:
+        self.answers: dict[Amplitude, Answer] = {}
 
     def __call__(self, t: float) -> float:
         """Return 1."""
@@ -80,6 +115,8 @@ class TimeTiming(Timing):
 
     def follow(self, amplitude: Amplitude | None) -> Signal:
         """Return the factor on a load."""
+        if amplitude is not None and amplitude.quantities:
+            return self.answers.setdefault(amplitude, Answer(amplitude))
         return Signal(amplitude)
 
     def motion(self, value: float | Amplitude, start: float) -> Signal:

@@ -84,7 +84,9 @@ class MovingPoints:
                 first, last, at = points.dof[i], points.dof[i + 1], points.entry[i]
                 rows = points.G[at:at + 2 * (last - first)].reshape(2, -1)
                 np.add.at(full, points.dofs[first:last], patch.mass * ((old - new) @ rows))
-        return self.model.numbering.reduce(full)
+        out = np.zeros(len(s.z))
+        out[:p.inner] = self.model.numbering.reduce(full[:len(self.model.numbering.place)])
+        return out
 
 
 def events(case: Case, t_end: float) -> list[dict[str, Any]]:
@@ -132,11 +134,12 @@ def pass_break(motion: Any) -> None:
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass
     kinks = motion.moving.kinks(p, w, s, t, carried)
+    sampled = motion.answers.sample(t)
     motion.consistent(t, impulse + kinks)
     s.v[:] += off
     if jump[motion.driving].any() or kinks.any():
         s.numbers[WORK] += kinetic(p, w, s, t) - energy
     if motion.dt > 0.0:
         s.numbers[GRID] = np.floor(t / motion.dt + NEAR)
-    elif t not in motion.moving.times or kinks.any():
+    elif kinks.any() or not (sampled or t in motion.moving.times):
         s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], 10.0 * motion.first_step())

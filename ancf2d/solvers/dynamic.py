@@ -139,6 +139,7 @@ class Run:
             for row in found:
                 if row.kind == CHECK:
                     d, v, _ = self.stepper.full(row)
+                    self.stepper.answers.look(row)
                     self.balance.take(row, d, v)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
             for k, row in enumerate(rows):
@@ -207,6 +208,7 @@ class Run:
         d, v, a = self.stepper.full(row)
         if self.model.contacts:
             recall_rows(self.model, row.turns)
+        controllers = self.stepper.answers.look(row)
         F = self.model.external(row.side)
         Q = self.stepper.forces(row) + F
         energies = self.balance.take(row, d, v)
@@ -215,7 +217,7 @@ class Run:
             self.inverted = f"{found} at t = {row.t:.6g}: the motion after that is not physical"
         turned = self.model.turns.at(d, row.turned)
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
-                      side=row.side)
+                      side=row.side, controllers=controllers)
         if self.estimate is not None:
             self.estimate.take(row.t, d)
         if keep:

@@ -11,6 +11,7 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
+from ..kernels.feedback import tail_size
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
@@ -26,8 +27,17 @@ LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 /
 
 
 def dense(A: Array, p: Record) -> Array:
-    """Return a symmetric matrix, stored as ``kernels.symmetric`` has it for a problem, in full."""
-    return _of_band(A.reshape(-1, p.width)) if p.width else _of_fronts(A, p.fronts)
+    """Return a matrix, stored as ``kernels.symmetric`` has it for a problem, in full, with what feedback adds."""
+    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
+    tail = tail_size(n, rank, states) if rank else 0
+    base, out = A[:len(A) - tail], np.zeros((n, n))
+    out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
+    if rank:
+        P, R = A[len(base):len(base) + 2 * rank * n].reshape(2, rank, n)
+        out += P.T @ R
+        inner = np.arange(p.inner, n)
+        out[inner, inner] += A[len(base) + 2 * rank * n:][:states]
+    return out
 
 
 def _of_fronts(A: Array, fronts: Fronts) -> Array:
@@ -104,11 +114,18 @@ class OdeStepper(Stepper):
         free, m = self.free, len(self.free)
         forces = np.zeros((len(self.p.coordinate), 2 * m))
         K, C, KKT = (dense(A, self.p) for A in (K, C, KKT))
+        C -= K
+        inner = np.arange(self.p.inner, len(KKT))
+        KKT[inner, inner] = 1.0
         forces[free, :m], forces[free, m:] = K[np.ix_(free, free)], C[np.ix_(free, free)]
         out = np.zeros((2 * m, 2 * m))
         out[:m, m:] = np.eye(m)
         out[m:] = -np.linalg.solve(KKT, forces)[free]
         out[m:, m:] -= self.p.alpha * np.eye(m)
+        # states of controllers have first derivatives alone
+        states = np.flatnonzero(free >= self.p.inner)
+        out[states] += out[m + states]
+        out[m + states] = 0.0
         return out
 
     def _begin(self, stop: float) -> Any:
@@ -130,6 +147,9 @@ class OdeStepper(Stepper):
     def _weights(self) -> Array:
         """Return the absolute tolerances (2 m,)."""
         weights = self.p.weights[self.free]
+        states = self.free >= self.p.inner
+        sizes = self.p.feedback.scale
+        weights[states] = self.scale[0] / np.where(sizes > 0.0, sizes, 1.0)
         return self.tolerance * np.concatenate([self.scale[0] / weights, self.scale[1] / weights])
 
     # ------------------------------------------------------------------ stepping
@@ -249,7 +269,7 @@ class OdeStepper(Stepper):
         beyond = max(float(self.s.numbers[OLD_STEP]), 1e-6 * self.spec.t_end)
         for t in (self.t, self.t + beyond):
             self._check_signals(t)
-        self._check_joints(self._here())
+        self._check_joints(self.here())
         reason = message or "the motion is no longer finite"
         return ComputationError(
             f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case.programs import programs
+from ..case import Expression
+from ..case.programs import programs, switches
 from ..elements.shape import Array
 from ..interactions.moving import MovingPatch, moving_table
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
+from ..kernels.feedback import Feedback, feedback_functions, no_feedback, tail_size
 from ..kernels.impact import begin, impact_functions
 from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
@@ -21,11 +23,12 @@ from ..kernels.patches import patch_functions
 from ..kernels.points import Turning
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
+from ..model.feedback import POSITION
 from ..model.groups import with_states
 from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
 from ..model.model import Model, Numbering
-from ..model.timing import Signal
+from ..model.timing import Answer, Clocked, Signal
 from .energy import is_constant
 from .linear import full_mass, unknowns_to_coordinates
 from .schemes import INTEGRATORS, Integrator, default_method
@@ -52,6 +55,9 @@ from ..kernels.points import turn_on
 from ..kernels.sliding import sliding_check
 from ..kernels.tangents import fill_products
 from .methods import MAKERS, Method
+
+# of the whole time: controllers' states that begin at zero are as large as they would be by then
+SOON = 1e-2
 
 
 class Signals:
@@ -173,7 +179,8 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
                                 layout),
             **patch_functions(fronts, acts, slides, carries, method.conserves, layout),
             **(impact_functions(model.sided, layout) if model.contacts else {}),
-            **(ode_functions(acts or slides, layout) if method.scipy is not None else {})}
+            **(ode_functions(acts or slides, layout) if method.scipy is not None else {}),
+            **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
 
 
 @cache
@@ -188,7 +195,7 @@ def nothing() -> Record:
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
         motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
-        weights=x, straining=x, coordinate=x, extent=0.0))
+        weights=x, straining=x, coordinate=x, extent=0.0, feedback=no_feedback(programs([])), inner=0, rank=0, sure=1))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
@@ -215,7 +222,9 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
     data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
-    followed = programs((s.amplitude, s.factor, s.offset) for s in signals.all)
+    data |= _feedback(model, data, signals)
+    followed = programs(((None, 0.0, 0.0) if isinstance(s, Answer) else (s.amplitude, s.factor, s.offset)
+                         for s in signals.all), {k for k, s in enumerate(signals.all) if isinstance(s, Clocked)})
     p = Record(Problem(programs=followed, patched=patched, touches=bool(model.contacts),
                        sided=model.sided, **data))
     if p.layout != nothing().layout:
@@ -223,10 +232,70 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     return p, signals.all
 
 
+def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str, Any]:
+    """Return what answers the motion, and the arrays of a problem with states of controllers behind the unknowns."""
+    found, num = model.feedback, model.numbering
+    n, n_full, m = num.n_unknowns, len(num.place), len(found.states)
+    if found.rank == 0:
+        return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "sure": 1}
+    clock = signals.row(Signal(Expression("t")))
+    rows = np.array([signals.row(a) for a in found.answers], dtype=np.int64)
+    columns = np.zeros((len(rows), n + m))
+    items = [np.flatnonzero(data["points"].signal[:, 0] == row) for row in rows]
+    for column, row in zip(columns, rows, strict=True):
+        full, mine = np.zeros(n_full), data["load_signal"] == row
+        np.add.at(full, data["load_coord"][mine], data["load_value"][mine])
+        column[:n] = -num.reduce(full)
+    names = len(found.names)
+    feedback = Feedback(
+        **_quantities(model), near=np.zeros(names), row=rows, columns=columns,
+        first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
+        programs=found.programs(), clock=clock, states=m,
+        soon=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
+        slopes=np.zeros(1 + names), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
+
+    def longer(x: Array, value: float = 0.0) -> Array:
+        return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
+    tail = tail_size(n + m, found.rank, m)
+    return {"feedback": feedback, "inner": n, "rank": found.rank, "sure": 2 if switches(feedback.programs) else 1,
+            "place": np.concatenate([num.place, n + np.arange(m)]),
+            "full": np.concatenate([num.free, n_full + np.arange(m)]),
+            "mass": np.concatenate([data["mass"], np.zeros(tail)]), "coordinate": longer(data["coordinate"], 1.0),
+            **{key: longer(data[key]) for key in ("weights", "straining", "along", "motion_mass")}}
+
+
+def _quantities(model: Model) -> dict[str, Array]:
+    """Return the quantities that something depends on, then the states of controllers, as kernels take them."""
+    found, n_full = model.feedback, len(model.numbering.place)
+    kind, coords, along, across, start = [], [], [], [], []
+    for q in found.quantities:
+        second = q.along if q.across is None else q.across
+        used = np.unique(np.concatenate([q.along.coords, second.coords]))
+        one, two = np.zeros(len(used)), np.zeros(len(used))
+        np.add.at(one, np.searchsorted(used, q.along.coords), q.along.weights)
+        if q.across is not None:
+            np.add.at(two, np.searchsorted(used, q.across.coords), q.across.weights)
+        kind.append(q.kind)
+        coords.append(used)
+        along.append(one)
+        across.append(two)
+        start.append(q.along.p0)
+    m = len(found.states)
+    none, one = np.zeros(0), np.ones(m)
+    return {"kind": np.array([*kind, *[POSITION] * m], dtype=np.int64),
+            "begin": np.cumsum([0, *map(len, coords), *[1] * m]),
+            "coords": np.concatenate([none, *coords, n_full + np.arange(m)]).astype(np.int64),
+            "along": np.concatenate([none, *along, one]), "across": np.concatenate([none, *across, 0.0 * one]),
+            "start": np.array([*start, *[0.0] * m])}
+
+
 def own(problem: Record, model: Model) -> Record:
     """Return a problem with tables of its own, where they remember something."""
     p: Problem = problem.values
     groups, states = with_states(model.groups)
+    room = ("near", "scale", "values", "slopes", "rates", "full", "column")
+    feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room})
+    p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
     p = p._replace(groups=addresses(groups), states=states)
     if len(p.moving.item):
         # what moves writes where it is

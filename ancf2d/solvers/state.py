@@ -23,6 +23,7 @@ class State:
 
     ``side`` is the time that amplitudes are taken at: t, where it is not given, but at a break of a motion the float
     before it. ``about`` (n_full,): displacements about which elastic forces are linear, None where they are not.
+    ``controllers`` tells what each controller puts out and remembers.
 
     Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
     statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
@@ -49,6 +50,7 @@ class State:
     side: float = math.nan
     left: float | None = None
     about: Array | None = None
+    controllers: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if math.isnan(self.side):

@@ -35,7 +35,8 @@ from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint, check_facing
-from ..model.timing import Signal
+from ..model.timing import Answer, Signal
+from .answers import Answers
 from .breaks import MovingPoints, pass_break
 from .initial import goes_on
 from .linear import full_mass, unknowns_to_coordinates
@@ -75,8 +76,9 @@ class Stepper:
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
-        self.moving = MovingPoints(model, spec.t_end)
-        self.pieces: list[Piece] = pieces(signals, spec.t_end, self.moving.crossings)
+        self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
+        self.pieces: list[Piece] = pieces([*signals, *feedback.switches], spec.t_end,
+                                          [*self.moving.crossings, *feedback.instants(spec.t_end)])
         self.enter(0)
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
@@ -117,6 +119,7 @@ class Stepper:
         """
         self._begin_from(d, v, turned)
         self.s.numbers[SIZE] = LEAST * self.p.extent
+        self.answers.weigh()
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self.first_step()
 
@@ -124,13 +127,16 @@ class Stepper:
         self._place(d, v, turned)
         given = self.s.v.copy()
         self.consistent(0.0, self._impulse(v))
+        self.answers.begin()
         if self.method.conserves and goes_on(self.model):
             # rates that keep the energy meet constraints in the mean of steps alone
             self.s.v[:] = given * self.p.coordinate
 
     def _place(self, d: Array, v: Array, turned: Array) -> None:
         model, n_q = self.model, self.model.n_q
-        self.s.z[:], self.s.v[:] = d[self.p.full], v[self.p.full]
+        inner = self.p.inner
+        self.s.z[:inner], self.s.v[:inner] = d[self.p.full[:inner]], v[self.p.full[:inner]]
+        self.answers.count_angles(self.p, d, turned)
         self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
@@ -142,13 +148,13 @@ class Stepper:
 
         Coordinates that supports and joints have eliminated follow others: what they were to have of v acts on these.
         """
-        own = np.zeros(len(v))
+        own, out = np.zeros(len(self.p.place)), np.zeros(len(self.s.z))
         evaluate(self.p.programs, 0.0, self.w.amps)
         to_full(self.p, self.s.v, self.w.amps, 1, own)
-        missing = (v - own)[:self.model.n_q]
-        if not missing.any():
-            return np.zeros(len(self.s.z))
-        return np.asarray(unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing))
+        missing = v[:self.model.n_q] - own[:self.model.n_q]
+        if missing.any():
+            out[:self.p.inner] = unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing)
+        return out
 
     def consistent(self, t: float, impulse: Array) -> None:
         if not (begin if self.p.sided else consistent)(self.p, self.w, self.s, t, impulse):
@@ -194,6 +200,7 @@ class Stepper:
     def expect(self, size: float) -> None:
         """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
         self.s.numbers[SIZE] = size
+        self.answers.weigh()
         self.s.numbers[STEP_SIZE] = self.first_step()
 
     @property
@@ -204,7 +211,8 @@ class Stepper:
     @property
     def reached(self) -> float:
         """The displacement [m] at the time reached, the largest of all coordinates."""
-        return float(np.max(self.p.weights * np.abs(self.s.z), initial=0.0))
+        inner = self.p.inner
+        return float(np.max(self.p.weights[:inner] * np.abs(self.s.z[:inner]), initial=0.0))
 
     def run(self) -> list[Row]:
         """Step for about a fifth of a second; return the states stored meanwhile.
@@ -226,7 +234,7 @@ class Stepper:
     def _cut_off(self, found: list[Row]) -> None:
         """Drop states from the first one on in which a joint is met by what it does not mean, and fail there."""
         # only stored states and the last: how far else a call came is a matter of the clock
-        for k, row in enumerate([*found, self._here()] if self.done else found):
+        for k, row in enumerate([*found, self.here()] if self.done else found):
             try:
                 self._check_joints(row)
             except ComputationError as error:
@@ -280,14 +288,14 @@ class Stepper:
         self.p.programs.window[:] = self.pieces[piece][:2]
         self.moving.enter(self.p, self.pieces[piece])
 
-    def _here(self) -> Row:
+    def here(self) -> Row:
         s = self.s
         return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
                          self.pending)
 
     def last(self) -> Row:
         """Return the state at the time reached, with what is left of the log."""
-        row, self.pending = self._here(), self.pending[:0]
+        row, self.pending = self.here(), self.pending[:0]
         return row
 
     def full(self, row: Row) -> tuple[Array, Array, Array]:
@@ -299,7 +307,8 @@ class Stepper:
         out = [np.zeros(len(self.p.place)) for _ in range(3)]
         for order, x in enumerate((row.z, row.v, row.a)):
             to_full(self.p, x, self.w.amps, order, out[order])
-        return out[0], out[1], out[2]
+        n = len(self.model.numbering.place)
+        return out[0][:n], out[1][:n], out[2][:n]
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
@@ -308,7 +317,7 @@ class Stepper:
         forces(p, self.w, row.z, row.v)
         if self.moving:
             inertia_at(p, self.w, row.a)
-        return self.w.Q.copy()
+        return self.w.Q[:len(self.model.numbering.place)].copy()
 
     def _at_row(self, row: Row) -> Record:
         """Return the problem with the memory of a stored state."""
@@ -317,6 +326,7 @@ class Stepper:
         self.past.states[:] = row.states
         if self.moving:
             self.moving.enter(self.past, next(piece for piece in self.pieces if row.side <= piece.last))
+        self.answers.recall(self.past, row)
         return self.past
 
     # ------------------------------------------------------------------ going on later
@@ -330,6 +340,7 @@ class Stepper:
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
+        out |= {"sizes": self.p.feedback.scale.copy()}
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -341,13 +352,16 @@ class Stepper:
         self.enter(int(kept["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = kept[name]
+        self.answers.resume(kept["sizes"])
 
     # ------------------------------------------------------------------ what can go wrong
 
     def _check_signals(self, t: float) -> None:
         """Raise the ComputationError of an expression that has no value at t."""
         for signal in self.signals:
-            signal(t)
+            if not isinstance(signal, Answer):
+                signal(t)
+        self.answers.check(t - self.t)
 
     def _check_joints(self, row: Row) -> None:
         """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
@@ -366,7 +380,7 @@ class Stepper:
                               "dt": float(f"{h:.3g}")}
         # steps end by round-off beside a time from which on there is no value
         self._check_signals(self.t + max(h, 1e-6 * self.spec.t_end))
-        self._check_joints(self._here())
+        self._check_joints(self.here())
         weights = self.p.weights
         worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
         if self.p.full[worst] < self.model.n_q:

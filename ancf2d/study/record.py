@@ -147,7 +147,9 @@ class Recorder:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
-        self._store(state, None, self._over_time(state, self.probes), v=v, steps=state.blocks, energies=state.history,
+        # controllers are recorded over time as probes are
+        told = self._over_time(state, self.probes) | state.controllers
+        self._store(state, None, told, v=v, steps=state.blocks, energies=state.history,
                     checkpoint=self._checkpoint(state))
 
     def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],

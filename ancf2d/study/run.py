@@ -164,6 +164,8 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
         out.update(reason=failure.failure.reason, at=failure.failure.at, advice=failure.failure.advice,
                    residuals=failure.failure.history)
     out["probes"] = recorder.probes
+    if state is not None and state.controllers:
+        out["controllers"] = state.controllers
     if state is not None:
         out["reactions"] = reactions(model, state)
         if model.contacts:

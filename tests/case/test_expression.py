@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.case import Expression
-from ancf2d.case.syntax import MAX_LENGTH, ExpressionError, syntax
+from ancf2d.case.programs import state_programs, value_at
+from ancf2d.case.syntax import MAX_LENGTH, ExpressionError, Names, formula, syntax
 from ancf2d.errors import ComputationError
 
 
@@ -47,7 +48,7 @@ def test_rate_is_the_derivative(text, t, rate):
     ("t t", 2, "'t' is unexpected"), ("2t", 1, "'t' is unexpected"), ("t**2", 1, "written \\^"),
     ("sin t", 4, r"'\(' is missing after sin"), ("sin()", 4, "'\\)' is unexpected"),
     ("sin(t, 2)", 5, "',' is not allowed"), ("1 if t", 6, "'else' is missing"),
-    ("if t", 0, "a value is missing"), ("t = 2", 2, "'=' is not allowed"), ("a.b", 1, "not allowed"),
+    ("if t", 0, "a value is missing"), ("t = 2", 2, "'=' is not allowed"), ("a.b", 0, "'a.b' is unknown"),
     ("t and 1", 2, "'and' is unexpected"), ("'t'", 0, "not allowed"), ("1e999", 0, "too large"),
     ("__import__", 0, "unknown"), ("t[0]", 1, "not allowed"), ("1 if 1 else", 11, "too early"),
     ("½", 0, "not allowed"), ("t;t", 1, "not allowed"), ("lambda", 0, "unknown"),
@@ -126,3 +127,26 @@ def test_any_text_is_an_expression_or_refused(text):
     except ExpressionError as error:
         column = error.column
     assert 0 <= column <= len(text)
+
+
+@pytest.mark.parametrize("text", ["a*b + t", "a/b - b^2", "sin(a*b)^2 + exp(-b)", "sqrt(a^2 + b^2)", "abs(-a)*b",
+                                  "a if a < b else b^a", "k*a^3", "(0 < a < b)*a", "-(a - b)*cos(t)"])
+def test_gradients_are_derivatives(text):
+    """By quantities, against differences."""
+    tree = syntax(formula(text, Names("t", {"k": 3.0}, ("a", "b"))))
+    program = state_programs([(tree, 2.0)], {"a": 0, "b": 1}, 2)
+    at, step = [0.7, 1.3], 1e-6
+    _, gradient = value_at(program, 0, 0.4, at)
+    for i in range(2):
+        plus, minus = ([x + s * step * (k == i) for k, x in enumerate(at)] for s in (1, -1))
+        rate = (value_at(program, 0, 0.4, plus)[0] - value_at(program, 0, 0.4, minus)[0]) / (2 * step)
+        assert gradient[i] == pytest.approx(rate, rel=1e-8, abs=1e-9)
+
+
+def test_equal_formulas_have_equal_parameters():
+    one, same, other = (formula("k*t", Names("t", {"k": k, "m": m})) for k, m in ((1, 2), (1, 3), (2, 2)))
+    assert one == same
+    assert one != other
+    assert Expression(one).value(2.0) == 2.0
+    assert Expression(other).value(2.0) == 4.0
+    assert formula("2*t", Names("t", {"k": 1})) == "2*t"

@@ -29,10 +29,11 @@ from .case import (
     Transport,
     register,
 )
+from .controllers import Controller, Pid, StateController
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, MovingPoint, Point, Probe
-from .profiles import Profile, ProfileExpression, ProfileTable
+from .profiles import PointExpression, Profile, ProfileExpression, ProfileTable
 from .solvers import (
     Buckling,
     Dynamic,
@@ -50,10 +51,11 @@ from .solvers import (
 
 __all__ = [
     "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
-    "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid", "FrequencyResponse",
-    "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece", "LinearStatic",
-    "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Point", "Polyline", "Probe",
-    "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate",
-    "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateSpace", "Static",
-    "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "Windowed", "amplitude_of", "register",
+    "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid",
+    "FrequencyResponse", "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece",
+    "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Pid", "Point",
+    "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp",
+    "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline",
+    "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "Windowed",
+    "amplitude_of", "register",
 ]

@@ -14,7 +14,7 @@ from ..declare import key, record
 from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
 from ..programs import Assembler, Function
-from ..syntax import Comparison, ExpressionError, Time, Tree, syntax
+from ..syntax import Comparison, ExpressionError, Time, Tree, formula, quantities_of, syntax
 from ..syntax import Constant as Literal
 
 SCALE_DOC = "Factor by which the amplitude is multiplied"
@@ -152,6 +152,11 @@ class Windowed(Function):
         """The times at which it begins and ends."""
         return tuple(x for x in (self.begin, self.end) if math.isfinite(x))
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What a motion has to tell for the other amplitude to have a value."""
+        return tuple(self.inner.quantities)
+
     def emit(self, out: Assembler) -> None:
         """Put it on the stack."""
         out.tree(Comparison(Literal(self.begin), (("<=", Time()), ("<", Literal(self.end)))))
@@ -171,21 +176,24 @@ def amplitude_of(load: Any) -> Any:
 
 
 class ExpressionText(Text):
-    """Text in the expression language; a number stands for itself."""
+    """Text in the expression language; a number stands for itself.
 
-    def __init__(self, variable: str = "t") -> None:
-        super().__init__(f"an expression in {variable}", number=True)
-        self.variable = variable
+    ``local`` are quantities that it may use beside the variable and the parameters of the case; with ``feedback`` it
+    may use those of probes, and controllers.
+    """
+
+    def __init__(self, variable: str = "t", local: tuple[str, ...] = (), feedback: bool = False) -> None:
+        super().__init__(f"an expression in {', '.join((variable, *local))}", number=True)
+        self.variable, self.local, self.feedback = variable, local, feedback
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         text = super().bind(node, path, binder)
         if text is INVALID:
             return INVALID
         try:
-            syntax(text, self.variable)
+            return formula(text, binder.names(self.variable, self.local, self.feedback))
         except ExpressionError as error:
-            return binder.fail(place_inside(node, error.column), path, f"{dotted(path)}: {error}")
-        return text
+            return binder.fail(place_inside(node, error.column), path, f"{dotted(path)}: {error}", near=error.near)
 
 
 def place_inside(node: Node, column: int) -> Mark:
@@ -200,11 +208,14 @@ def place_inside(node: Node, column: int) -> Mark:
 
 @record
 class Expression(Function):
-    """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``."""
+    """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``, parameters.
+
+    In dynamic cases it may use probes and controllers, too: the load then answers the motion.
+    """
 
     tag = "expression"
     variable = "t"
-    value_: str = key(ExpressionText(), "The formula",
+    value_: str = key(ExpressionText(feedback=True), "The formula",
                       example="sin(2*pi*t) if t < 0.5 else 0")
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
@@ -220,6 +231,11 @@ class Expression(Function):
     def described(self) -> str:
         """Return what messages call it."""
         return f"the expression '{self.value_}'"
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What a motion has to tell for the formula to have a value: quantities of probes, and controllers."""
+        return quantities_of(self.value_)
 
 
 Amplitude = Constant | Ramp | Table | Sine | Expression

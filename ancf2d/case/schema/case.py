@@ -13,6 +13,7 @@ from ..nodes import Node, quoted
 from ..records import ByShape, OneOf, Record, Registered, RegisteredRecord, keys_of, tag_of
 from .amplitudes import Amplitude
 from .body import Body
+from .controllers import Controller, ControllerKind, Identifiers
 from .output import Expected, Goal, Output, Units
 from .points import MovingPoint
 from .solvers import Solver
@@ -143,6 +144,8 @@ class Case:
     units: Units = key(Record(Units), "Labels of the units that the numbers are in",
                        default=Units())
     bodies: dict[str, Body] = key(MapOf(Record(Body), "bodies by name", 1), "Bodies of the model")
+    parameters: dict[str, float] = key(Identifiers(Number(), "numbers by name"),
+                                       "Numbers that every expression may use by name", default={}, example={"kp": 3})
     # records of ancf2d/interactions and of plugins: see register
     boundary_conditions: tuple[Any, ...] = key(
         ListOf(Registered(), "boundary conditions"), "Supports and prescribed motion", default=())
@@ -154,6 +157,9 @@ class Case:
                                     default={})
     contacts: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "contacts"), "What may touch what (static, eigen, "
                                     "frequency_response, state_space, dynamic)", default=())
+    controllers: dict[str, Controller] = key(
+        Identifiers(ControllerKind(Controller), "controllers by name"), "Controllers: numbers that follow the motion, "
+        "with states of their own, which amplitudes may use by name (dynamic)", default={})
     initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
     damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic, eigen, buckling, "
                                   "frequency_response)", default=None)
@@ -206,8 +212,9 @@ R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, unless they say otherwise
 DECLARED: dict[str, dict[str, Any]] = {
     # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
-    # the places S of it at which nodes are wanted; the points that it acts at where its keys do not tell
-    "loads": {"acceleration": None, "line": None, "places": None, "points": None},
+    # the places S of it at which nodes are wanted; the points that it acts at where its keys do not
+    # tell; whether its amplitude may answer the motion
+    "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True},
     # whether rates cause forces, and whether it acts in a part of its elongations alone
     "springs": {"damped": False, "breaks": False},
     # the body along which a point slides

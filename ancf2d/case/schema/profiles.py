@@ -15,7 +15,7 @@ from ..declare import key, record
 from ..kinds import Book, Flag, JsonSchema, ListOf, Number
 from ..nodes import Node, Scalar
 from ..records import ByShape, Record
-from ..syntax import Constant, ExpressionError, syntax
+from ..syntax import Constant, ExpressionError, quantities_of, syntax
 from .amplitudes import Expression, ExpressionText
 
 # places between 0 and 1 at which the bounds of a profile are checked, beside those of a table
@@ -106,37 +106,56 @@ def _end_slope(h0: float, h1: float, d0: float, d1: float) -> float:
 Profile = ProfileExpression | ProfileTable
 
 
+@record
+class PointExpression(Expression):
+    """A formula in s and in what the motion tells of the point that a load acts on."""
+
+    variable = "s"
+
+    def written(self) -> str:
+        """Return the formula alone."""
+        return self.value_
+
+
 class _Formula(ExpressionText):
     """An expression in s that is more than a number in quotes."""
 
-    pattern = r"\b(s|pi)\b|[-+*/^(]"
+    pattern = r"^\s*[A-Za-z_]\w*\s*$|\b(s|pi)\b|[-+*/^(]"
 
-    def __init__(self) -> None:
-        super().__init__("s")
+    def __init__(self, local: tuple[str, ...] = ()) -> None:
+        super().__init__("s", local)
 
     def schema(self, book: Book) -> JsonSchema:
         return {"type": "string", "pattern": self.pattern}
 
 
 class ProfileOf(ByShape):
-    """A number in a unit, with bounds, that may vary along a body."""
+    """A number in a unit, with bounds, that may vary along a body.
 
-    def __init__(self, unit: str = "", *, gt: float | None = None, ge: float | None = None) -> None:
-        self.number = Number(unit, gt=gt, ge=ge)
+    ``local`` are quantities of the point that it may depend on, too: it is a ``PointExpression`` then.
+    """
+
+    def __init__(self, unit: str = "", *, gt: float | None = None, ge: float | None = None,
+                 local: tuple[str, ...] = ()) -> None:
+        self.number, self.local = Number(unit, gt=gt, ge=ge), local
         self.unit, self.gt, self.ge = unit, gt, ge
-        super().__init__(number=self.number, text=_Formula(), map=Record(ProfileTable))
+        super().__init__(number=self.number, text=_Formula(local), map=Record(ProfileTable))
 
     def words(self, binder: Binder) -> str:
-        return f"{self.number.words(binder)}, an expression in s or a table {{s, value}}"
+        known = ", ".join(("s", *self.local))
+        return f"{self.number.words(binder)}, an expression in {known} or a table {{s, value}}"
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         before = binder.invalid
-        if isinstance(node, Scalar) and node.shape == "text" and not _is_formula(node.text):
+        if isinstance(node, Scalar) and node.shape == "text" and not self._is_formula(node.text, binder):
             return binder.wrong(node, path, self.words(binder))
         found = super().bind(node, path, binder)
         if found is INVALID or binder.invalid != before or isinstance(found, float):
             return found
-        found = ProfileExpression(found) if isinstance(found, str) else found
+        if isinstance(found, str):
+            if quantities_of(found):
+                return PointExpression(found)
+            found = ProfileExpression(found)
         try:
             problem = self._outside(found, binder)
         except ComputationError as error:
@@ -144,6 +163,16 @@ class ProfileOf(ByShape):
         if problem is None:
             return found
         return binder.fail(node.mark, path, f"{dotted(path)}: {problem}")
+
+    def _is_formula(self, text: str, binder: Binder) -> bool:
+        """Whether a text looks like an expression: more than a number in quotes, or a name that is not known."""
+        known = binder.names("s", self.local)
+        if text.strip() in (known.variable, *known.numbers, *known.quantities):
+            return True
+        try:
+            return not isinstance(syntax(text, known), Constant)
+        except ExpressionError:
+            return re.search(r"\b(s|pi)\b|[-+*/^(]", text) is not None
 
     def _outside(self, profile: Any, binder: Binder) -> str | None:
         """Return where a profile leaves its bounds, or None."""
@@ -159,11 +188,3 @@ class ProfileOf(ByShape):
         wanted = self.number.bounds(binder.unit(self.unit))
         return f"it must be {wanted} everywhere, and is {v:g} at s = {s:g}" + (
             f" (not so from s = {first:g} on)" if first < s else "")
-
-
-def _is_formula(text: str) -> bool:
-    """Whether a text looks like an expression in s: more than a number or a name."""
-    try:
-        return not isinstance(syntax(text, "s"), Constant)
-    except ExpressionError:
-        return re.search(_Formula.pattern, text) is not None

@@ -1,0 +1,332 @@
+"""Signals and states that answer a motion: quantities of probes, programs of them, and their part of the tangent.
+
+Signals are functions of quantities, which are functions of coordinates and rates. Controllers' states are unknowns
+behind all others, in first-order equations z' = g. What both add to a tangent is of low rank: a matrix of a motion is
+D + P^T R with D symmetric, as without them; rows of P say what a signal, or the rate of a state, acts on, those of R
+what it depends on. It is solved by the formula of Sherman, Morrison and Woodbury: X = D^-1 P^T, then (1 + R X) y =
+R D^-1 b and x = D^-1 b - X y.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..elements.point_laws import turn
+from . import calls
+from .band import ldl_factor, ldl_solve
+from .dynamics import to_unknowns
+from .fronts import fronts_factor, fronts_solve
+from .lowlevel.arrays import numbers
+from .lowlevel.jit import addressed, inner
+from .lowlevel.records import array_at, whole
+from .motion import SIZE, evaluate_with_gradient
+from .points import _add, _law, _rates, _work_arrays, amplitude_of, fields_of_item
+from .symmetric import TINY, band_of
+
+# what a quantity is: a position, a rate, the angle of a direction or its rate
+POSITION, RATE, ANGLE, SPIN = range(4)
+
+
+class Feedback(NamedTuple):
+    """Quantities (q), signals (k) that are functions of them, and states (m) of controllers.
+
+    kind (q,); quantity i is a function of ``along`` and ``across`` times d or d' at ``coords``, from begin[i] to
+    begin[i + 1], and of ``start``: what it is in the reference, or the length of a direction; near (q,) : angles last
+    accepted. row (k,) : signals; columns (k, n) : what the dead loads that follow them do to the residual; items : the
+    point laws that do, from first[j] to first[j + 1]; programs : of signals, then of rates; clock : the signal that is
+    the time; states : m; soon : a time in which states change; scale (m,) : how large states have been; values (q,),
+    slopes (1 + q,), rates (m,), full (n_full,), column (n,) to work in.
+    """
+
+    kind: Any
+    begin: Any
+    coords: Any
+    along: Any
+    across: Any
+    start: Any
+    near: Any
+    row: Any
+    columns: Any
+    first: Any
+    items: Any
+    programs: Any
+    clock: int
+    states: int
+    soon: float
+    scale: Any
+    values: Any
+    slopes: Any
+    rates: Any
+    full: Any
+    column: Any
+
+
+def tail_size(n: int, rank: int, states: int) -> int:
+    """Return how many numbers a matrix has beside D: P and R, the rates of states, 1 + R X and its pivots."""
+    return 2 * rank * n + states + rank * rank + rank
+
+
+@inner
+def _components(f, i, x):  # type: ignore[no-untyped-def]
+    """Return what ``along`` and ``across`` of a quantity give of x (n_full,)."""
+    one, two = 0.0, 0.0
+    for e in range(f.begin[i], f.begin[i + 1]):
+        one += f.along[e] * x[f.coords[e]]
+        two += f.across[e] * x[f.coords[e]]
+    return one, two
+
+
+@inner
+def tell(f, d, v):  # type: ignore[no-untyped-def]
+    """Fill the values of all quantities at d with rates v (n_full,)."""
+    for i in range(len(f.kind)):
+        kind = f.kind[i]
+        if kind == POSITION:
+            f.values[i] = f.start[i] + _components(f, i, d)[0]
+        elif kind == RATE:
+            f.values[i] = _components(f, i, v)[0]
+        else:
+            ux, uy = _components(f, i, d)
+            if kind == ANGLE:
+                f.values[i] = turn(f.start[i], ux, uy, f.near[i])
+            else:
+                x, (vx, vy) = f.start[i] + ux, _components(f, i, v)
+                f.values[i] = (x * vy - uy * vx) / (x * x + uy * uy)
+
+
+@inner
+def _add_gradient(f, i, d, v, factor, c, out):  # type: ignore[no-untyped-def]
+    """Add the derivative of quantity i by d, and c times that by v, times a factor."""
+    kind, one, two = f.kind[i], factor, 0.0
+    if kind == RATE:
+        one = factor * c
+    elif kind != POSITION:
+        ux, uy = _components(f, i, d)
+        x = f.start[i] + ux
+        L = x * x + uy * uy
+        by_x, by_y = -uy / L, x / L
+        one, two = factor * by_x, factor * by_y
+        if kind == SPIN:
+            vx, vy = _components(f, i, v)
+            rate = (x * vy - uy * vx) / L
+            one = factor * (c * by_x + (vy - 2.0 * x * rate) / L)
+            two = factor * (c * by_y - (vx + 2.0 * uy * rate) / L)
+    for e in range(f.begin[i], f.begin[i + 1]):
+        out[f.coords[e]] += one * f.along[e] + two * f.across[e]
+
+
+@addressed
+def feedback(p, w):  # type: ignore[no-untyped-def]
+    """Set the signals that answer the motion at w.d, w.v in w.amps, and fill the rates of states."""
+    f = p.feedback
+    tell(f, w.d, w.v)
+    t, signals = w.amps[f.clock, 0], len(f.row)
+    for k in range(signals + f.states):
+        evaluate_with_gradient(f.programs, k, t, f.values, f.slopes)
+        if k < signals:
+            w.amps[f.row[k], 0] = f.slopes[0]
+        else:
+            f.rates[k - signals] = f.slopes[0]
+
+
+@inner
+def _by_amplitude(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
+    """Add the derivative of the forces of item i by the value of its amplitude, which they are linear in."""
+    u, w, a, f, H, C = _work_arrays(points)
+    fields_of_item(points, i, d, u)
+    _rates(points, i, v, w)
+    amplitude_of(points, i, amps, u, w, a)
+    m = points.field[i + 1] - points.field[i]
+    a[0] = 0.0
+    _law(points, i, u, w, a, f, H, C)
+    u[:] = 0.0
+    for k in range(m):
+        u[k] = -f[k]
+    _add(points, i, u, out)
+    fields_of_item(points, i, d, u)
+    a[0] = 1.0
+    _law(points, i, u, w, a, f, H, C)
+    _add(points, i, f, out)
+
+
+@addressed
+def feedback_tangent(p, w, c):  # type: ignore[no-untyped-def]
+    """Fill P, R and the rates of states of w.A at w.d, w.v, after ``feedback``."""
+    f, n = p.feedback, len(p.coordinate)
+    signals, rank = len(f.row), p.rank
+    base = len(w.A) - (2 * rank * n + f.states + rank * rank + rank)
+    P, R = array_at(w.A, base, (rank, n)), array_at(w.A, base + rank * n, (rank, n))
+    t = w.amps[f.clock, 0]
+    for j in range(f.states):
+        w.A[base + 2 * rank * n + j] = c
+    for k in range(rank):
+        evaluate_with_gradient(f.programs, k, t, f.values, f.slopes)
+        f.full[:] = 0.0
+        for i in range(len(f.kind)):
+            if f.slopes[1 + i] != 0.0:
+                _add_gradient(f, i, w.d, w.v, f.slopes[1 + i], c, f.full)
+        to_unknowns(p, f.full, f.column, False)
+        sign = 1.0 if k < signals else -1.0
+        for i in range(n):
+            R[k, i] = sign * f.column[i]
+        if k >= signals:
+            P[k, p.inner + k - signals] = 1.0
+            continue
+        f.full[:] = 0.0
+        for j in range(f.first[k], f.first[k + 1]):
+            if not p.points.on[f.items[j]]:
+                continue
+            _by_amplitude(whole(p.points), f.items[j], w.d, w.v, w.amps, f.full)
+        to_unknowns(p, f.full, f.column, False)
+        for i in range(n):
+            P[k, i] = f.columns[k, i] + f.column[i]
+
+
+@addressed
+def feedback_accept(p, w):  # type: ignore[no-untyped-def]
+    """Let angles be counted on from w.d, the state accepted, and states be as large as they are there."""
+    f = p.feedback
+    for i in range(len(f.kind)):
+        if f.kind[i] == ANGLE:
+            ux, uy = _components(f, i, w.d)
+            f.near[i] = turn(f.start[i], ux, uy, f.near[i])
+    for j in range(f.states):
+        size = abs(w.d[p.full[p.inner + j]])
+        if size > f.scale[j]:
+            f.scale[j] = size
+        if f.scale[j] > 0.0:
+            p.straining[p.inner + j] = p.extent / f.scale[j]
+
+
+@inner
+def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
+    """Let errors of a controller's state count beside how large it has been, or becomes soon at a rate."""
+    scale = max(p.feedback.scale[j], p.feedback.soon * rate)
+    p.feedback.scale[j] = scale
+    p.weights[p.inner + j] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
+
+
+@inner
+def _solve_small(S, pivots, x, n):  # type: ignore[no-untyped-def]
+    """Solve with the factors of ``_factor_small`` in place."""
+    for k in range(n):
+        q = int(pivots[k].real)
+        x[k], x[q] = x[q], x[k]
+    for k in range(n):
+        for i in range(k + 1, n):
+            x[i] -= S[i, k] * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= S[k, j] * x[j]
+        x[k] /= S[k, k]
+
+
+@inner
+def _factor_small(S, pivots, n):  # type: ignore[no-untyped-def]
+    """Factor S (n, n) by Gauss with row exchanges in place; return whether it could be."""
+    for k in range(n):
+        q = k
+        for i in range(k + 1, n):
+            if abs(S[i, k]) > abs(S[q, k]):
+                q = i
+        pivots[k] = q
+        if not abs(S[q, k]) > 0.0:
+            return False
+        for j in range(n):
+            S[k, j], S[q, j] = S[q, j], S[k, j]
+        for i in range(k + 1, n):
+            S[i, k] /= S[k, k]
+            for j in range(k + 1, n):
+                S[i, j] -= S[i, k] * S[k, j]
+    return True
+
+
+def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, Any]:
+    """Return the factors of D + P^T R and the solution with them for matrices of a kind."""
+    factor_own, solve_own = inner(factor_inner), inner(solve_inner)
+
+    def factor(p, A, scale):  # type: ignore[no-untyped-def]
+        n, rank, states = len(p.coordinate), p.rank, p.feedback.states
+        at = len(A) - (2 * rank * n + states + rank * rank + rank)
+        X, R = array_at(A, at, (rank, n)), array_at(A, at + rank * n, (rank, n))
+        rates = array_at(A, at + 2 * rank * n, (states,))
+        S = array_at(A, at + 2 * rank * n + states, (rank, rank))
+        pivots = array_at(A, at + 2 * rank * n + states + rank * rank, (rank,))
+        if not factor_own(p, A, scale):
+            return False
+        for j in range(states):
+            # in a matrix without feedback states stand alone
+            if rates[j] == 0.0:
+                rates[j] = 1.0
+        for k in range(rank):
+            solve_own(p, A, X[k])
+            for j in range(states):
+                X[k, p.inner + j] /= rates[j]
+        for k in range(rank):
+            for q in range(rank):
+                total = 0.0 * X[q, 0]
+                for i in range(n):
+                    total += R[k, i] * X[q, i]
+                S[k, q] = total
+            S[k, k] += 1.0
+        return _factor_small(S, pivots, rank)
+
+    def solve(p, A, x):  # type: ignore[no-untyped-def]
+        n, rank, states = len(p.coordinate), p.rank, p.feedback.states
+        at = len(A) - (2 * rank * n + states + rank * rank + rank)
+        X, R = array_at(A, at, (rank, n)), array_at(A, at + rank * n, (rank, n))
+        rates = array_at(A, at + 2 * rank * n, (states,))
+        S = array_at(A, at + 2 * rank * n + states, (rank, rank))
+        pivots = array_at(A, at + 2 * rank * n + states + rank * rank, (rank,))
+        y = numbers(A, rank)
+        solve_own(p, A, x)
+        for j in range(states):
+            x[p.inner + j] /= rates[j]
+        for k in range(rank):
+            total = 0.0 * x[0]
+            for i in range(n):
+                total += R[k, i] * x[i]
+            y[k] = total
+        _solve_small(S, pivots, y, rank)
+        for k in range(rank):
+            for i in range(n):
+                x[i] -= X[k, i] * y[k]
+
+    factor.__qualname__, solve.__qualname__ = f"factor_border_{kind}", f"solve_border_{kind}"
+    return addressed(factor), addressed(solve)
+
+
+def _factor_band(p, A, scale):  # type: ignore[no-untyped-def]
+    return ldl_factor(band_of(p, A), TINY, scale)[0] < 0
+
+
+def _solve_band(p, A, x):  # type: ignore[no-untyped-def]
+    ldl_solve(band_of(p, A), x)
+
+
+def _factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
+    return fronts_factor(p.fronts, A, TINY, scale)[0] < 0
+
+
+def _solve_fronts(p, A, x):  # type: ignore[no-untyped-def]
+    fronts_solve(p.fronts, A, x)
+
+
+_BORDERED = _with_border(_factor_band, _solve_band, "band"), _with_border(_factor_fronts, _solve_fronts, "fronts")
+
+
+def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the table of a model of this type has where something answers its motion."""
+    factor, solve = _BORDERED[fronts]
+    return {calls.feedback: (feedback, problem), calls.feedback_tangent: (feedback_tangent, problem),
+            calls.feedback_accept: (feedback_accept, problem), calls.factor: (factor, problem),
+            calls.factor_complex: (factor, problem), calls.solve: (solve, problem),
+            calls.solve_complex: (solve, problem)}
+
+
+def no_feedback(programs: Any) -> Feedback:
+    """Return no quantities, signals and states: all problems are of its type."""
+    x, n, two = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+    return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, 0, 0, 0.0, x, x, x, x, x, x)

@@ -1,0 +1,204 @@
+"""What answers a motion: quantities of probes, controllers with their states, and signals that depend on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..case import Expression, Pid, jets
+from ..case.controllers import equations, named_in
+from ..case.programs import state_programs, value_at
+from ..case.syntax import Tree
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError, Problem
+from .breakpoints import Break
+from .point_patch import Field, turn_fields
+from .points import PointRef, dot
+from .rotation import Rotation
+from .timing import Answer, Signal
+
+# how a quantity follows from coordinates (kernels.feedback has the same numbers)
+POSITION, RATE, ANGLE, SPIN = range(4)
+# of an interval: times so near to an instant are it
+NEAR = 1e-9
+
+
+class Quantity(NamedTuple):
+    """A quantity of a motion: kind, coordinates with weights, and what it is in the reference."""
+
+    kind: int
+    along: Field
+    across: Field | None = None
+    rotation: Rotation | None = None
+
+
+class Feedback:
+    """The quantities of a model's motion that something depends on, and its controllers.
+
+    ``names`` are those of quantities, then of states; ``meaning`` tells of each name its number or, of controllers, the
+    tree of the output. ``states`` are the names of controllers' states, CONTROLLER:STATE.
+    """
+
+    def __init__(self, model: Any, answers: list[Answer]) -> None:
+        self.model, self.answers = model, answers
+        self.controllers = {name: equations(name, c) for name, c in model.case.controllers.items()}
+        self.states = [state for c in self.controllers.values() for state in c.initial]
+        self.rates: list[Tree] = [tree for c in self.controllers.values() for tree in c.rates.values()]
+        used = [name for a in answers if a.amplitude is not None for name in a.amplitude.quantities]
+        used += [name for tree in self._trees() for name in named_in(tree)]
+        told = dict.fromkeys(name for name in used if "." in name)
+        self.quantities = [quantity_of(model, name) for name in told]
+        self.names = [*told, *self.states]
+        self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
+        self.meaning |= {name: c.output for name, c in self.controllers.items()}
+
+    def _trees(self) -> Iterator[Tree]:
+        for c in self.controllers.values():
+            yield from (*c.initial.values(), *c.rates.values(), *c.samples.values(), c.output)
+
+    @property
+    def rank(self) -> int:
+        """How many signals and states answer the motion."""
+        return len(self.answers) + len(self.states)
+
+    @property
+    def switches(self) -> list[Signal]:
+        """The expressions of controllers, which may switch at times known beforehand."""
+        texts: list[str] = []
+        for c in self.model.case.controllers.values():
+            texts += [c.input] if isinstance(c, Pid) else [*c.rate.values(), c.output]
+        return [Signal(Expression(text)) for text in texts]
+
+    @property
+    def sampled(self) -> dict[str, float]:
+        """The intervals of the controllers that act at instants."""
+        return {name: c.sample for name, c in self.controllers.items() if c.sample is not None}
+
+    def instants(self, t_end: float) -> list[Break]:
+        """Return the times in (0, t_end) at which controllers act."""
+        times = sorted({k * step for step in self.sampled.values() for k in range(1, math.ceil(t_end / step))})
+        return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
+
+    def due(self, t: float) -> list[str]:
+        """Return the controllers that act at t, those that others use before these."""
+        found = [name for name, step in self.sampled.items()
+                 if abs(t / step - round(t / step)) < NEAR * max(t / step, 1.0)]
+        out: list[str] = []
+
+        def add(name: str, above: tuple[str, ...]) -> None:
+            for tree in self.controllers[name].samples.values():
+                for other in named_in(tree):
+                    if other in found and other not in (*out, *above, name):
+                        add(other, (*above, name))
+            if name not in out:
+                out.append(name)
+
+        for name in found:
+            add(name, ())
+        return out
+
+    def programs(self) -> jets.Programs:
+        """Return the programs of all signals that answer the motion, then of the rates of states."""
+        functions = [*((a.amplitude, a.factor) for a in self.answers), *((tree, 1.0) for tree in self.rates)]
+        return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
+
+    def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
+        """Return all quantities and states at d with rates v (n_full,), the bodies turned by ``turned`` (bodies,)."""
+        model, d = self.model, d[:self.model.n_q]
+        e = model.e0 + d
+        out = np.zeros(len(self.names))
+        for k, (kind, along, _, rotation) in enumerate(self.quantities):
+            if kind == POSITION:
+                out[k] = along.p0 + along.weights @ d[along.coords]
+            elif kind == RATE:
+                out[k] = along.weights @ v[along.coords]
+            elif rotation is not None:
+                out[k] = (model.turns.theta(rotation, e, d, turned) if kind == ANGLE
+                          else rotation.gradient(e) @ v[rotation.dofs])
+        out[len(self.quantities):] = states
+        return out
+
+    def evaluate(self, trees: Mapping[str, Tree], t: float, values: Array) -> dict[str, float]:
+        """Return the values of some trees. Raises ComputationError, with the name of the one that has none."""
+        program = state_programs([(tree, 1.0) for tree in trees.values()], self.meaning, len(values))
+        return {name: self._finite(value_at(program, k, t, values.tolist())[0], name, t, values)
+                for k, name in enumerate(trees)}
+
+    def initial(self, d: Array, v: Array, turned: Array) -> Array:
+        """Return the states of controllers at t = 0, at d with rates v (n_full,)."""
+        out = np.zeros(len(self.states))
+        for c in self.controllers.values():
+            values = self.values(d, v, turned, out)
+            for name, value in self.evaluate(c.initial, 0.0, values).items():
+                out[self.states.index(name)] = value
+        return out
+
+    def sample(self, t: float, due: list[str], values: Array) -> Array:
+        """Return the states of controllers after some of them have acted at t; ``values`` are those of ``values``."""
+        out = values.copy()
+        for name in due:
+            c = self.controllers[name]
+            for state, value in self.evaluate(c.samples, t, out).items():
+                out[self.names.index(state)] = value
+        return out[len(self.quantities):]
+
+    def outputs(self, t: float, values: Array) -> dict[str, dict[str, float]]:
+        """Return the output of every controller and its states."""
+        out = self.evaluate({name: c.output for name, c in self.controllers.items()}, t, values)
+        return {name: {"output": out[name], **{state.partition(":")[2]: float(values[self.names.index(state)])
+                                               for state in c.rates}} for name, c in self.controllers.items()}
+
+    def look(self, t: float, values: Array) -> None:
+        """Let signals have the values of a state. Raises ComputationError where one has none."""
+        for answer in self.answers:
+            assert answer.amplitude is not None
+            program = state_programs([(answer.amplitude, answer.factor)], self.meaning, len(values))
+            found = value_at(program, 0, t, values.tolist())[0]
+            answer.level[0] = self._finite(found, answer.amplitude.described(), t, values)
+
+    def check(self, t: float, values: Array) -> None:
+        """Raise the ComputationError of a signal, a rate or an output that has no value."""
+        self.look(t, values)
+        for c in self.controllers.values():
+            self.evaluate(c.rates, t, values)
+
+    def _finite(self, value: float, what: str, t: float, values: Array) -> float:
+        if math.isfinite(value):
+            return value
+        used = {name: float(f"{x:.6g}") for name, x in zip(self.names, values, strict=True)}
+        what = f"the controller's {what}" if ":" in what else what
+        raise ComputationError(f"{what} has no value: it divides by zero, or a square root or a power is not real",
+                               at={"t": t, **used}, advice="guard the expression with 'a if c else b'")
+
+
+def quantity_of(model: Any, name: str) -> Quantity:
+    """Return a quantity PROBE.QUANTITY of a model. Raises CaseError for a point that is not on an axis."""
+    probe, _, what = name.partition(".")
+    place = model.case.output.probes[probe]
+    point = model.point(place.at, place.y)
+    if place.y != 0.0 and point.mesh.plan.element.section_kind != "interpolated":
+        raise _off_axis(model, probe)
+    if what in ("theta", "omega"):
+        return _rotation(point, what == "theta")
+    coords, weights = point.position()[what.endswith("y")]
+    first = point.mesh.first_dof
+    start = dot((coords - first, weights), point.mesh.e0) if what in ("x", "y") else 0.0
+    return Quantity(RATE if what in ("vx", "vy") else POSITION, Field(coords, weights, start))
+
+
+def _rotation(point: PointRef, angle: bool) -> Quantity:
+    if point.turns_by_theta:
+        return Quantity(POSITION if angle else RATE, Field(*point.theta()))
+    _, (along, across) = turn_fields(point)
+    return Quantity(ANGLE if angle else SPIN, along, across, Rotation(point))
+
+
+def _off_axis(model: Any, probe: str) -> CaseError:
+    path = ("output", "probes", probe)
+    message = f"output.probes.{probe}: expressions cannot use a point off the axis of a section that is rigid"
+    if model.loaded is None:
+        return CaseError(Problem(message))
+    return CaseError(model.loaded.source.problem(path, message, "a point on the axis"))

@@ -1,0 +1,181 @@
+"""Loads that answer the motion: controllers and formulas against closed forms and SciPy on the same equations."""
+
+from __future__ import annotations
+
+import math
+
+import helpers as h
+import numpy as np
+import pytest
+from motions import Ride, ride, rigid
+from scipy.integrate import solve_ivp
+
+from ancf2d.errors import CaseError, ComputationError
+from ancf2d.kernels.dynamics import forces, forces_tangent
+from ancf2d.kernels.motion import evaluate
+from ancf2d.solvers.ode import dense
+
+J, KP, KD, KI, LIMIT, FILTER = 0.2 + 1.5 / 4, 20.0, 1.0, 30.0, 8.0, 0.01
+PID = {"type": "pid", "input": "1 - hub.theta", "kp": KP, "kd": KD, "ki": KI, "filter": FILTER,
+       "limit": [-LIMIT, LIMIT]}
+
+
+def arm(torque: str, **more) -> dict:
+    """A rigid arm on a pin, which a motor turns."""
+    amplitude = {"type": "expression", "value": torque}
+    return {"bodies": {"arm": rigid([0, 0], [1, 0], 1.5, 0.2)}, "bc": [{"type": "pin", "at": "arm@0"}],
+            "loads": [{"type": "moment", "at": "arm@0", "value": 1, "amplitude": amplitude}],
+            "output": {"probes": {"hub": "arm@0", "tip": "arm@1"}}, **more}
+
+
+def told(motion: Ride) -> dict[str, float]:
+    """What the motion tells at its end, by name."""
+    return dict(zip(motion.stepper.answers.feedback.names, motion.stepper.answers.told(motion.rows[-1]), strict=True))
+
+
+@pytest.mark.parametrize(("method", "error"), [("radau5", 1e-8), ("radau9", 1e-8), ("DOP853", 1e-8),
+                                               ("generalized_alpha", 1e-5)])
+def test_a_pd_motor_is_a_damped_oscillator(method, error):
+    """J theta'' = -kp (theta - 1) - kd theta', which has a closed form."""
+    motion = ride(arm("-kp*(hub.theta - 1) - kd*hub.omega", parameters={"kp": KP, "kd": KD}), 1.0, tolerance=1e-9,
+                  method=method, estimate=False)
+    decay, omega = 0.5 * KD / J, math.sqrt(KP / J - (0.5 * KD / J)**2)
+    wanted = 1 - math.exp(-decay) * (math.cos(omega) + decay / omega * math.sin(omega))
+    assert told(motion)["hub.theta"] == pytest.approx(wanted, abs=error)
+
+
+def limited(t: float, y: np.ndarray) -> list[float]:
+    """The same arm with a PID controller, whose integration stops at its limits."""
+    theta, omega, integral, filtered = y
+    e = 1 - theta
+    rate = (e - filtered) / FILTER
+    u = KP * e + integral + KD * rate
+    gain = 0.0 if (u >= LIMIT and e > 0) or (u <= -LIMIT and e < 0) else KI * e
+    return [omega, min(max(u, -LIMIT), LIMIT) / J, gain, rate]
+
+
+@pytest.mark.parametrize("method", ["radau5", "DOP853"])
+def test_a_pid_controller_with_limits_agrees_with_scipy(method):
+    motion = ride(arm("motor", controllers={"motor": PID}), 1.0, tolerance=1e-9, method=method, estimate=False)
+    wanted = solve_ivp(limited, (0, 1), [0, 0, 0, 1], method="DOP853", rtol=1e-11, atol=1e-12, max_step=2e-3).y[:, -1]
+    found = told(motion)
+    names = ("hub.theta", "motor:integral", "motor:filtered")
+    assert [found[n] for n in names] == pytest.approx(wanted[[0, 2, 3]], abs=1e-7)
+
+
+def test_a_sampled_controller_is_its_recurrence():
+    """Between samples the torque stands still, so that the arm moves along parabolas."""
+    step, theta, omega, integral, filtered = 0.01, 0.0, 0.0, 0.0, 1.0
+    for _ in range(100):
+        e = 1 - theta
+        rate = (e - filtered) / (FILTER + step)
+        u = KP * e + integral + KI * step * e + KD * rate
+        if not ((u >= LIMIT and e > 0) or (u <= -LIMIT and e < 0)):
+            integral += KI * step * e
+        torque = min(max(KP * e + integral + KD * rate, -LIMIT), LIMIT)
+        filtered += step * rate
+        theta, omega = theta + step * omega + 0.5 * step**2 * torque / J, omega + step * torque / J
+    motion = ride(arm("motor", controllers={"motor": {**PID, "sample": step}}), 1.0, tolerance=1e-10, estimate=False)
+    found = told(motion)
+    assert [found["hub.theta"], found["motor:integral"]] == pytest.approx([theta, integral], abs=1e-8)
+
+
+def test_states_of_a_controller_obey_their_equations():
+    """z' = -z + w, w' = -z from (1, 0), beside an arm that feels nothing of it."""
+    watch = {"type": "state", "rate": {"z": "w - z", "w": "-z"}, "initial": {"z": 1}, "output": "2*z"}
+    motion = ride(arm("0*watch", controllers={"watch": watch}), 1.0, tolerance=1e-9, estimate=False)
+    omega = math.sqrt(0.75)
+    z = math.exp(-0.5) * (math.cos(omega) - 0.5 / omega * math.sin(omega))
+    assert told(motion)["watch:z"] == pytest.approx(z, abs=1e-7)
+
+
+def test_tangents_are_derivatives():
+    """Of signals, states and formulas together, by coordinates and rates, on a flexible arm of directions."""
+    lead = {"type": "state", "rate": {"z": "tip.x*sin(tip.theta) - z*z"}, "initial": {"z": 0.3}, "output": "3*z"}
+    scene = arm("motor - 0.3*hub.omega*tip.vy + lead", controllers={"motor": {**PID, "limit": [-50, 50]}, "lead": lead})
+    scene["bodies"] = {"arm": h.body(h.line(1.0), h.element("vallejo", 1), {"height": 0.05, "width": 0.02},
+                                     {"E": 1e5, "nu": 0.3, "rho": 1000})}
+    scene["loads"].append({"type": "force", "at": "arm@1", "value": [1, 2],
+                           "amplitude": {"type": "expression", "value": "tip.theta^2*hub.omega"}})
+    motion = Ride(scene, 0.01, tolerance=1e-3, estimate=False).start()
+    stepper, rng = motion.stepper, np.random.default_rng(3)
+    p, w, n = stepper.p, stepper.w, len(stepper.s.z)
+    z, v = stepper.s.z + 1e-3 * rng.standard_normal(n), rng.standard_normal(n)
+
+    def residual(z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        evaluate(p.programs, 0.005, w.amps)
+        forces(p, w, z, v)
+        return w.Q[p.full].copy()
+
+    def tangent(c: float) -> np.ndarray:
+        evaluate(p.programs, 0.005, w.amps)
+        forces_tangent(p, w, z, v, c)
+        return dense(w.A, p)
+
+    K, C = tangent(0.0), tangent(1.0)
+    for found, by in ((K, 0), (C - K, 1)):
+        for k in range(n):
+            change = 1e-6 * np.eye(n)[k]
+            plus, minus = ((residual(z + s * change, v) if by == 0 else residual(z, v + s * change)) for s in (1, -1))
+            wanted = (plus - minus) / 2e-6
+            # the tangent of the moment itself is symmetric in its directions
+            assert found[:, k] == pytest.approx(wanted, abs=1e-5 * max(1.0, np.abs(wanted).max()))
+
+
+def test_a_falling_rod_reaches_its_terminal_velocity():
+    """rho A v' = -rho A g + k v^2: v = -V tanh(g t/V), V^2 = rho A g/k."""
+    scene = {"bodies": {"rod": h.body(h.line(1.0), h.element("reissner3", 2), {"height": 0.05, "width": 0.02},
+                                      {"E": 1e7, "nu": 0.3, "rho": 1000})},
+             "loads": [{"type": "gravity", "value": [0, -9.81]},
+                       {"type": "distributed", "on": "rod",
+                        "value": ["-k*vx*sqrt(vx^2 + vy^2)", "-k*vy*sqrt(vx^2 + vy^2)"]}],
+             "parameters": {"k": 0.5}, "output": {"probes": {"mid": "rod@0.5"}}}
+    motion = ride(scene, 2.0, tolerance=1e-9, estimate=False)
+    V = math.sqrt(9.81 / 0.5)
+    y = -V**2 / 9.81 * math.log(math.cosh(9.81 * 2.0 / V))
+    assert motion.place("rod@0.5") == pytest.approx([0.5, y], abs=1e-7)
+
+
+def test_a_pendulum_in_air():
+    """A rigid rod: J w' = -m g L/2 cos theta - k L^4/4 w |w|, the moment of the drag along it."""
+    scene = arm("0", parameters={"k": 0.8})
+    scene["loads"] += [{"type": "gravity", "value": [0, -9.81]},
+                       {"type": "distributed", "on": "arm", "value": ["-k*vx*sqrt(vx^2 + vy^2)",
+                                                                      "-k*vy*sqrt(vx^2 + vy^2)"]}]
+    motion = ride(scene, 1.0, tolerance=1e-9, estimate=False)
+    wanted = solve_ivp(lambda t, y: [y[1], (-1.5 * 9.81 / 2 * math.cos(y[0]) - 0.2 * y[1] * abs(y[1])) / J], (0, 1),
+                       [0, 0], method="DOP853", rtol=1e-11, atol=1e-12).y[0, -1]
+    assert motion.place("arm@1") == pytest.approx([math.cos(wanted), math.sin(wanted)], abs=1e-7)
+
+
+def test_a_spring_by_formula_is_the_spring_that_it_says():
+    """Linear ones as such, beyond a gap and on one side; a bent one by its energy."""
+    def end(spring: dict, **more) -> np.ndarray:
+        scene = {**arm("0"), "springs": [{"between": ["arm@1", [1, 2]], "type": "translational", **spring}],
+                 "initial": {"rotation_rate": {"omega": 2}}, **more}
+        return ride(scene, 0.5, tolerance=1e-10, estimate=False).place("arm@1")
+
+    for more in ({}, {"gap": 0.1}, {"only": "compression"}):
+        given = end({"stiffness": 20, "damping": 0.5, **more})
+        assert end({"force": "20*u + 0.5*v", **more}) == pytest.approx(given, abs=1e-8)
+    scene = {**arm("0"), "initial": {"rotation_rate": {"omega": 2}},
+             "springs": [{"type": "rotational", "between": [[0, 0], "arm@0"], "force": "20*u + 30*u^3"}]}
+    motion = ride(scene, 0.4, states=4, tolerance=1e-9, estimate=False)
+    total, _ = motion.totals()
+    assert total == pytest.approx(0.5 * J * 4, rel=1e-8)
+
+
+def test_an_expression_without_a_value_is_told():
+    """sqrt(0.1 - theta) has none beyond 0.1."""
+    with pytest.raises(ComputationError, match=r"sqrt\(0.1 - hub.theta\).* has no value") as caught:
+        ride(arm("1 + sqrt(0.1 - hub.theta)"), 1.0, tolerance=1e-6, estimate=False)
+    assert caught.value.failure.at["hub.theta"] == pytest.approx(0.1, abs=1e-2)
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"solver": {"type": "dynamic", "t_end": 1, "method": "energy_momentum"}}, "energy_momentum takes the mean"),
+    ({"solver": {"type": "static"}}, "no motion that a load could answer")])
+def test_what_cannot_answer_is_refused(changes, words):
+    scene = arm("hub.theta")
+    with pytest.raises(CaseError, match=words):
+        h.build(scene.pop("bodies"), changes["solver"], **scene)
