@@ -1,7 +1,6 @@
 """Checks that need the whole case: names that refer to others, and what the solver allows.
 
-They run on a draft in which INVALID stands for what could not be read, and stay silent about
-everything that depends on such a part.
+They run on a draft in which INVALID stands for what could not be read, silent about all that depends on it.
 """
 
 from __future__ import annotations

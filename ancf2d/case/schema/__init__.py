@@ -54,8 +54,8 @@ __all__ = [
     "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid",
     "FrequencyResponse", "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece",
     "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Pid",
-    "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable", "Ramp",
-    "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver", "Spline",
-    "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Table", "Transport", "Units", "Windowed",
-    "amplitude_of", "register",
+    "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable",
+    "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver",
+    "Spline", "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Table", "Transport", "Units",
+    "Windowed", "amplitude_of", "register",
 ]
