@@ -1,7 +1,6 @@
 """Checks that need the whole case: names that refer to others, and what the solver allows.
 
-They run on a draft in which INVALID stands for what could not be read, silent about all that depends on it.
-"""
+They are silent about all that depends on INVALID, which stands for what could not be read."""
 
 from __future__ import annotations
 
