@@ -1,6 +1,4 @@
-"""Checks that need the whole case: names that refer to others, and what the solver allows.
-
-They are silent about all that depends on INVALID, which stands for what could not be read."""
+"""Checks that need the whole case; silent about all that depends on INVALID, which could not be read."""
 
 from __future__ import annotations
 
@@ -34,10 +32,8 @@ _CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a bucklin
            "limit_point": "a limit point", "input": "a response"}
 _WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
          "reactions": ("boundary condition named", "boundary conditions with a name")}
-# times are squared, and divided by
-TIMES = (1e-100, 1e100)
-# states whose times can be held in memory
-MOST_STATES = 1e8
+# times are squared, and divided by; states whose times can be held in memory
+TIMES, MOST_STATES = (1e-100, 1e100), 1e8
 
 
 def check_case(case: Case, source: Source, binder: Binder) -> None:
