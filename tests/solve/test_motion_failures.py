@@ -92,7 +92,7 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
 
 
 @pytest.mark.parametrize(("fine", "words"), [
-    (9 * 4e-4, []), (9 * 4e-3, ["the tolerance is missed", "add up: use a smaller one"]),
+    (9 * 4e-4, []), (9 * 4e-3, ["the tolerance is missed", "add up: use a smaller tolerance"]),
     (9 * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
 def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:
     """Differences that shrink tenfold leave a ninth; errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows.
