@@ -14,6 +14,7 @@ from ancf2d.case import (
     LimitPoints,
     LoadFactor,
     Point,
+    PointExpression,
     ProbeReaches,
     ProfileExpression,
     Selective,
@@ -76,8 +77,8 @@ def test_valid_cases_use_the_whole_format(vocabulary):
     for path in VALID:
         loaded = load_case(path, vocabulary=vocabulary)
         for where, value, _ in walk(loaded.case):
-            # an expression in s is written as a text, without keys
-            if dataclasses.is_dataclass(value) and not isinstance(value, ProfileExpression):
+            # an expression in s, or in quantities of a point, is written as a text, without keys
+            if dataclasses.is_dataclass(value) and not isinstance(value, ProfileExpression | PointExpression):
                 keys = keys_of(type(value))
                 known |= {(type(value).__name__, name) for name in keys}
                 data = plain_data(loaded.source.node(where)[0])
