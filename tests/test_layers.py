@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -105,6 +106,24 @@ def test_cycles_are_found_wherever_a_module_is_imported(tmp_path: Path) -> None:
     assert graph == {"p": {"p.above"}, "p.above": {"p.room.a"}, "p.room": set(), "p.room.a": {"p.room.b"},
                      "p.room.b": {"p.room.c"}, "p.room.c": {"p.room.a"}}
     assert cycles(graph) == [["p.room.a", "p.room.b", "p.room.c"]]
+
+
+def test_no_module_binds_a_name_twice() -> None:
+    """The latter value would hold for what is written above it too."""
+    twice = []
+    for path, tree in SOURCES().items():
+        names = []
+        for node in tree.body:
+            if isinstance(node, ast.Assign):
+                names += [n.id for target in node.targets for n in ast.walk(target) if isinstance(n, ast.Name)]
+            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                names.append(node.target.id)
+            elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                names.append(node.name)
+            elif isinstance(node, (ast.Import, ast.ImportFrom)):
+                names += [alias.asname or alias.name for alias in node.names]
+        twice += [f"{path.relative_to(PACKAGE)}: {name}" for name, count in Counter(names).items() if count > 1]
+    assert not twice
 
 
 def test_lines_of_code_are_those_of_statements(tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 import shlex
+import textwrap
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -26,17 +28,10 @@ from .options import (
     workers,
 )
 from .session import Bar, Session
-from .text import command_line, say
+from .text import TIME, command_line, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.tradeoff.plan import Choice
-import textwrap
-from collections import Counter
-from typing import TYPE_CHECKING
-
-from .text import TIME, duration, number, table
-
-if TYPE_CHECKING:
     from ..study.tradeoff.result import Row, Study
 
 

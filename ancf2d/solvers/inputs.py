@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..errors import ComputationError
@@ -19,25 +21,15 @@ from ..model.point_patch import PointConstraint
 from ..model.points import PointRef
 from ..model.rotation import Rotation
 from ..model.timing import Drive
-from .linear import full_mass
+from .factors import Factors, SymmetricFactors
+from .linear import full_mass, make_matrix
 from .linearised import Linearised
 from .post import FORCES, asks_for_forces, place_rate
 from .section_forces import has_section_forces
 from .small_forces import SmallForces
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-from numpy.typing import NDArray
-
-from .factors import Factors, SymmetricFactors
-from .linear import make_matrix
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
+    from scipy.sparse import csc_array, csr_matrix
 
 
 @dataclass(frozen=True)

@@ -103,13 +103,12 @@ def spurious_branch(s: Subject) -> Finding:
     power = "" if before is None else f", like n^{math.log(last / before) / math.log(counts[-1] / counts[-2]):.2f}"
     why = f", {percent(gaps)} of their energy in gaps" if gaps > 0.0 else ""
     return Finding(value, FAIL, f"modes of the mesh fall with refinement{power}{why}; the lowest is {value:.3g} times "
-                   "the "
-                   f"first bending mode on {counts[-1]} elements")
+                   f"the first bending mode on {counts[-1]} elements")
 
 
 # Rayleigh's alpha [1/s] and beta [s], and the retardation time tau [s]: damping ratios of some percent
 ALPHA, BETA, TAU = 1e-3, 0.04, 0.06
-MODES = 4
+PAIRS = 4
 # relative error of a damping ratio that is still round-off of the eigenvalues
 EXACT = 1e-7
 ANGLES = (0.0, 0.9, -2.4)
@@ -135,11 +134,11 @@ def _ratios_off(s: Subject) -> float:
     from ...solvers.eigen import pairs_of
     from ...solvers.linearised import small_motions
 
-    model = s.model(10.0, 2, {"type": "eigen", "modes": MODES}, tau=TAU,
+    model = s.model(10.0, 2, {"type": "eigen", "modes": PAIRS}, tau=TAU,
                     boundary_conditions=[{"type": "clamp", "at": "beam@0", "hold": "all"}],
                     damping={"rayleigh": {"alpha": ALPHA, "beta": BETA}})
     small = small_motions(model, "reference", "eigen")
-    plain, damped = (pairs_of(small, MODES, acts)[1].s for acts in (False, True))
+    plain, damped = (pairs_of(small, PAIRS, acts)[1].s for acts in (False, True))
     omega = np.sort(np.abs(plain[plain.imag > 0.0]))
     damped = damped[np.argsort(np.abs(damped))]
     if len(omega) != len(damped) or not len(omega):
