@@ -16,6 +16,7 @@ FAMILIES = {
     "theta": "rotation", "vx": "velocity", "vy": "velocity", "omega": "angular velocity",
     "ax": "acceleration", "ay": "acceleration",
     "N": "axial force", "Q": "shear force", "M": "bending moment",
+    "output": "controller output",
 }
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
@@ -56,12 +57,17 @@ def _values(source: Source, probes: list[str], quantities: list[str],
 
 
 def _families(found: list[tuple[str, str, str, np.ndarray]], quantities: list[str],
-              default: Sequence[str]) -> dict[str, list[tuple[str, str, str, np.ndarray]]]:
-    """Sort values by family; by default only those that move, in the families ``default``."""
+              default: Sequence[str], named: bool) -> dict[str, list[tuple[str, str, str, np.ndarray]]]:
+    """Sort values by family; by default only those that move, in the families ``default``.
+
+    Probes without any of these, such as reactions, show all they have where they are ``named`` or there are no others.
+    """
     families: dict[str, list[tuple[str, str, str, np.ndarray]]] = {}
+    usual = {name for name, q, *_ in found if FAMILIES.get(q, q) in default}
     for entry in found:
         family = FAMILIES.get(entry[1], entry[1])
-        if entry[1] in quantities or (not quantities and family in default):
+        shown = family in default or (entry[0] not in usual and (named or not usual))
+        if entry[1] in quantities or (not quantities and shown):
             families.setdefault(family, []).append(entry)
     if quantities:
         return families
@@ -81,14 +87,14 @@ def _largest(values: np.ndarray) -> float:
 def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
             quantity: str | Sequence[str] | None, default: Sequence[str], axis: tuple[str, str],
             swap: bool) -> list[Panel]:
-    panels: dict[str, Panel] = {}
-    quantities = quantities_of(quantity)
+    panels: dict[tuple[str, str], Panel] = {}
+    probes, quantities = names_of(probe), quantities_of(quantity)
     for source in sources:
-        found = _values(source, names_of(probe), quantities)
-        for family, entries in _families(found, quantities, default).items():
+        found = _values(source, probes, quantities)
+        for family, entries in _families(found, quantities, default, bool(probes)).items():
             for name, q, units, values in entries:
                 own = (family, units)
-                panel = panels.setdefault(family, Panel(own, axis) if swap else Panel(axis, own))
+                panel = panels.setdefault(own, Panel(own, axis) if swap else Panel(axis, own))
                 t = source.results.probe_t
                 x, y = (values, t) if swap else (t, values)
                 panel.curves.append(Curve(source.name(f"{name} {q}"), x, y))
@@ -128,8 +134,8 @@ def _mark_limits(sources: Sequence[Source], panels: list[Panel]) -> None:
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
             quantity: str | Sequence[str] | None = None) -> Curves:
-    """Build probe quantities over time (default: displacements and rotations)."""
-    panels = _panels(sources, probe, quantity, ("displacement", "rotation"),
+    """Build probe quantities over time (default: displacements, rotations and what controllers put out)."""
+    panels = _panels(sources, probe, quantity, ("displacement", "rotation", "controller output"),
                      _t_axis(sources[0].results), False)
     return Curves(common_title(sources), "", panels, share="x")
 

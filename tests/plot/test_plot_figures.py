@@ -55,6 +55,25 @@ def test_a_quantity_that_is_round_off_is_not_drawn_unless_asked_for(tmp_path: Pa
     assert legend_texts(draw(results, "load_deflection", quantity="ux")) == ["mid ux"]
 
 
+def test_probes_without_displacements_are_drawn_where_they_are_asked_for(tmp_path: Path) -> None:
+    """Controllers show what they put out; reactions, which are named or alone, all they have."""
+    force, motor, e0 = {"fx": 2.0, "fy": 3.0}, {"output": 0.5, "x": 2.0}, np.zeros(8)
+
+    def path(name: str, probes: dict) -> Path:
+        with ResultWriter(tmp_path / name, HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
+            for t in (0.0, 0.5, 1.0):
+                w.append(t, e0, {}, probes)
+            w.finish()
+        return tmp_path / name
+
+    results = opened(path("a.h5", {"mid": {"x": 1.0, "uy": -1e-3}, "motor": motor, "left": force}))
+    assert legend_texts(draw(results, "history")) == ["mid uy", "motor output"]
+    assert legend_texts(draw(results, "history", probe=["motor"])) == ["motor output"]
+    assert legend_texts(draw(results, "history", probe=["left", "mid"])) == ["left fx", "left fy", "mid uy"]
+    assert legend_texts(draw(results, "load_deflection", probe=["left"])) == ["left fx", "left fy"]
+    assert legend_texts(draw(opened(path("b.h5", {"left": force})), "history")) == ["left fx", "left fy"]
+
+
 def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
     results = opened(mechanism(tmp_path / "a.h5"))
     figure = draw(results, "history")
