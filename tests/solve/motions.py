@@ -12,7 +12,9 @@ from ancf2d.kernels.advance import CHECK, INSIDE
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
 from ancf2d.solvers.methods import Method
+from ancf2d.solvers.ode import OdeStepper
 from ancf2d.solvers.problem import make_problem
+from ancf2d.solvers.schemes import SCHEMES
 from ancf2d.solvers.stepping import LOG, Stepper
 
 THIN = {"height": 0.02, "width": 0.05}
@@ -45,8 +47,10 @@ class Ride:
         self.model = h.build(bodies, {"type": "dynamic", "t_end": t_end, **solver}, **more)
         wanted = t_end * np.arange(1, states + 1) / states
         problem, signals = make_problem(self.model)
-        self.stepper = Stepper(self.model, problem, signals, self.model.case.solver, solver.get("dt", 0.0),
-                               np.zeros(0) if every else wanted[:-1], every)
+        spec = self.model.case.solver
+        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        self.stepper = kind(self.model, problem, signals, spec, solver.get("dt", 0.0),
+                            np.zeros(0) if every else wanted[:-1], every)
         if tight:
             stepper = self.stepper
             stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight)
