@@ -8,7 +8,7 @@ counted by the argument principle, from the phase of det(K + s C + s^2 M) along 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -240,7 +240,9 @@ def _upper(s: Complex) -> NDArray[np.bool_]:
 def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool) -> Pairs:
     """Return the pairs that were asked for, lowest |s| first, with the real eigenvalues among them."""
     keep: list[complex] = []
-    vectors, residuals, rests = [], [], []
+    vectors: list[Complex] = []
+    residuals: list[float] = []
+    resting: list[Complex] = []
     pairs = real = skipped = 0
     for k in np.flatnonzero(s.imag >= -REAL * np.abs(s)):
         if pairs == number:
@@ -252,30 +254,35 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
         residual = search.residual(s[k], x)
         if residual > TRUSTED:
             skipped += int(is_pair)
-            continue
-        pairs, real = pairs + (is_pair and not rest), real + (not is_pair and not rest)
-        keep.append(0j if rest else s[k] if is_pair else complex(s[k].real))
-        vectors.append(x)
-        residuals.append(residual)
-        rests.append(rest)
-    found, X, rest = np.array(keep), np.array(vectors).reshape(len(keep), -1), np.array(rests, dtype=bool)
+        elif rest:
+            resting.append(x)
+        else:
+            pairs, real = pairs + is_pair, real + (not is_pair)
+            keep.append(s[k] if is_pair else complex(s[k].real))
+            vectors.append(x)
+            residuals.append(residual)
+    motions = _motions(search.problem, resting)
+    rest_count, n = len(motions), search.problem.n
+    found = np.array([0j] * rest_count + keep, dtype=complex)
     missing = 0 if complete else _missing(search, found, s)
-    some = _distinct(search.problem, X, rest)
-    return Pairs(found[some], X[some], np.array(residuals)[some], rest[some], missing, skipped)
+    return Pairs(found, np.array([*motions, *vectors], dtype=complex).reshape(-1, n),
+                 np.array([*(search.residual(0.0, x) for x in motions), *residuals]),
+                 np.arange(len(found)) < rest_count, missing, skipped)
 
 
-def _distinct(problem: Quadratic, X: Complex, rest: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Return which modes to keep: of rest, whose eigenvalues come twice, as many as there are motions."""
-    space, kept = Space(problem), []
-    for k, x in enumerate(X):
-        if rest[k]:
-            part = x.real if problem.size(x.real) >= problem.size(x.imag) else x.imag
+def _motions(problem: Quadratic, modes: Sequence[Complex]) -> Array:
+    """Return the motions (m, n) of modes at rest, each once.
+
+    Their eigenvalues come twice, and round-off makes those of two motions complex: the real and the imaginary part of a
+    mode are different motions then.
+    """
+    space = Space(problem)
+    for x in modes:
+        for part in (x.real, x.imag):
             count = space.count
-            if space.add(part / problem.size(part))[1] < ALIKE:
+            if space.add(part)[1] < ALIKE * problem.size(np.abs(x)):
                 space.count = count
-                continue
-        kept.append(k)
-    return np.array(kept, dtype=np.int64)
+    return space.V
 
 
 def _diagonals(problem: Quadratic) -> tuple[Array, Array, Array]:

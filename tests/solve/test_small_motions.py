@@ -14,7 +14,9 @@ import yaml
 import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
+from ancf2d.solvers.inputs import Quadratic
 from ancf2d.solvers.linearised import Linearised, base_state
+from ancf2d.solvers.quadratic import _motions
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass
@@ -163,6 +165,18 @@ def bar(**more: Any) -> dict[str, Any]:
     return {"bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
                                "element": {"type": "rigid", "mass": 3, "inertia": 1}}},
             "solver": {"type": "eigen", "modes": 3}, **more}
+
+
+@pytest.mark.parametrize("mixed", [[1, 2], [1j, 2], [1 + 1j, 1 - 1j], [1 + 2j, 3 - 1j]])
+def test_motions_at_rest_are_found_whatever_combinations_of_them_the_modes_are(mixed: list[complex]) -> None:
+    """Round-off decides which combinations of two motions with s = 0 the eigenvectors are, and repeats them."""
+    small = Linearised(base_state(build_model(load_case_text(json.dumps(SCENE))), "reference"))
+    problem = Quadratic(small)
+    a, b = np.random.default_rng(1).standard_normal((2, problem.n))
+    x, y = a + mixed[0] * b, a + mixed[1] * b
+    motions = _motions(problem, [x, y, x.conj(), 1j * x])
+    assert len(motions) == 2
+    assert np.linalg.matrix_rank(np.array([*motions, a, b]), tol=1e-9) == 2
 
 
 def test_rigid_bodies_and_springs_alone_vibrate() -> None:
