@@ -92,7 +92,17 @@ def solve_linear(model: Model) -> Iterator[State]:
     warnings = [] if known <= POOR else [
         f"round-off limits the displacements: they are known to about {known:.1g} of the largest. Fewer or longer "
         "elements, or solver static, give more digits"]
+    warnings += _pretensioned(model, d)
     yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
+
+
+def _pretensioned(model: Model, d: Array) -> list[str]:
+    """Return the warning that section forces leave out how an elastic tendon under pretension turns with its body."""
+    rest, moved = np.zeros(model.n_q), d[:model.n_q]
+    names = sorted({g.mesh.plan.name for g in model.loads.guides
+                    if 0.0 < g.tension(rest, 1.0) != g.tension(moved, 1.0)})
+    return [f"N, Q and M of {', '.join(names)} leave out how the pretension of the tendon turns with the body: use "
+            "solver static for them"] if names else []
 
 
 @dataclass

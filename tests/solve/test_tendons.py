@@ -122,6 +122,13 @@ def test_an_elastic_tendon_never_pushes() -> None:
     assert abs(held.u("a@1")[1]) < 0.01 * abs(alone.u("a@1")[1])
 
 
+@pytest.mark.parametrize(("slack", "said"), [(-1e-4, True), (0.0, False)])
+def test_linear_statics_say_that_section_forces_miss_how_a_pretension_turns(slack: float, said: bool) -> None:
+    load = {"type": "tendon", "on": "a", "y": 0.01, "stiffness": 10.0, "slack": slack}
+    found = solve(beam("reissner3", 2), [load, {"type": "force", "at": "a@1", "value": [1e-3, 0]}], "linear_static")
+    assert any("pretension of the tendon" in w for w in found.state.warnings) == said
+
+
 def test_an_elastic_tendon_stiffens_modes_as_a_spring_does() -> None:
     tendon = {"type": "tendon", "through": ["a@1", [L, 1.5]], "stiffness": 1e4, "slack": 0.0}
     spring = {"type": "translational", "between": ["a@1", [L, 1.5]], "stiffness": 1e4 / 1.5}
