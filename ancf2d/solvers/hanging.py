@@ -58,6 +58,9 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
     t = factors[1]
     relaxation = _Relaxation(system, d, factors, tolerance, max_iterations)
     result = relaxation.run()
+    if not system.model.winds:
+        # loops that a rope pulls tight vanish, and chance decides which of its sections turn over then
+        system.count_from(relaxation.turns)
     warnings = [FELL] if fell else []
     if relaxation.pushed:
         warnings.append(f"the start is next to an unstable equilibrium (negative pivots: {relaxation.pushed}): a push "
@@ -92,6 +95,8 @@ class _Relaxation:
         # the negative pivots of an unstable equilibrium at the start, and the one that was left last
         self.pushed = 0
         self.left: Array | None = None
+        # where supports have come to their places, from where the turns of the equilibrium are counted
+        self.turns = system.turns()
 
     def run(self) -> NewtonResult:
         """Return the equilibrium that is come to."""
@@ -103,6 +108,7 @@ class _Relaxation:
             for factor in others:
                 self._go(factor)
             self.checked = True
+            self.turns = self.system.turns()
         while self.steps < MOST_STEPS:
             moved = self._go(self.t)
             # where a step of any length hardly moves, there is nothing left to get away from

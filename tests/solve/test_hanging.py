@@ -99,11 +99,17 @@ def test_a_rope_between_two_points_is_a_catenary(tmp_path: Path, to: float) -> N
     arc = {"type": "arc", "center": [0, 0], "radius": 0.5, "from": math.pi, "to": to}
     case = rope(arc, count=64, EI=1e-7)
     case["boundary_conditions"] = [PIN, {"name": "end", "type": "pin", "at": "l0@1"}]
+    case["output"]["probes"]["start"] = "l0@0"
     found = solved(tmp_path, **case)
     H, sag = catenary(math.pi / 2, 1.0, 1e6)
     end = found["reactions"]["end"]
     assert (end["fx"], end["fy"]) == pytest.approx((H, G * math.pi / 4), rel=1e-6)
-    assert found["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-6)
+    mid, start = found["probes"]["mid"], found["probes"]["start"]
+    assert mid["y"] == pytest.approx(-sag, rel=1e-6)
+    # the middle of what is symmetric turns to no side, and theta has no jump from there to an end
+    drawn = -math.pi / 2 if to else math.pi / 2
+    assert mid["theta"] == pytest.approx(0.0, abs=1e-6)
+    assert start["theta"] == pytest.approx(-math.atan2(G * math.pi / 4, H) - drawn, abs=1e-3)
     assert ["sinks from" in w for w in found["warnings"]] == ([True] if to == 0.0 else [])
 
 
