@@ -68,11 +68,11 @@ def limited(t: float, y: np.ndarray) -> list[float]:
 
 @pytest.mark.parametrize("method", ["radau5", "DOP853"])
 def test_a_pid_controller_with_limits_agrees_with_scipy(method):
-    motion = ride(arm("motor", controllers={"motor": PID}), 1.0, tolerance=1e-9, method=method, estimate=False)
+    motion = ride(arm("motor", controllers={"motor": PID}), 1.0, tolerance=1e-10, method=method, estimate=False)
     wanted = solve_ivp(limited, (0, 1), [0, 0, 0, 1], method="DOP853", rtol=1e-11, atol=1e-12, max_step=2e-3).y[:, -1]
     found = told(motion)
     names = ("hub.theta", "motor:integral", "motor:filtered")
-    assert [found[n] for n in names] == pytest.approx(wanted[[0, 2, 3]], abs=1e-7)
+    assert [found[n] for n in names] == pytest.approx(wanted[[0, 2, 3]], abs=1e-8)
 
 
 def test_a_sampled_controller_is_its_recurrence():
