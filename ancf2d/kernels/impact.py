@@ -31,6 +31,8 @@ PARTING = 1e-9
 _MOST, _FIELDS = 20, 100
 # of the extent: a way that leads no deeper into an obstacle does not pass through it
 DEPTH = 1e-3
+# times the rate of approach: what a bounce may be more, so that it takes no energy
+MORE = 1.1
 
 
 @addressed_with_memory
@@ -172,6 +174,52 @@ def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
     return -min(np.sqrt(square), abs(rate) + abs(second) * h)
 
 
+@inner_with_memory
+def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
+    """Return kinetic and strain energy less the work of constant loads; that of springs unless it counts as work."""
+    evaluate(p.programs, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    set_natural(p, w.amps, w.amps)
+    energy = elastic(p, w.d, w.other)
+    if not tracks:
+        energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
+    for k in range(len(p.load_coord)):
+        if not p.load_varies[k]:
+            energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]
+    return energy + 0.5 * twice_kinetic(p, w, v)
+
+
+@inner_with_memory
+def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-untyped-def]
+    """Do as ``_after`` in a step from s at t, with so much of the bounce that it gives no energy.
+
+    Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
+    bounce with restitution 1 takes no energy either. Nothing that follows a signal moves meanwhile.
+    """
+    z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
+    before, share, plastic = _held(p, w, s.z, s.v, t, False), 1.0, 0.0
+    for attempt in range(3):
+        if attempt > 0:
+            end.z[:], end.v[:], end.a[:], how[:] = z, v, a, sides
+            for i in range(len(how)):
+                if p.points.restitution[i] >= 0.0:
+                    p.points.mem[i, HELD] = how[i]
+        for i in range(len(bounce)):
+            bounce[i] = share * full[i]
+        _after(p, w, end, t + h, bounce, how, share > 0.0)
+        behind = _held(p, w, end.z, end.v, t + h, False)
+        if attempt == 0:
+            if behind <= before and not conserves:
+                return
+            whole_bounce, share = behind, 0.0
+        elif attempt == 1:
+            plastic = behind
+            added = whole_bounce - plastic
+            share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
+
+
 @addressed_with_memory
 def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Do what constraints that closed in the step from s at t to m.end do to its end; return whether there were any."""
@@ -188,6 +236,7 @@ def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         _release(p, how)
         return False
     bounce = np.zeros(len(s.z))
+    elastic_ones = bounces
     if bounces:
         evaluate(p.programs, t, w.amps)
         _rates(p, w, s.z, s.v, s.a, g, rate, second)
@@ -198,30 +247,20 @@ def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             if how[i] == CLOSED and not s.z[k] < 0.0:
                 bounce[k] = -p.points.restitution[i] * _approach(g[i], rate[i], second[i], h)
                 bounces |= bounce[k] > 0.0
-    _after(p, w, end, t + h, bounce, how, bounces)
+                elastic_ones &= p.points.restitution[i] == 1.0
+    rests = True
+    for k in range(len(w.amps)):
+        rests &= w.amps[k, 1] == 0.0
+    if bounces and rests:
+        _bounce(p, w, s, end, t, h, bounce, how, elastic_ones)
+    else:
+        _after(p, w, end, t + h, bounce, how, bounces)
     _release(p, how)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):
         change = end.z[i] - s.z[i]
         m.end.dense[0, i], m.end.dense[1, i], m.end.dense[2, i] = change, change, change
     return True
-
-
-@inner_with_memory
-def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
-    """Return kinetic and strain energy less the work of constant loads; that of springs unless it counts as work."""
-    evaluate(p.programs, t, w.amps)
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    w.other[:] = 0.0
-    set_natural(p, w.amps, w.amps)
-    energy = elastic(p, w.d, w.other)
-    if not tracks:
-        energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
-    for k in range(len(p.load_coord)):
-        if not p.load_varies[k]:
-            energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]
-    return energy + 0.5 * twice_kinetic(p, w, v)
 
 
 @addressed_with_memory
