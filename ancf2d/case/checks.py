@@ -5,10 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed
-from .feedback_checks import check_controllers, check_feedback
+from .interaction_checks import (
+    check_active,
+    check_contacts,
+    check_controllers,
+    check_feedback,
+    check_flows,
+    check_moving,
+)
 from .nodes import Source, quoted
 from .records import walk
-from .schema import Active, Case, Layers, LimitPoints, MovingPoint, Point, Stiffness
+from .schema import Case, Layers, LimitPoints, Point, Stiffness
 
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "dynamic")
@@ -46,16 +53,16 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
     check_controllers(checker)
     if case.solver is not INVALID:
         checker.sections()
-        checker.moving()
-        checker.active()
-        checker.flows()
+        check_moving(checker)
+        check_active(checker)
+        check_flows(checker)
         check_feedback(checker)
         checker.goals()
         checker.masses()
         checker.times()
         checker.aims()
         checker.inputs()
-    checker.contacts()
+    check_contacts(checker)
 
 
 class _Checker:
@@ -134,43 +141,6 @@ class _Checker:
                 else:
                     seen[name] = i
 
-    def active(self) -> None:
-        """Check that things begin and end in motions alone."""
-        for path, value, _ in walk(self.case):
-            if isinstance(value, Active) and self.solver != "dynamic":
-                self.fail(path, f"{dotted(path)} cannot be used with solver {self.solver}, only with dynamic",
-                          on_key=True)
-
-    def flows(self) -> None:
-        """Check what moves along bodies: once on each, at a speed that is known where nothing depends on time."""
-        if INVALID in (self.case.transport, self.case.fluid) or self.failed & {("transport",), ("fluid",)}:
-            return
-        for what in ("transport", "fluid"):
-            found, seen = getattr(self.case, what), set()
-            for i, one in enumerate(found if isinstance(found, tuple) else () if found is None else (found,)):
-                path: Path = (what, i) if isinstance(found, tuple) else (what,)
-                if one.on in seen:
-                    self.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is named twice")
-                seen.add(one.on)
-                body = self.case.bodies.get(one.on) if self.case.bodies is not INVALID else None
-                if body not in (None, INVALID) and body.element not in (None, INVALID) and body.element.type == "rigid":
-                    self.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is rigid", "a body with elements")
-                if not isinstance(one.velocity, float) and self.solver != "dynamic":
-                    self.fail((*path, "velocity"), f"{dotted(path)}.velocity: over time it is for solver dynamic alone",
-                              f"a number {self.binder.unit('m/s')}")
-        if self.case.flows and self.case.steady_rotation is not None:
-            self.fail(("steady_rotation",), "steady_rotation cannot be used with transport or fluid", on_key=True)
-
-    def moving(self) -> None:
-        """Check that points move in motions alone."""
-        for path, value, _ in walk(self.case):
-            if isinstance(value, MovingPoint) and self.solver != "dynamic":
-                self.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
-                          f"{self.solver}, only with dynamic", "BODY@S")
-            elif isinstance(value, MovingPoint) and getattr(self.case.solver, "method", None) == "energy_momentum":
-                self.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with method "
-                          "energy_momentum", "another method")
-
     def sections(self) -> None:
         """Check that no section is for another solver."""
         for path, solvers in _SECTIONS.items():
@@ -194,43 +164,6 @@ class _Checker:
             if support is not INVALID and support.motions:
                 self.fail(("boundary_conditions", i), f"boundary_conditions.{i}: prescribed motion "
                           "cannot be used with steady_rotation")
-
-    def contacts(self) -> None:
-        """Check that what touches exists, and that obstacles are fixed to rigid bodies."""
-        case: Any = self.case
-        if INVALID in (case.bodies, case.obstacles, case.contacts):
-            return
-        for name, obstacle in case.obstacles.items():
-            if name in case.bodies:
-                self.fail(("obstacles", name), f"obstacles.{name}: a body has this name, too", "names that differ",
-                          on_key=True)
-            on = None if obstacle is INVALID else obstacle.on
-            if on in case.bodies and case.bodies[on] is not INVALID and case.bodies[on].element is not INVALID \
-                    and case.bodies[on].element.type != "rigid":
-                self.fail(("obstacles", name, "on"), f"obstacles.{name}.on: '{on}' deforms", "a rigid body")
-        for i, contact in enumerate(case.contacts):
-            if contact is not INVALID:
-                self.contact(("contacts", i), contact)
-
-    def contact(self, path: Path, contact: Any) -> None:
-        """Check one contact."""
-        case = self.case
-        if self.solver != "dynamic" and contact.friction and contact.law is None:
-            self.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with solver "
-                      f"{self.solver}", "law: {stiffness, damping}")
-        between = contact.between or ()
-        for k, name in enumerate(between):
-            known = (*case.bodies, *case.obstacles)
-            if name not in known and name is not INVALID:
-                near = self.binder.nearest(name, known)
-                self.fail((*path, "between", k), f"{dotted(path)}.between: there is no body or obstacle {quoted(name)}",
-                          "" if near else listed(sorted(known)), near)
-        if between and all(name in case.obstacles for name in between):
-            self.fail((*path, "between"), f"{dotted(path)}.between: both are obstacles", "at least one body")
-        for name in between:
-            if name in case.obstacles and case.obstacles[name] is not INVALID and case.obstacles[name].on in between:
-                self.fail((*path, "between"), f"{dotted(path)}.between: {name} is fixed to {case.obstacles[name].on}",
-                          "another body")
 
     def goals(self) -> None:
         """Check that the solver can answer the goal and the expected values."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from .schema.controllers import Controller, Pid
@@ -17,6 +17,8 @@ from .syntax import (
     Quantity,
     Time,
     Tree,
+    named_in,
+    renamed,
     syntax,
 )
 
@@ -113,45 +115,6 @@ def _times(a: Tree, b: Tree) -> Tree:
 
 def _over(a: Tree, b: Tree) -> Tree:
     return Chain(a, (("/", b),))
-
-
-def renamed(tree: Tree, meaning: Mapping[str, Tree]) -> Tree:
-    """Return a tree with others in the place of some quantities, and of the variable, whose name is empty."""
-    match tree:
-        case Quantity(name):
-            return meaning.get(name, tree)
-        case Time():
-            return meaning.get("", tree)
-        case Negative(operand):
-            return Negative(renamed(operand, meaning))
-        case Power(base, exponent):
-            return Power(renamed(base, meaning), renamed(exponent, meaning))
-        case Chain(first, rest) | Comparison(first, rest):
-            return type(tree)(renamed(first, meaning), tuple((op, renamed(x, meaning)) for op, x in rest))
-        case Call(name, argument):
-            return Call(name, renamed(argument, meaning))
-        case Choice(condition, chosen, other):
-            return Choice(renamed(condition, meaning), renamed(chosen, meaning), renamed(other, meaning))
-    return tree
-
-
-def named_in(tree: Tree) -> Iterator[str]:
-    """Yield the quantities that a tree names."""
-    match tree:
-        case Quantity(name):
-            yield name
-        case Negative(operand) | Call(_, operand):
-            yield from named_in(operand)
-        case Power(base, exponent):
-            yield from named_in(base)
-            yield from named_in(exponent)
-        case Chain(first, rest) | Comparison(first, rest):
-            yield from named_in(first)
-            for _, operand in rest:
-                yield from named_in(operand)
-        case Choice(condition, chosen, other):
-            for part in (condition, chosen, other):
-                yield from named_in(part)
 
 
 class DerivativeError(ValueError):

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..case.controllers import named_in, renamed
 from ..case.schema.profiles import PointExpression, Profile, ProfileTable
-from ..case.syntax import Constant, Quantity, Tree, quantities_of, syntax
+from ..case.syntax import Constant, Quantity, Tree, named_in, quantities_of, renamed, syntax
 from ..elements.point_laws import DIRECTION, GROUND, THETA, PointLaw, evaluate_formula, formula_at, turn
 from ..elements.shape import Array
 from ..model.formulas import formula_record

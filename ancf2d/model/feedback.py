@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..case import Expression, Pid, jets
-from ..case.controllers import equations, named_in
+from ..case.controllers import equations
 from ..case.programs import state_programs, value_at
-from ..case.syntax import Tree
+from ..case.syntax import Tree, named_in
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from .breakpoints import Break

@@ -1,0 +1,155 @@
+"""Checks of what acts and moves: controllers, what answers the motion, what begins and ends, flows, contacts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .binder import INVALID, Path, dotted, listed
+from .controllers import DerivativeError, equations, loop
+from .nodes import quoted
+from .records import walk
+from .schema import Active, Expression, Initial, MovingPoint, PointExpression
+
+
+def _answers(value: Any) -> bool:
+    """Whether a value is an amplitude that depends on the motion."""
+    return isinstance(value, Expression) and value.variable == "t" and bool(value.quantities)
+
+
+def check_feedback(checker: Any) -> None:
+    """Check that what answers the motion has one that runs while it acts, and is no motion itself."""
+    method = getattr(checker.case.solver, "method", None)
+    static = isinstance(checker.case.initial, Initial) and checker.case.initial.from_ == "static"
+    for path, value, _ in walk(checker.case):
+        if isinstance(value, PointExpression) and "t" in value.quantities and checker.solver != "dynamic":
+            checker.fail(path, f"{dotted(path)} uses t: solver {checker.solver} has no time", "an amplitude")
+        if not _answers(value):
+            continue
+        moves = path[0] == "boundary_conditions"
+        plain = path[0] != "loads" or path[2] != "amplitude" or not checker.case.loads[path[1]].answers
+        used, path = ", ".join(value.quantities), (*path, "value")
+        if moves:
+            checker.fail(path, f"{dotted(path)} uses {used}: a prescribed motion cannot depend on the motion itself",
+                      "an expression in t; or a spring and a load in the place of the prescribed motion")
+        elif checker.solver != "dynamic":
+            checker.fail(path, f"{dotted(path)} uses {used}: solver {checker.solver} has no motion that a load could "
+                      "answer", "solver dynamic, or an expression in t")
+        elif static:
+            checker.fail(path, f"{dotted(path)} uses {used}: the equilibrium of initial.from static is without "
+                      "motion", "initial: {from: rest}, or the result of a case without this load")
+        elif plain:
+            checker.fail(path, f"{dotted(path)} uses {used}: it is a function of time alone", "an expression in t")
+    if method == "energy_momentum" and _steered(checker.case):
+        checker.fail(("solver", "method"), "solver.method: energy_momentum takes the mean of loads over a step, which "
+                  "loads that use probes or controllers do not have", "radau5, generalized_alpha or another method")
+
+
+def _steered(case: Any) -> bool:
+    """Return whether any load answers the motion by probes or controllers."""
+    found = any(_answers(value) for path, value, _ in walk(case) if path and path[0] == "loads")
+    return found or bool(case.controllers)
+
+
+def check_controllers(checker: Any) -> None:
+    """Check that each controller has an output at every instant."""
+    case = checker.case
+    if case.controllers is INVALID or ("controllers",) in checker.failed:
+        return
+    outputs = {}
+    for name, controller in case.controllers.items():
+        path: Path = ("controllers", name)
+        if isinstance(case.parameters, dict) and name in case.parameters:
+            checker.fail(path, f"{dotted(path)}: '{name}' is the name of a parameter, too", "names that differ",
+                      on_key=True)
+        elif name in checker.known("probes")[0]:
+            checker.fail(path, f"{dotted(path)}: '{name}' is the name of a probe, too", "names that differ",
+                      on_key=True)
+        try:
+            outputs[name] = equations(name, controller).output
+        except DerivativeError as error:
+            checker.fail((*path, "kd"), f"{dotted((*path, 'kd'))}: {error}, so that the rate of the input has to be "
+                      "found by a filter", "filter: a time constant > 0, or sample")
+    found = loop(outputs)
+    if found:
+        checker.fail(("controllers", found[0]), f"controllers.{found[0]}: its output depends on itself at the same "
+                  f"instant: {' -> '.join(found)}", "a controller with a state or with sample between them",
+                  on_key=True)
+
+
+def check_active(checker: Any) -> None:
+    """Check that things begin and end in motions alone."""
+    for path, value, _ in walk(checker.case):
+        if isinstance(value, Active) and checker.solver != "dynamic":
+            checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, only with dynamic",
+                         on_key=True)
+
+
+def check_moving(checker: Any) -> None:
+    """Check that points move in motions alone."""
+    for path, value, _ in walk(checker.case):
+        if isinstance(value, MovingPoint) and checker.solver != "dynamic":
+            checker.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
+                         f"{checker.solver}, only with dynamic", "BODY@S")
+        elif isinstance(value, MovingPoint) and getattr(checker.case.solver, "method", None) == "energy_momentum":
+            checker.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with method "
+                         "energy_momentum", "another method")
+
+
+def check_flows(checker: Any) -> None:
+    """Check what moves along bodies: once on each, at a speed that is known where nothing depends on time."""
+    if INVALID in (checker.case.transport, checker.case.fluid) or checker.failed & {("transport",), ("fluid",)}:
+        return
+    for what in ("transport", "fluid"):
+        found, seen = getattr(checker.case, what), set()
+        for i, one in enumerate(found if isinstance(found, tuple) else () if found is None else (found,)):
+            path: Path = (what, i) if isinstance(found, tuple) else (what,)
+            if one.on in seen:
+                checker.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is named twice")
+            seen.add(one.on)
+            body = checker.case.bodies.get(one.on) if checker.case.bodies is not INVALID else None
+            if body not in (None, INVALID) and body.element not in (None, INVALID) and body.element.type == "rigid":
+                checker.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is rigid", "a body with elements")
+            if not isinstance(one.velocity, float) and checker.solver != "dynamic":
+                checker.fail((*path, "velocity"), f"{dotted(path)}.velocity: over time it is for solver dynamic alone",
+                             f"a number {checker.binder.unit('m/s')}")
+    if checker.case.flows and checker.case.steady_rotation is not None:
+        checker.fail(("steady_rotation",), "steady_rotation cannot be used with transport or fluid", on_key=True)
+
+
+def check_contacts(checker: Any) -> None:
+    """Check that what touches exists, and that obstacles are fixed to rigid bodies."""
+    case: Any = checker.case
+    if INVALID in (case.bodies, case.obstacles, case.contacts):
+        return
+    for name, obstacle in case.obstacles.items():
+        if name in case.bodies:
+            checker.fail(("obstacles", name), f"obstacles.{name}: a body has this name, too", "names that differ",
+                         on_key=True)
+        on = None if obstacle is INVALID else obstacle.on
+        if on in case.bodies and case.bodies[on] is not INVALID and case.bodies[on].element is not INVALID \
+                and case.bodies[on].element.type != "rigid":
+            checker.fail(("obstacles", name, "on"), f"obstacles.{name}.on: '{on}' deforms", "a rigid body")
+    for i, contact in enumerate(case.contacts):
+        if contact is not INVALID:
+            _check_contact(checker, ("contacts", i), contact)
+
+
+def _check_contact(checker: Any, path: Path, contact: Any) -> None:
+    """Check one contact."""
+    case = checker.case
+    if checker.solver != "dynamic" and contact.friction and contact.law is None:
+        checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with solver "
+                     f"{checker.solver}", "law: {stiffness, damping}")
+    between = contact.between or ()
+    for k, name in enumerate(between):
+        known = (*case.bodies, *case.obstacles)
+        if name not in known and name is not INVALID:
+            near = checker.binder.nearest(name, known)
+            checker.fail((*path, "between", k), f"{dotted(path)}.between: there is no body or obstacle {quoted(name)}",
+                         "" if near else listed(sorted(known)), near)
+    if between and all(name in case.obstacles for name in between):
+        checker.fail((*path, "between"), f"{dotted(path)}.between: both are obstacles", "at least one body")
+    for name in between:
+        if name in case.obstacles and case.obstacles[name] is not INVALID and case.obstacles[name].on in between:
+            checker.fail((*path, "between"), f"{dotted(path)}.between: {name} is fixed to {case.obstacles[name].on}",
+                         "another body")
