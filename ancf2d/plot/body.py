@@ -13,6 +13,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
 from ancf2d.errors import ResultsError
+from ancf2d.plot import style
 from ancf2d.plot.picture import Source
 from ancf2d.results import BodyRecord, Results, symbols
 from ancf2d.results.symbols import Symbol, outlines
@@ -136,6 +137,17 @@ def no_bodies(results: Results) -> str:
 def no_states(results: Results) -> str:
     """Say what a file lacks that holds no bodies or no states."""
     return no_bodies(results) or ("" if results.nt else "it holds no states")
+
+
+def frame_plane(axes: Axes, corners: np.ndarray, units: str) -> None:
+    """Let axes show what lies between two corners (2, 2), with equal scales, a margin, and labels with units."""
+    pad = 0.04 * float(np.ptp(corners, axis=0).max()) or 1.0
+    axes.update_datalim([corners[0] - pad, corners[1] + pad])
+    axes.margins(0)
+    axes.autoscale_view()
+    axes.set_aspect("equal", adjustable="datalim")
+    style.verbatim(axes.set_xlabel(style.label("x", units)))
+    style.verbatim(axes.set_ylabel(style.label("y", units)))
 
 
 INK, LOAD = "0.15", "#a01414"

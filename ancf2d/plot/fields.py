@@ -20,6 +20,7 @@ from ancf2d.plot.body import (
     check_state,
     chosen_scale,
     even_states,
+    frame_plane,
     magnified,
     no_states,
     outline,
@@ -148,14 +149,7 @@ class Fields:
 
     def _plane(self, axes: Axes) -> None:
         draw_obstacles(axes, self.obstacles)
-        low, high = self.bounds()
-        pad = 0.04 * float((high - low).max()) or 1.0
-        axes.update_datalim([low - pad, high + pad])
-        axes.margins(0)
-        axes.autoscale_view()
-        axes.set_aspect("equal", adjustable="datalim")
-        style.verbatim(axes.set_xlabel(style.label("x", self.units)))
-        style.verbatim(axes.set_ylabel(style.label("y", self.units)))
+        frame_plane(axes, self.bounds(), self.units)
 
     def _strip(self, axes: Axes, surface: Surface, last: bool) -> None:
         axes.margins(0)

@@ -24,6 +24,7 @@ from ancf2d.plot.body import (
     chosen_scale,
     draw_symbols,
     even_states,
+    frame_plane,
     magnified,
     no_bodies,
     outline,
@@ -93,14 +94,7 @@ class Shape:
         if any(_marked(p).size for p in self.parts):
             handles["nodes"] = Line2D([], [], color="0.25", marker="o", markersize=4, linestyle="")
         handles["reference"] = Patch(facecolor="none", edgecolor=style.REFERENCE, linestyle="--")
-        bounds = self._bounds()
-        pad = 0.04 * float(np.ptp(bounds, axis=0).max()) or 1.0
-        axes.update_datalim([bounds[0] - pad, bounds[1] + pad])
-        axes.margins(0)
-        axes.autoscale_view()
-        axes.set_aspect("equal", adjustable="datalim")
-        style.verbatim(axes.set_xlabel(style.label("x", self.units)))
-        style.verbatim(axes.set_ylabel(style.label("y", self.units)))
+        frame_plane(axes, self._bounds(), self.units)
         style.title(figure, self.title, self.note)
         style.legend(figure, list(handles.values()), list(handles))
 
@@ -268,14 +262,7 @@ class Snapshots:
                                        linestyle=dash, joinstyle="round", zorder=2 + labels.index(moment.label) / 100))
         for k, name in enumerate(self.files if len(self.files) > 1 else ()):
             handles[name] = Line2D([], [], color="0.3", linestyle=style.DASHES[k % len(style.DASHES)])
-        low, high = self._bounds()
-        pad = 0.04 * float((high - low).max()) or 1.0
-        axes.update_datalim([low - pad, high + pad])
-        axes.margins(0)
-        axes.autoscale_view()
-        axes.set_aspect("equal", adjustable="datalim")
-        style.verbatim(axes.set_xlabel(style.label("x", self.units)))
-        style.verbatim(axes.set_ylabel(style.label("y", self.units)))
+        frame_plane(axes, self._bounds(), self.units)
         style.title(figure, self.title, self.note)
         self._bar(figure, axes, shades, labels)
         if handles:
