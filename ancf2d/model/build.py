@@ -274,6 +274,8 @@ class _Builder:
     def add_contacts(self, elimination: Elimination) -> list[ContactPair]:
         """Add contacts with obstacles, after everything that holds bodies in the reference."""
         out = []
+        self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
+                       for name, obstacle in self.case.obstacles.items()}
         held = {c for c, dependent in elimination.dependents.items() if not dependent.terms}
         for i, (item, name) in enumerate(zip(self.case.contacts, contact_names(self.case), strict=True)):
             body, other = (item.self_, item.self_) if item.between is None else item.between
@@ -284,8 +286,7 @@ class _Builder:
                             "part of this version", "contact of a body with an obstacle")
                 continue
             obstacle = self.case.obstacles[other]
-            frame = frame_of(obstacle, self.meshes, self.timing)
-            pair = ContactPair(item, name, self.meshes[body], obstacle, frame, self.extent, held,
+            pair = ContactPair(item, name, self.meshes[body], obstacle, self.frames[other], self.extent, held,
                                rapid_rate(self.case))
             pair.other = other
             out.append(pair)
@@ -364,4 +365,4 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
                        moving or symmetric(b.loads, contacts))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs, contacts)
+                 b.inputs, contacts, b.frames)

@@ -7,9 +7,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..elements.contact_geometry import MEMORY
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
-from ..interactions.contact import CompliantContact
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
@@ -152,6 +153,28 @@ def batches(patches: Iterable[Any]) -> list[Any]:
         else:
             others.append(p)
     return [*map(Batch, alike.values()), *others]
+
+
+class ContactTable:
+    """The points of one contact as kernels take them, with what they remember at the moment."""
+
+    def __init__(self, constraints: Iterable[Any], pair: ContactPair) -> None:
+        self.pair = pair
+        self.signals: list[Any] = []
+        self.points = [c for c in constraints if isinstance(c, ContactPoint) and c.pair is pair]
+        self.table: Points = point_table(self.points or [CompliantContact(pair)], self.signals)
+
+    def at(self, t: float) -> tuple[Points, Array]:
+        """Return the table and the amplitudes at t."""
+        mem = [p.mem[:MEMORY] for p in self.points] if self.points else self.pair.mem[:, :MEMORY]
+        self.table.mem[:, :MEMORY] = mem
+        amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
+        return self.table, amps
+
+    @property
+    def free(self) -> Any:
+        """Which points may move along their element (m,)."""
+        return np.array([p.free for p in self.pair.spots])
 
 
 class Interactions:

@@ -24,8 +24,9 @@ from .timing import Timing
 
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPair
+    from ..interactions.obstacles import Frame
     from .feedback import Feedback
-    from .interactions import Interactions
+    from .interactions import ContactTable, Interactions
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,8 @@ class Model:
     # the loads that are inputs of small motions, by name: they are not among ``loads``
     inputs: dict[str, LoadSet] = field(default_factory=dict)
     contacts: list[ContactPair] = field(default_factory=list)
+    # how obstacles stand and move
+    frames: dict[str, Frame] = field(default_factory=dict)
 
     @property
     def n_q(self) -> int:
@@ -198,6 +201,13 @@ class Model:
     def sided(self) -> bool:
         """Whether constraints may be open: contacts without a law."""
         return any(contact.hard for contact in self.contacts)
+
+    @cached_property
+    def contact_tables(self) -> list[ContactTable]:
+        """The points of each contact as the kernels take them (imports numba)."""
+        from .interactions import ContactTable
+
+        return [ContactTable(self.constraints, pair) for pair in self.contacts]
 
     @property
     def symmetric(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,9 +116,16 @@ def _centre(entry: dict[str, Any]) -> np.ndarray:
 
 
 def _pose(results: Results, name: str, state: int) -> np.ndarray | None:
-    """Return how far an obstacle has moved and turned (3,) by its own motion, None where that was not stored."""
-    path = f"obstacles/{name}/pose"
-    return results.array(path)[state] if path in results.arrays else None
+    """Return how far an obstacle has moved and turned (3,) by its own motion, None where that was not stored.
+
+    It is among the probes, of which there may be more than states.
+    """
+    probes, t = results.probes, results.probe_t
+    found: Mapping[str, np.ndarray] = probes.get(f"obstacle {name}", probes.get(name, {}))
+    if not {"ux", "uy", "theta"} <= set(found) or not len(t):
+        return None
+    row = state if len(t) == results.nt else int(np.argmin(np.abs(t - results.t[state])))
+    return np.array([found[q][row] for q in ("ux", "uy", "theta")])
 
 
 def obstacles_of(results: Results, state: int | None, scale: float) -> list[Obstacle]:

@@ -14,7 +14,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 
 if TYPE_CHECKING:
-    from ..kernels.points import Points
+    from ..model.interactions import ContactTable
     from .state import State
 
 # penetration that counts as none, beside the extent of the scene
@@ -27,52 +27,15 @@ PULL = 1e-9
 ROUNDS, SEVERAL, PATIENT = 80, 15, 35
 
 
-class _Table:
-    """The points of one contact as kernels take them, with what they remember at the moment."""
-
-    def __init__(self, model: Model, pair: ContactPair) -> None:
-        from ..model.interactions import point_table
-
-        self.pair = pair
-        self.signals: list[Any] = []
-        if pair.hard:
-            self.points = [c for c in model.constraints if isinstance(c, ContactPoint) and c.pair is pair]
-            self.table: Points = point_table(self.points, self.signals)
-        else:
-            self.points = []
-            self.table = point_table([CompliantContact(pair)], self.signals)
-
-    def at(self, t: float) -> tuple[Points, Array]:
-        """Return the table and the amplitudes at t."""
-        from ..model.timing import rates_of
-
-        mem = [p.mem[:MEMORY] for p in self.points] if self.points else self.pair.mem[:, :MEMORY]
-        self.table.mem[:, :MEMORY] = mem
-        amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
-        return self.table, amps
-
-    @property
-    def free(self) -> Any:
-        """Which points may move along their element (m,)."""
-        return np.array([p.free for p in self.pair.spots])
-
-
-def tables(model: Model) -> list[_Table]:
-    """Return the points of each contact of a model, made once."""
-    if not hasattr(model, "_contact_tables"):
-        model._contact_tables = [_Table(model, pair) for pair in model.contacts]  # type: ignore[attr-defined]
-    return model._contact_tables  # type: ignore[attr-defined,no-any-return]
-
-
 def memory(model: Model) -> list[Array]:
     """Return a copy of what the points of contact remember, to go back to."""
     model.interactions  # noqa: B018  tables that hold it are made with them
-    return [np.array([p.mem[:MEMORY] for p in one.points]) for one in tables(model)]
+    return [np.array([p.mem[:MEMORY] for p in one.points]) for one in model.contact_tables]
 
 
 def recall(model: Model, kept: list[Array]) -> None:
     """Let points of contact remember what they did."""
-    for one, mem in zip(tables(model), kept, strict=True):
+    for one, mem in zip(model.contact_tables, kept, strict=True):
         for point, row in zip(one.points, mem, strict=True):
             point.mem[:MEMORY] = row
 
@@ -96,7 +59,7 @@ def exchange(model: Model, d: Array, t: float, round_: int) -> tuple[int, float]
     """
     changed, worst = 0, 0.0
     limit = PENETRATION * model.extent * 2.0 ** (max(round_ - PATIENT, 0) / 4)
-    for one in tables(model):
+    for one in model.contact_tables:
         if one.pair.hard:
             changes, depth = _exchange(one, d, t, round_ >= SEVERAL, limit)
             changed, worst = changed + changes, max(worst, depth)
@@ -105,14 +68,14 @@ def exchange(model: Model, d: Array, t: float, round_: int) -> tuple[int, float]
 
 def begin(model: Model, d: Array, t: float) -> None:
     """Close the points of contact that touch in the first state d (n_full,), and open the others."""
-    for one in tables(model):
+    for one in model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
             gap, faces = _gaps(one, d, t)
             for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
                 point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
 
 
-def _gaps(one: _Table, d: Array, t: float) -> tuple[Array, Any]:
+def _gaps(one: ContactTable, d: Array, t: float) -> tuple[Array, Any]:
     from ..kernels.contact import contact_gaps
 
     table, amps = one.at(t)
@@ -122,7 +85,7 @@ def _gaps(one: _Table, d: Array, t: float) -> tuple[Array, Any]:
     return gap, faces
 
 
-def _exchange(one: _Table, d: Array, t: float, single: bool, limit: float) -> tuple[int, float]:
+def _exchange(one: ContactTable, d: Array, t: float, single: bool, limit: float) -> tuple[int, float]:
     from ..kernels.contact import deepest
 
     table, amps = one.at(t)
@@ -195,10 +158,10 @@ class Touch(NamedTuple):
 
 def touches(model: Model, state: State) -> list[Touch]:
     """Return what each contact of a model does in a state."""
-    return [_touch(model, one, state) for one in tables(model)]
+    return [_touch(model, one, state) for one in model.contact_tables]
 
 
-def _touch(model: Model, one: _Table, state: State) -> Touch:
+def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     from ..kernels.contact import contact_gaps
     from ..kernels.points import point_matrices
 
@@ -273,6 +236,16 @@ def obstacle_reactions(model: Model, state: State) -> dict[str, dict[str, float]
         to["fx"] += float(fx)
         to["fy"] += float(fy)
         to["m"] += m - x * float(fy) + y * float(fx)
+    return out
+
+
+def obstacle_motions(model: Model, state: State) -> dict[str, dict[str, float]]:
+    """Return how far each obstacle that follows amplitudes has moved and turned about its centre in a state."""
+    out = {}
+    for name, frame in model.frames.items():
+        if frame.signals:
+            x, y, angle = frame.pose(state.d[:model.n_q], state.side)
+            out[name] = {"ux": float(x), "uy": float(y), "theta": float(angle)}
     return out
 
 

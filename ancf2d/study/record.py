@@ -57,6 +57,12 @@ def run_end(case: Case) -> float:
     return float(getattr(getattr(solver, "until", None), "value", 1.0))
 
 
+def beside(probes: dict[str, dict[str, float]], more: dict[str, dict[str, float]], what: str
+           ) -> dict[str, dict[str, float]]:
+    """Return probes and more; what has the name of a probe is called so with ``what`` before it."""
+    return {**probes, **{name if name not in probes else f"{what} {name}": values for name, values in more.items()}}
+
+
 class Recorder:
     """What is known of a run so far, kept in its result file too where there is a ``writer``."""
 
@@ -111,13 +117,17 @@ class Recorder:
         self._store(start, None, self._over_time(start, self.observer.observe(start)))
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-        """Return what is written of each state at points: probes, and the reaction that is the goal."""
+        """Return what is written of each state: probes, motions of obstacles, and the reaction that is the goal."""
         from ..solvers.post import reactions
 
-        name = self.case.goal.reaction if self.case.goal is not None else None
-        if name is None or self.writer is None:
+        if self.writer is None:
             return probes
-        return {**probes, name if name not in probes else f"reaction {name}": reactions(self.model, state)[name]}
+        if self.model.frames:
+            from ..solvers.contact import obstacle_motions
+
+            probes = beside(probes, obstacle_motions(self.model, state), "obstacle")
+        name = self.case.goal.reaction if self.case.goal is not None else None
+        return probes if name is None else beside(probes, {name: reactions(self.model, state)[name]}, "reaction")
 
     def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
         return {} if self.fields is None else self.fields.read(state)

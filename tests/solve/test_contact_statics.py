@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import helpers
 import numpy as np
 import pytest
 
 from ancf2d.errors import CaseError
+from ancf2d.results import open_results
+from ancf2d.results.obstacles import obstacles_of
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.post import reactions
+from ancf2d.study.run import run_case
 from scripts.references import contacts as reference
 from scripts.references.statics import Beam
 
@@ -101,6 +105,23 @@ def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
     (report,) = contact_report(solution.model, solution.state)
     np.testing.assert_allclose(report["force"], [0.3 * 10.0, 10.0], rtol=1e-4)
     assert solution.u("beam@1")[0] == pytest.approx(-(4.0 - 3.0) / 100.0, rel=1e-3)
+
+
+def test_a_file_tells_where_an_obstacle_that_moves_is(tmp_path: Path) -> None:
+    """In every state: displaced, and turned about its own centre; a probe with its name does not hide it."""
+    motion = {"y": {"type": "ramp", "scale": -0.1}, "angle": {"type": "ramp", "scale": 1.0}}
+    scene = helpers.load(
+        {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", 4), STIFF)}, {"type": "static", "steps": 2},
+        bc=[CLAMP], obstacles={"solid": {"type": "circle", "center": [0.9, 0.25], "radius": 0.2, "motion": motion}},
+        contacts=[{"between": ["beam", "solid"], "side": "axis"}],
+        output={"every": 2, "probes": {"solid": "beam@1"}})
+    assert run_case(scene, str(tmp_path / "a.h5")).failure is None
+    with open_results(tmp_path / "a.h5") as results:
+        for state, factor in ((0, 0.0), (1, 1.0)):
+            (drawn,) = obstacles_of(results, state, 1.0)
+            np.testing.assert_allclose(drawn.solid[:-1].mean(axis=0), [0.9, 0.25 - 0.1 * factor], atol=1e-12)
+            spoke = np.diff(drawn.lines[1], axis=0)[0]
+            assert math.atan2(spoke[1], spoke[0]) == pytest.approx(factor, abs=1e-12)
 
 
 def test_friction_without_a_law_is_refused() -> None:
