@@ -20,6 +20,7 @@ from ancf2d.results import Results
 
 MAX_MARKERS = 60  # points of a line that are all marked; more would merge
 FEW_MARKERS = 12  # of such a line, so that it can be told from others in grey
+FLAT = 1e-9  # of the largest value: a range below it is round-off
 
 
 @dataclass(frozen=True)
@@ -218,10 +219,20 @@ class Curves:
                 axes.xaxis.set_minor_formatter("{x:g}")
         if self.log_y or panel.log:
             axes.set_yscale("log")
+        elif not panel.equal:
+            self._room(axes, panel)
         if panel.whole:
             axes.locator_params(axis="y", integer=True)
         if panel.x[0] == "step":
             axes.locator_params(axis="x", integer=True)
+
+    @staticmethod
+    def _room(axes: Axes, panel: Panel) -> None:
+        """Give y a range where its values are the same but for round-off: ticks would all show one number."""
+        values = np.concatenate([c.y[np.isfinite(c.y)] for c in panel.curves] or [np.empty(0)])
+        if values.size and np.ptp(values) <= FLAT * np.abs(values).max():
+            half = 1.0 if panel.whole else 0.05 * float(np.abs(values).max()) or 1.0
+            axes.set_ylim(values.mean() - half, values.mean() + half)
 
     @staticmethod
     def _labels(axes: Axes, panel: Panel) -> None:

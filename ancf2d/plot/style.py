@@ -86,11 +86,14 @@ def label(name: str, units: str) -> str:
     return name if units in ("", "1", "none") else f"{name} [{pretty(units)}]"
 
 
+_SHORT = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
+
+
 def time_unit(units: str, largest: float) -> tuple[str, float]:
     """Return the unit in which the ticks of a time axis are short numbers, and how many of it one of ``units`` is."""
     if units != "s" or not 0.0 < largest < 0.1:
         return units, 1.0
-    return ("ms", 1e3) if largest >= 1e-4 else ("µs", 1e6)
+    return next(((name, 1 / size) for name, size in _SHORT.items() if largest >= 0.1 * size), (units, 1.0))
 
 
 def in_unit(axis: Axis, factor: float, minor: bool = False) -> None:

@@ -254,7 +254,7 @@ def test_short_steps_on_a_logarithmic_axis_have_few_numbers() -> None:
     assert not [t.get_text() for t in axes.get_yticklabels(minor=True) if t.get_text()]
 
 
-@pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6)])
+@pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6), (2e-8, "ns", 1e9)])
 def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, factor: float) -> None:
     times = np.linspace(0, last, 5)
     figure = rendered(Curves("", "", [Panel(("time", "s"), ("uy", "m"), [Curve("a", times, times)])]))
@@ -266,6 +266,16 @@ def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, 
     ticks = [(v, t.get_text()) for v, t in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)]
     assert [float(text) for _, text in ticks] == pytest.approx([v * factor for v, _ in ticks])
     assert max(abs(float(text)) for _, text in ticks) >= 1
+
+
+@pytest.mark.parametrize(("value", "whole"), [(2.0, True), (0.02, False)])
+def test_equal_values_have_ticks_that_differ(value: float, whole: bool) -> None:
+    t = np.linspace(0, 1, 9)
+    curve = Curve("a", t, value * (1 + 1e-15 * np.cos(30 * t)))
+    axes = rendered(Curves("", "", [Panel(("time", "s"), ("dt", "s"), [curve], whole=whole)])).axes[0]
+    ticks = [label.get_text() for label in axes.get_yticklabels()]
+    assert len(set(ticks)) == len(ticks) >= 3
+    assert not whole or all("." not in text for text in ticks)
 
 
 def test_long_lines_keep_a_few_markers() -> None:
