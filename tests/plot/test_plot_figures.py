@@ -254,7 +254,8 @@ def test_short_steps_on_a_logarithmic_axis_have_few_numbers() -> None:
     assert not [t.get_text() for t in axes.get_yticklabels(minor=True) if t.get_text()]
 
 
-@pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6), (2e-8, "ns", 1e9)])
+@pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6),
+                                                      (2e-8, "ns", 1e9)])
 def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, factor: float) -> None:
     times = np.linspace(0, last, 5)
     figure = rendered(Curves("", "", [Panel(("time", "s"), ("uy", "m"), [Curve("a", times, times)])]))
