@@ -125,25 +125,35 @@ def _remove(parent: Node, parts: list[tuple[str, Mark]]) -> None:
 
 
 def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
-    """Return which item of a list a part of a path means: by index, or by its ``name``."""
-    mark, n = done[-1][1], len(parent.items)
-    where = quoted(_joined(done[:-1]))
+    """Return which item of a list a part of a path means: by index, or by its ``name``. Raises CaseError."""
+    found, n = index_of(parent, part), len(parent.items)
+    if found is not None:
+        return found
+    mark, where = done[-1][1], quoted(_joined(done[:-1]))
     if part.isascii() and part.isdigit():
-        if len(part) < 10 and int(part) < n:
-            return int(part)
         raise CaseError(mark.problem(f"{where} has {n} item{'s' * (n != 1)}; there is no item {part}",
                                      expected=listed(map(str, range(n))) if n < 3 else
                                      f"0 to {n - 1}"))
+    near = nearest(part, _names(parent))
+    raise CaseError(mark.problem(f"{where} has no item named {quoted(part)}", (),
+                                 "" if near else "an index from 0 or a name", near))
+
+
+def index_of(parent: ListNode, part: str) -> int | None:
+    """Return which item of a list a part of a path means, by index or by its ``name``, None where there is none."""
+    if part.isascii() and part.isdigit():
+        return int(part) if len(part) < 10 and int(part) < len(parent.items) else None
+    return _names(parent).get(part)
+
+
+def _names(parent: ListNode) -> dict[str, int]:
+    """Return the first item of each name."""
     names: dict[str, int] = {}
     for i, item in enumerate(parent.items):
         name: Any = item.entries.get("name") if isinstance(item, MapNode) else None
         if name is not None and isinstance(name.node, Scalar):
             names.setdefault(name.node.text, i)
-    if part not in names:
-        near = nearest(part, names)
-        raise CaseError(mark.problem(f"{where} has no item named {quoted(part)}", (),
-                                     "" if near else "an index from 0 or a name", near))
-    return names[part]
+    return names
 
 
 def _joined(parts: list[tuple[str, Mark]]) -> str:

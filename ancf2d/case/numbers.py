@@ -1,0 +1,120 @@
+"""The numbers of a case by their paths: what derivatives, fits and designs vary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..errors import CaseError, Problem
+from .compose import compose
+from .emit import number_text
+from .load import LoadedCase
+from .nodes import ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
+from .overrides import index_of
+
+# what no run depends on, or only through its discretisation
+APART = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of a case: its path, its value, and the largest number of the list that it stands in.
+
+    Of a point BODY@S the number is S, and ``body`` the name; elsewhere that is empty.
+    """
+
+    path: str
+    value: float
+    beside: float = 0.0
+    body: str = ""
+
+    def override(self, value: float) -> str:
+        """Return ``PATH=VALUE`` that gives the number another value."""
+        text = number_text(float(value))
+        return f"{self.path}={self.body}@{text}" if self.body else f"{self.path}={text}"
+
+
+def variable_at(loaded: LoadedCase, path: str) -> Variable:
+    """Return the number at a path, that of its default where the case leaves it out.
+
+    Parts of the path are keys, and of lists the index or the name of an item. Raises CaseError where there is none.
+    """
+    found = _found(loaded.source.root, path)
+    if found is None:
+        text = loaded.completed
+        found = _found(compose(text, Origin("completed", line_breaks(text)), problems=[]), path)
+    if found is None:
+        raise CaseError(Problem(f"the case has no {quoted(path)}", file=loaded.source.file, near=_near(loaded, path),
+                                expected="" if _near(loaded, path) else "the path of a number, such as "
+                                "bodies.beam.section.height"))
+    variable = _variable(path, *found)
+    if variable is None:
+        node = found[0]
+        raise CaseError(node.mark.problem(f"{quoted(path)} is {node.shown()}; expected a number, or a point BODY@S"))
+    return variable
+
+
+def variables_of(loaded: LoadedCase) -> list[Variable]:
+    """Return the numbers of a case that its results may depend on smoothly, and points inside of bodies, in order.
+
+    Whole numbers such as counts of elements are among them: they cannot be told from others before they are varied.
+    """
+    root = loaded.source.root
+    found = [] if not isinstance(root, MapNode) else [
+        v for name, entry in root.entries.items() if name not in APART for v in _below(entry.node, name, None)]
+    return [v for v in found if not v.body or 0.0 < v.value < 1.0]
+
+
+def _near(loaded: LoadedCase, path: str) -> str:
+    from .binder import nearest
+
+    return nearest(path, [v.path for v in variables_of(loaded)]) or ""
+
+
+def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
+    """Return the node at a dotted path and what it stands in, None where there is none."""
+    node, parent = root, None
+    for part in path.split("."):
+        parent = node
+        if isinstance(node, MapNode):
+            entry = node.entries.get(part.strip())
+            node = None if entry is None else entry.node
+        elif isinstance(node, ListNode):
+            k = index_of(node, part.strip())
+            node = None if k is None else node.items[k]
+        else:
+            return None
+    return None if node is None else (node, parent)
+
+
+def _variable(path: str, node: Node, parent: Node | None) -> Variable | None:
+    """Return the number that a node is, None where it is none."""
+    if not isinstance(node, Scalar):
+        return None
+    if node.shape == "number":
+        mates = parent.items if isinstance(parent, ListNode) else []
+        sizes = [abs(float(m.value)) for m in mates if isinstance(m, Scalar) and m.shape == "number"]
+        return Variable(path, float(node.value), max(sizes, default=0.0))
+    body, at, place = str(node.text).partition("@")
+    s = resolve(place) if at else None
+    if node.shape == "text" and isinstance(s, int | float) and not isinstance(s, bool):
+        return Variable(path, float(s), 1.0, body)
+    return None
+
+
+def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
+    """Yield the numbers at and below a node."""
+    if isinstance(node, MapNode):
+        for name, entry in node.entries.items():
+            yield from _below(entry.node, f"{path}.{name}", node)
+    elif isinstance(node, ListNode):
+        for k, item in enumerate(node.items):
+            called = item.entries.get("name") if isinstance(item, MapNode) else None
+            label = called.node.text if called is not None and isinstance(called.node, Scalar) else ""
+            # a name that another item has too, or that a path cannot hold, is no part of a path
+            plain = bool(label) and "." not in label and "=" not in label and index_of(node, label) == k
+            yield from _below(item, f"{path}.{label if plain else k}", node)
+    else:
+        found = _variable(path, node, parent)
+        if found is not None:
+            yield found

@@ -1,0 +1,91 @@
+"""Derivatives of smooth functions by differences of high order, with steps that suit them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..errors import CaseError
+
+# differences of second and of fourth order that are this close leave an error of the square of it
+SMOOTH = 3e-5
+# what a step that is too long is multiplied by, at most so many times
+SHORTER, TRIES = 0.1, 3
+# of values beside the largest of them: what is not more than round-off
+NOISE = 1e-14
+# derivatives at 0 of the polynomials through 0, h, 2h, 3h, 4h and through 0, h, 2h, 3h
+FORWARD, LOWER = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0, np.array([-11.0, 18.0, -9.0, 2.0, 0.0]) / 6.0
+
+
+@dataclass
+class Quotient:
+    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error."""
+
+    value: Array
+    error: Array
+    h: float
+
+
+def derivative(f: Callable[[float], Array], h: float) -> Quotient:
+    """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
+
+    Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
+    of lower order tell that f is not smooth over them. What f raises on both sides is raised.
+    """
+    best: Quotient | None = None
+    for _ in range(TRIES):
+        found = _at(f, h)
+        if best is None or _worst(found) < _worst(best):
+            best = found
+        if _worst(best) <= SMOOTH**2:
+            break
+        h *= SHORTER
+    assert best is not None
+    return best
+
+
+def _worst(found: Quotient) -> float:
+    """Return the largest error beside the largest derivative."""
+    largest = float(np.max(np.abs(found.value), initial=0.0))
+    return float(np.max(found.error, initial=0.0)) / largest if largest > 0.0 else 0.0
+
+
+def _at(f: Callable[[float], Array], h: float) -> Quotient:
+    try:
+        below = [f(-h), f(-2 * h)]
+    except CaseError:
+        return _one_sided(f, h)
+    try:
+        above = [f(h), f(2 * h)]
+    except CaseError:
+        return _one_sided(f, -h, below)
+    return central(above, below, h)
+
+
+def central(above: list[Array], below: list[Array], h: float) -> Quotient:
+    """Return f'(0) from f at h, 2 h and at -h, -2 h.
+
+    With D2 and D4 of second and fourth order the error is taken for |D4 - D2|^2/|D4|: what the series goes on with
+    where each term is as much smaller than the one before; and for what round-off of f is divided by h.
+    """
+    near, far = (above[0] - below[0]) / (2 * h), (above[1] - below[1]) / (4 * h)
+    value = near + (near - far) / 3.0
+    size = np.maximum(np.abs(above[1]), np.abs(below[1]))
+    return Quotient(value, _error(value, near, size, h), abs(h))
+
+
+def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
+    values = np.array([f(0.0), *(known or [f(h), f(2 * h)]), f(3 * h), f(4 * h)])
+    value, other = FORWARD @ values / h, LOWER @ values / h
+    # the polynomial of lower order is already of third order, and so its distance is the estimate
+    noise = NOISE * np.abs(values).max(0) / abs(h)
+    return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h))
+
+
+def _error(value: Array, near: Array, size: Array, h: float) -> Array:
+    gap = np.abs(value - near)
+    share = np.divide(gap, np.abs(value), out=np.ones_like(gap), where=value != 0.0)
+    return gap * np.minimum(share, 1.0) + NOISE * size / abs(h)
