@@ -38,7 +38,7 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
                                "ancf2d plot swing.h5 --animate swing.gif --frames 30"))
 @click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]",
                 shell_complete=complete_kinds)
-@click.option("--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
+@click.option("-o", "--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
               "Default, unless another output is asked for: NAME-KIND.png in the working directory.")
 @click.option("--show", is_flag=True, help="Open a window (needs a display).")
 @click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write the plotted values as a table.")

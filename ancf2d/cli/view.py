@@ -10,8 +10,8 @@ from .session import Session
 
 @click.command(epilog=examples("ancf2d view swing.h5", "ancf2d view swing.h5 --save swing.html"))
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
-@click.option("--save", type=click.Path(), metavar="PAGE.html", help="Write the page to a single self-contained file "
-              "instead of serving it.")
+@click.option("-o", "--save", type=click.Path(), metavar="PAGE.html", help="Write the page to a single "
+              "self-contained file instead of serving it.")
 @click.option("--field", "fields", multiple=True, metavar="NAME", help="Field to show as colour, computed from the "
               "states if it is not stored: stress, strain, energy, N, Q or M; may be repeated. [default: what is "
               "stored]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +26,7 @@ SHAPES = "modes/shapes"
 SHOWN = 12  # modes that are drawn unless asked for more
 LARGEST = 0.12  # of the model's extent: displacement to which a mode is magnified ...
 TURN = 0.6  # ... unless its sections would turn or stretch by more than this
+NO_BREAK = "\u00a0"
 PROBE = 1e-6  # size of the motion that the section's rates are read from
 MAX_SECTIONS = 60  # cross-sections drawn per body
 MAX_POINTS = 2000  # elements drawn per body
@@ -89,7 +91,14 @@ class Modes:
         rows, columns = self._grid
         width, height = np.ptp(self.extent(), axis=0)
         each = 9.0 / max(columns, 2)
-        return (each * columns, 0.6 + rows * (0.45 + float(np.clip(each * height / width if width else 3.0, 0.5, 3.0))))
+        lines = max((self._title(mode).count("\n") for mode in self.modes), default=0)
+        tall = float(np.clip(each * height / width if width else 3.0, 0.5, 3.0))
+        return each * columns, 0.6 + rows * (0.45 + 0.17 * lines + tall)
+
+    def _title(self, mode: Mode) -> str:
+        """Return the label of a mode in lines that do not reach into the next column."""
+        parts = mode.label.replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
+        return textwrap.fill(parts, int(13 * 9.0 / max(self._grid[1], 2))).replace(NO_BREAK, " ")
 
     def render(self, figure: Figure) -> None:
         grid = figure.subplots(*self._grid, squeeze=False)
@@ -104,8 +113,7 @@ class Modes:
             axes.set_axis_off()
         style.heading(figure, self.title)
 
-    @staticmethod
-    def _draw(axes: Axes, mode: Mode) -> None:
+    def _draw(self, axes: Axes, mode: Mode) -> None:
         color = style.PALETTE[COLORS.get(mode.kind, 0)]
         for body in mode.bodies:
             axes.add_patch(Polygon(_boundary(body.reference), facecolor="none", edgecolor=style.REFERENCE,
@@ -122,7 +130,7 @@ class Modes:
         axes.set_yticks([])
         for spine in axes.spines.values():
             spine.set_visible(False)
-        style.verbatim(axes.set_title(mode.label, fontsize="small"))
+        style.verbatim(axes.set_title(self._title(mode), fontsize="small"))
 
     def header(self) -> list[str]:
         unit = f" [{self.units}]"
