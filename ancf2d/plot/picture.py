@@ -150,8 +150,8 @@ class Curves:
     @property
     def size(self) -> tuple[float, float]:
         n = len(self.panels)
-        lines = max(len({c.name for p in self.panels for c in p.curves}), 1)
-        room = 0.2 * min(lines, 12) / 2
+        names = list({c.name: None for p in self.panels for c in p.curves}) or [""]
+        room = max(0.1 * min(len(names), 12), 0.19 * style.legend_rows(6.4, names))
         if n == 1 and self.panels[0].equal:
             return 6.4, self._equal_height() + room
         if self.share != "x":

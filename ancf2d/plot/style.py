@@ -15,6 +15,7 @@ import matplotlib.style
 from matplotlib.artist import Artist
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import ScalarFormatter
 
@@ -26,6 +27,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 REFERENCE = "#8a8a8a"
+MAX_ENTRIES = 36  # of a legend: more would leave no room for the axes
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,7 @@ def heading(figure: Figure, text: str, note: str = "") -> None:
 
 def legend_rows(inches: float, labels: Sequence[str]) -> int:
     """Return how many rows a legend has below a figure of a width."""
+    labels = labels[:MAX_ENTRIES]
     room = 7.2 * inches  # in units of the font size
     widths = [0.55 * len(text) + 5 for text in labels]
     columns = len(labels) if sum(widths) <= room else max(1, int(room / max(widths)))
@@ -147,7 +150,10 @@ def legend_rows(inches: float, labels: Sequence[str]) -> int:
 
 
 def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Put one legend below the axes, where it hides nothing, filled row by row."""
+    """Put one legend below the axes, where it hides nothing, filled row by row; it names at most MAX_ENTRIES."""
+    if len(labels) > MAX_ENTRIES:
+        handles = [*handles[:MAX_ENTRIES - 1], Line2D([], [], linestyle="")]
+        labels = [*labels[:MAX_ENTRIES - 1], f"and {len(labels) - MAX_ENTRIES + 1} more"]
     rows = legend_rows(figure.get_figwidth(), labels)
     columns = -(-len(labels) // rows)
     # matplotlib fills column by column

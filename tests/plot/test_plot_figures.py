@@ -27,6 +27,7 @@ from ancf2d.plot import (
     save,
 )
 from ancf2d.plot.convergence import observed_order
+from ancf2d.plot.style import MAX_ENTRIES
 from ancf2d.results import ResultWriter
 
 # ---------------------------------------------------------------------- lines
@@ -277,6 +278,14 @@ def test_equal_values_have_ticks_that_differ(value: float, whole: bool) -> None:
     ticks = [label.get_text() for label in axes.get_yticklabels()]
     assert len(set(ticks)) == len(ticks) >= 3
     assert not whole or all("." not in text for text in ticks)
+
+
+def test_a_legend_of_very_many_lines_leaves_room_for_them() -> None:
+    x = np.linspace(0, 1, 5)
+    figure = rendered(Curves("", "", [Panel(("x", ""), ("y", ""), [Curve(f"part {k}", x, k * x) for k in range(100)])]))
+    assert legend_texts(figure)[-1] == f"and {101 - MAX_ENTRIES} more"
+    assert len(legend_texts(figure)) == MAX_ENTRIES
+    assert figure.axes[0].get_position().height > 0.4
 
 
 def test_long_lines_keep_a_few_markers() -> None:
