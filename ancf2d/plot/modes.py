@@ -97,8 +97,9 @@ class Modes:
 
     def _title(self, mode: Mode) -> str:
         """Return the label of a mode in lines that do not reach into the next column."""
-        parts = mode.label.replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
-        return textwrap.fill(parts, int(13 * 9.0 / max(self._grid[1], 2))).replace(NO_BREAK, " ")
+        parts = mode.label.replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ").replace(f"{NO_BREAK}(", " (")
+        width = int(13 * 9.0 / max(self._grid[1], 2))
+        return textwrap.fill(parts, width, break_long_words=False).replace(NO_BREAK, " ")
 
     def render(self, figure: Figure) -> None:
         grid = figure.subplots(*self._grid, squeeze=False)

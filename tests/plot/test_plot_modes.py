@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import default_kind, draw
@@ -94,3 +95,16 @@ def test_a_long_title_is_broken_into_lines_that_fit(tmp_path: Path) -> None:
         first = figure.axes[0].title.get_window_extent()
         assert page.x0 <= place.x0 < place.x1 <= page.x1
         assert first.y1 <= place.y0 < place.y1 <= page.y1
+
+
+def test_titles_of_modes_stay_in_their_columns_and_break_between_quantities(modes: Results) -> None:
+    picture = build(modes, "modes", count=2)
+    for mode in picture.modes:
+        mode.label = "bending 1: 4.6515e+06 Hz (2.92262e+07 rad/s), decays with 2.0835e+05 1/s, ratio 0.5805"
+    figure = Figure(figsize=picture.size, layout="constrained")
+    picture.render(figure)
+    figure.draw_without_rendering()
+    first, second = (axes.title for axes in figure.axes[:2])
+    assert first.get_text() == ("bending 1: 4.6515e+06 Hz (2.92262e+07 rad/s),\n"
+                                "decays with 2.0835e+05 1/s, ratio 0.5805")
+    assert first.get_window_extent().x1 < second.get_window_extent().x0
