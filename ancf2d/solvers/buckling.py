@@ -98,7 +98,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
                         + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
-    yield _state(pencil, base, u, factors, V, warnings, iterations)
+    yield response_state(pencil, base, u, factors, V, warnings, iterations)
 
 
 def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
@@ -169,7 +169,7 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response turns or strains the model by "
                             f"{c.factor * size:.2g} there, so this factor is an estimate")
-    state = _state(pencil, d, u, factors, V, warnings, iterations)
+    state = response_state(pencil, d, u, factors, V, warnings, iterations)
     state.report["critical"] = [{"factor": c.factor, "kind": c.kind, "omega": c.omega} for c in found.critical]
     state.tables["modes"] |= {"omega": [c.omega for c in found.critical],
                               "instability": [c.kind for c in found.critical]}
@@ -342,8 +342,9 @@ def _factors(theta: Array, V: Array, m: int) -> tuple[Array, Array]:
     return 1.0 / theta[good][:m], V[good][:m]
 
 
-def _state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warnings: list[str], iterations: int
-           ) -> State:
+def response_state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warnings: list[str],
+                   iterations: int) -> State:
+    """Return the linear response u (n_full,) about a base (n_full,), with load factors (m,) and their shapes."""
     model = pencil.model
     d = base + u
     elastic = pencil.full_stiffness(u)

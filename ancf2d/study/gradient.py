@@ -5,23 +5,25 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, Goal, LoadedCase, Static, load_case_text
+from ..case import Dynamic, Eigen, Goal, LoadedCase, Static, load_case_text
 from ..case.numbers import Variable, variable_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from .differences import Quotient, derivative
+from ..solvers.differences import Quotient, derivative
 from .goal import for_study
 from .record import Progress
-from .run import describe_goal, quantity, run_case, vocabulary
+from .run import describe_goal, prepare, quantity, run_case, vocabulary
 
-# step of a number beside its size
-STEP = 2e-3
+# steps of a number beside its size: between models at the same unknowns, whose forces are known to the last digits but
+# cancel each other, and between runs
+STEP, STEP_OF_RUNS = 4e-4, 2e-3
 # equilibria of states that are compared with each other, relative to the displacements
 TIGHT = 1e-12
 
@@ -57,25 +59,29 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
 def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[Variable],
                 progress: Progress | None = None) -> Derivatives:
     """Return what ``gradient`` does with what is known of it."""
-    watch = goals if callable(goals) else goal_values(list(goals))
-    runs = _Runs(loaded, watch, progress or Progress())
-    values = runs.at(None, 0.0)
-    found = [runs.differences(variable) for variable in variables]
-    shape = len(variables), len(values)
-    columns, errors = (np.array(rows).reshape(shape).T for rows in ([q.value for q in found], [q.error for q in found]))
-    return Derivatives(list(variables), values, columns, errors, ["differences of runs"] * len(variables))
+    watch = goals if callable(goals) else GoalValues(tuple(goals))
+    study = _Study(loaded, watch, progress or Progress())
+    found = [study.differentiate(variable) for variable in variables]
+    shape = len(variables), len(study.values)
+    columns, errors = (np.array(rows).reshape(shape).T for rows in ([q.value for q, _ in found],
+                                                                    [q.error for q, _ in found]))
+    return Derivatives(list(variables), study.values, columns, errors, [how for _, how in found])
 
 
-def goal_values(goals: Sequence[Goal]) -> Watch:
-    """Return the values of goals, of the last state of a run, as a function of model and states."""
-    def watch(model: Model, states: Sequence[Any]) -> Array:
-        summary = last_summary(model, states, any(g.reaction is not None for g in goals))
-        found = [quantity(goal, summary) for goal in goals]
-        for goal, value in zip(goals, found, strict=True):
+@dataclass(frozen=True)
+class GoalValues:
+    """The values of goals, of the last state of a run, as a function of model and states."""
+
+    goals: tuple[Goal, ...]
+
+    def __call__(self, model: Model, states: Sequence[Any]) -> Array:
+        """Return the values. Raises ComputationError where the solver does not compute one."""
+        summary = last_summary(model, states, any(g.reaction is not None for g in self.goals))
+        found = [quantity(goal, summary) for goal in self.goals]
+        for goal, value in zip(self.goals, found, strict=True):
             if value is None:
                 raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
         return np.array(found, dtype=float)
-    return watch
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True) -> dict[str, Any]:
@@ -92,43 +98,99 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True) -> di
     return out
 
 
-class _Runs:
-    """What a case's run finds where one of its numbers is another."""
+class _ChangedError(Exception):
+    """The unknowns of a model beside the first one stand for something else."""
+
+
+class _Study:
+    """A case solved once, what is watched of it, and how that changes with its numbers."""
 
     def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress) -> None:
         self.loaded, self.watch, self.progress = _tight(for_study(loaded)), watch, progress
-        self.model: Model | None = None
+        self.model, states = self._run(None, 0.0)
+        self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
+        self.responses, self.reason = self._responses(states)
 
-    def at(self, variable: Variable | None, h: float) -> Array:
-        """Return what is watched with a number changed by h. Raises CaseError and ComputationError."""
-        loaded = self.loaded if variable is None else varied(self.loaded, variable, h)
+    def _run(self, variable: Variable | None, h: float) -> tuple[Model, list[Any]]:
+        """Return model and states of a run with a number changed by h. Raises CaseError and ComputationError."""
+        loaded = self.loaded if variable is None else _tight(for_study(varied(self.loaded, variable, h)))
         states: list[Any] = []
-        outcome = run_case(_tight(for_study(loaded)), progress=replace(self.progress, state=states.append))
+        outcome = run_case(loaded, progress=replace(self.progress, state=states.append))
         if outcome.failure is not None:
             raise outcome.failure
-        self.model = outcome.model
-        return self.watch(outcome.model, states)
+        return outcome.model, states
 
-    def differences(self, variable: Variable) -> Quotient:
+    def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
+        """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
+        from ..solvers.variation import response, why_not
+
+        reason, goals = why_not(self.model), getattr(self.watch, "goals", None)
+        if not reason and any(g.limit_point is not None for g in goals or ()):
+            reason = "a limit point is a state along the path"
+        if not reason and goals is None and (self.model.contacts or any(s.report for s in states)):
+            reason = "states along the path have no derivative of their own"
+        if reason:
+            return [], reason
+        modes = [(g.kind, g.number) for g in goals or () if g.kind is not None and g.number is not None]
+        factors = [g.load_factor for g in goals or () if g.load_factor is not None]
+        kept = states[-1:] if goals is not None else states
+        return [response(self.model, [state], modes, factors) for state in kept], ""
+
+    def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
+        """Return the derivative to a number, and how it was found."""
+        size, reason = _size(variable, self.model.extent), self.reason
+        if self.responses:
+            with suppress(_ChangedError):
+                return self._responded(variable, STEP * size), "exact"
+            reason = "the unknowns change with the number"
+        return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
+
+    def _responded(self, variable: Variable, h: float) -> Quotient:
+        models: dict[float, Model] = {}
+
+        def at(step: float) -> Model:
+            if step not in models:
+                found = prepare(_tight(for_study(varied(self.loaded, variable, step))))
+                if numbering_of(found) != self.numbering:
+                    raise _ChangedError
+                models[step] = found
+            return models[step]
+        slopes = [one.slope(at, h) for one in self.responses]
+
+        def watched(step: float) -> Array:
+            states = [s for one, slope in zip(self.responses, slopes, strict=True)
+                      for s in one.states(at(step), step * slope.value)]
+            return self.watch(at(step), states)
+        found = derivative(watched, min(slope.h for slope in slopes))
+        share = max(_share(slope) for slope in slopes)
+        return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
+
+    def _differences(self, variable: Variable, h: float) -> Quotient:
         """Return the derivative to a number by runs beside it. Raises ComputationError where their meshes differ."""
-        assert self.model is not None
-        size = _size(variable, self.model.extent)
-        meshes: dict[Any, float] = {}
+        meshes: set[Any] = set()
 
-        def run(h: float) -> Array:
-            found = self.at(variable, h)
-            assert self.model is not None
-            meshes[mesh_of(self.model)] = h
-            if len(meshes) > 1 and h != 0.0:
+        def run(step: float) -> Array:
+            model, states = self._run(variable, step)
+            if step != 0.0:
+                meshes.add(mesh_of(model))
+            if len(meshes) > 1:
                 raise ComputationError(f"the mesh changes with {variable.path}: there is no derivative at "
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")
-            return found
-        return derivative(run, STEP * size)
+            return self.watch(model, states)
+        return derivative(run, h)
+
+
+def _share(found: Quotient) -> float:
+    """Return the largest error of a derivative beside its largest value."""
+    largest = float(np.abs(found.value).max(initial=0.0))
+    return float(found.error.max(initial=0.0)) / largest if largest else 0.0
 
 
 def _tight(loaded: LoadedCase) -> LoadedCase:
     """Return a case whose equilibria are found to the last digits."""
     solver = loaded.case.solver
+    if isinstance(solver, Eigen):
+        return replace(loaded, case=replace(loaded.case, solver=replace(solver, verify=False)))
     if not isinstance(solver, Static):
         return loaded
     tolerance = min(solver.tolerance or TIGHT, TIGHT)
@@ -147,10 +209,15 @@ def _size(variable: Variable, extent: float) -> float:
 
 
 def mesh_of(model: Model) -> tuple[Any, ...]:
+    """Return what two meshes have in common whose elements stand for the same."""
+    return tuple((name, m.plan.element.name, m.plan.formulation.name, tuple(p.count for p in m.plan.pieces), m.n_dofs)
+                 for name, m in model.meshes.items())
+
+
+def numbering_of(model: Model) -> tuple[Any, ...]:
     """Return what two models have in common whose unknowns stand for the same."""
-    bodies = tuple((name, m.plan.element.name, m.plan.formulation.name, tuple(p.count for p in m.plan.pieces), m.n_dofs)
-                   for name, m in model.meshes.items())
-    return bodies, model.numbering.free.tobytes(), model.numbering.dependent.tobytes()
+    num = model.numbering
+    return mesh_of(model), num.free.tobytes(), num.dependent.tobytes(), num.n_multipliers
 
 
 def relative(derivative: float, value: float, goal: float) -> float | None:

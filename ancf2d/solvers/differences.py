@@ -29,28 +29,31 @@ class Quotient:
     h: float
 
 
-def derivative(f: Callable[[float], Array], h: float) -> Quotient:
+def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0) -> Quotient:
     """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
 
     Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
-    of lower order tell that f is not smooth over them. What f raises on both sides is raised.
+    of lower order tell that f is not smooth over them. What f raises on both sides is raised. Values are compared with
+    each other through ``weights`` (m,); ``unknown`` is how far they are known, so weighted, beside round-off of their
+    own.
     """
     best: Quotient | None = None
     for _ in range(TRIES):
         found = _at(f, h)
-        if best is None or _worst(found) < _worst(best):
+        if best is None or _worst(found, weights, unknown) < _worst(best, weights, unknown):
             best = found
-        if _worst(best) <= SMOOTH**2:
+        if _worst(best, weights, 0.0) <= SMOOTH**2:
             break
         h *= SHORTER
     assert best is not None
     return best
 
 
-def _worst(found: Quotient) -> float:
+def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
     """Return the largest error beside the largest derivative."""
-    largest = float(np.max(np.abs(found.value), initial=0.0))
-    return float(np.max(found.error, initial=0.0)) / largest if largest > 0.0 else 0.0
+    w = 1.0 if weights is None else weights
+    largest = float(np.max(w * np.abs(found.value), initial=0.0))
+    return (float(np.max(w * found.error, initial=0.0)) + unknown / found.h) / largest if largest > 0.0 else 0.0
 
 
 def _at(f: Callable[[float], Array], h: float) -> Quotient:
