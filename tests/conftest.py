@@ -5,16 +5,14 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from ancf2d.study.pool import THREADS
-
-# their first tests compile most: two at a time begin with unlike kernels, so that these are compiled once
-FIRST = ("cli/test_cli_first_run", "docs/test_documents", "solve/test_reused_tangent", "kernels/test_element_kernels",
-         "solve/test_rigid_motion", "solve/test_motion_orders", "solve/test_scipy_integrators",
-         "solve/test_joints_dynamic", "solve/test_fronts_in_motion", "solve/test_step_allocations")
 
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
@@ -29,10 +27,14 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 gc.set_threshold(100_000, 50, 1000)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that compile most, while other processes have other things to do."""
-    place = {f"{name}.py": k for k, name in enumerate(FIRST)}
-    items.sort(key=lambda item: place.get(f"{item.path.parent.name}/{item.path.name}", len(FIRST)))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Compile the kernels before processes need them that would each compile them or wait for one another."""
+    from ancf2d.kernels.lowlevel.jit import cache_is_cold
+
+    everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
+    if everything and cache_is_cold():
+        subprocess.run([sys.executable, "-m", "ancf2d", "compile"], cwd=config.rootpath, check=True)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -40,7 +42,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Run the tests of a file in one process: they share kernels, models and solutions."""
     from xdist.scheduler import LoadFileScheduling
 
-    config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
 
 

@@ -56,22 +56,48 @@ def chosen(values: Any, few: Any) -> list[Any]:
 
 
 def covering(few: Mapping[str, Sequence[Any]] | None = None, **axes: Collection[Any]) -> pytest.MarkDecorator:
-    """Return ``parametrize`` over a product of axes, of which a sample is quick and the rest are slow tests.
+    """Return ``parametrize`` over a sample of a product of axes.
 
-    The sample holds every value of an axis, or every one of ``few`` where it has such, each time with the partners that
-    it has met least. The axis ``variant`` stands for name and formulation.
+    The quick tests hold every value of an axis, or every one of ``few`` where it has such, each time with the partners
+    that it has met least; with the slow ones, any two values of different axes meet. The axis ``variant`` stands for
+    name and formulation.
     """
     rows = list(product(*axes.values()))
     parts = [frozenset((axis, repr(v)) for axis, v in zip(axes, row, strict=True)) for row in rows]
     wanted = {(axis, repr(v)) for axis, values in axes.items() for v in (few or {}).get(axis, values)}
     quick = _sample([p for p in parts if p <= wanted])
     names = [n for axis in axes for n in (("name", "formulation") if axis == "variant" else (axis,))]
+    flat = [tuple(v for axis, value in zip(axes, row, strict=True)
+                  for v in (value if axis == "variant" else (value,))) for row in rows]
+    taken = _pairs(flat, [k for k, own in enumerate(parts) if own in quick])
     return pytest.mark.parametrize(names, [
-        pytest.param(*(v for axis, value in zip(axes, row, strict=True)
-                       for v in (value if axis == "variant" else (value,))),
-                     id="-".join("-".join(map(str, v)) if isinstance(v, tuple) else str(v) for v in row),
-                     marks=() if own in quick else pytest.mark.slow)
-        for row, own in zip(rows, parts, strict=True)])
+        pytest.param(*flat[k], id="-".join("-".join(map(str, v)) if isinstance(v, tuple) else str(v) for v in rows[k]),
+                     marks=() if parts[k] in quick else pytest.mark.slow)
+        for k in sorted(taken)])
+
+
+def pairwise(**axes: Collection[Any]) -> pytest.MarkDecorator:
+    """Return ``parametrize`` over as many rows of a product that any two values of different axes meet."""
+    rows = list(product(*axes.values()))
+    return pytest.mark.parametrize(tuple(axes), [pytest.param(*rows[k], id="-".join(map(str, rows[k])))
+                                                 for k in sorted(_pairs(rows, []))])
+
+
+def _pairs(rows: list[tuple[Any, ...]], begun: list[int]) -> list[int]:
+    """Return which rows it takes that all pairs meet which meet in any row: those begun with, and few more."""
+    numbers: dict[Any, int] = {}
+    masks = []
+    for row in rows:
+        found = combinations(((k, repr(v)) for k, v in enumerate(row)), 2)
+        masks.append(sum(1 << numbers.setdefault(pair, len(numbers)) for pair in found))
+    taken, missing = list(begun), (1 << len(numbers)) - 1
+    for k in begun:
+        missing &= ~masks[k]
+    while missing:
+        best = max(range(len(rows)), key=lambda k: (masks[k] & missing).bit_count())
+        taken.append(best)
+        missing &= ~masks[best]
+    return taken
 
 
 def _sample(rows: list[frozenset[tuple[str, str]]]) -> set[frozenset[tuple[str, str]]]:

@@ -111,7 +111,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d = _displacements(model, state)
     for load in model.case.loads:
         at = getattr(load, "at", None)
-        if not isinstance(at, Point) or not is_inside(point := model.point(at), mesh):
+        if not isinstance(at, Point) or at.body != mesh.plan.name or not is_inside(point := model.point(at), mesh):
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         follows = model.timing.follow(amplitude_of(load))
@@ -155,7 +155,8 @@ def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, 
     for i, joint in enumerate(model.case.joints):
         for value in (getattr(joint, f.name) for f in fields(joint)):
             for p in value if isinstance(value, tuple) else (value,):
-                if isinstance(p, Point) and is_inside(point := model.point(p), mesh):
+                # the body first: a place along it takes a while to find
+                if isinstance(p, Point) and p.body == mesh.plan.name and is_inside(point := model.point(p), mesh):
                     places.append((joint.name or f"joints.{i}", point.ie, point.xi))
     d = _displacements(model, state)
     return places + [(c.owner, *c.foot(d)) for c in model.constraints

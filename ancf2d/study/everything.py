@@ -19,6 +19,7 @@ STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
 DAMPED = {**STIFF, "damping": {"kelvin_voigt": 1e-4}}
 SECTION = {"height": 0.05, "width": 0.05}
 MOMENT = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-2, "estimate": False}
+FEW = {"interval": MOMENT["t_end"]}
 STATIC = {"type": "static", "steps": 1}
 GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 # one integrator of each family; the others have the same kernels
@@ -55,11 +56,11 @@ def cases_of_every_kind() -> Iterator[tuple[str, dict[str, Any]]]:
     follower = [{"type": "follower_force", "at": "c0_0@1", "value": [1.0, 0.0]}]
     yield "statics of a frame under a follower force", {**frame, "solver": STATIC, "loads": follower}
     for name in METHODS:
-        solver, conserved = {**MOMENT, "method": name}, INTEGRATORS[name].conserves
-        yield name, {**_laws(conserved), "solver": solver}
-        yield f"{name} with springs and joints", {**_interactions(), "solver": solver}
+        motion, conserved = {"solver": {**MOMENT, "method": name}, "output": FEW}, INTEGRATORS[name].conserves
+        yield name, {**_laws(conserved), **motion}
+        yield f"{name} with springs and joints", {**_interactions(), **motion}
         if INTEGRATORS[name].scipy is None:
-            yield f"{name} of a frame", {**_frame(conserved), "solver": solver}
+            yield f"{name} of a frame", {**_frame(conserved), **motion}
 
 
 def _body(start: list[float], end: list[float], element: dict[str, Any], material: dict[str, Any]) -> dict[str, Any]:

@@ -60,7 +60,6 @@ def test_every_name_that_is_offered_is_there_and_documented(name: str) -> None:
 
 def test_solve_is_the_function_whatever_was_imported_before() -> None:
     assert run_python("import ancf2d.solvers.state, ancf2d; print(ancf2d.solve.__module__)") == "ancf2d.api.solving"
-    assert run_python("from ancf2d import solve; print(solve.__module__)") == "ancf2d.api.solving"
 
 
 def test_a_name_that_is_not_offered_is_no_attribute() -> None:
@@ -350,13 +349,10 @@ def test_scripts_that_use_the_interface_pass_a_strict_type_checker(tmp_path: Pat
     (tmp_path / "wrong.py").write_text("import ancf2d\nancf2d.solve('beam.yaml').value + 'metres'\n"
                                        "ancf2d.solve('beam.yaml', acuracy=1e-3)\n")
 
-    def check(*files: Path) -> subprocess.CompletedProcess[str]:
-        # SciPy comes without types
-        return subprocess.run([sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--cache-dir",
-                               str(tmp_path / "cache"), *map(str, files)], capture_output=True, text=True, cwd=tmp_path,
-                              check=False)
-    right = check(*tmp_path.glob("script*.py"))
-    assert right.returncode == 0, right.stdout
-    wrong = check(tmp_path / "wrong.py").stdout
-    assert "wrong.py:2: error: Unsupported" in wrong
-    assert 'wrong.py:3: error: Unexpected keyword argument "acuracy"' in wrong
+    # SciPy comes without types
+    found = subprocess.run([sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--cache-dir",
+                            str(tmp_path / "cache"), "--no-error-summary", *map(str, tmp_path.glob("*.py"))],
+                           capture_output=True, text=True, cwd=tmp_path, check=False).stdout
+    assert {line.partition(":")[0] for line in found.splitlines() if ": error: " in line} == {"wrong.py"}, found
+    assert "wrong.py:2: error: Unsupported" in found
+    assert 'wrong.py:3: error: Unexpected keyword argument "acuracy"' in found

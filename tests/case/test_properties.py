@@ -22,7 +22,7 @@ DATA = [plain_data(compose(text, Origin("f", []))) for text in TEXTS]
 ODD = [None, True, 0, -1, 1e308, -0.0, 8.5, "", "abc", "beam@0.5", "rest", "@", "x@", [], [0],
        [0, 0], [[0, 0], [1, 1]], {}, {"type": "force"}, {"type": []}, {"a": 1}, [None], "t", "1e3"]
 MARKS = "\t:{}[]&*!|>%@`#,?-\"'\x85\u2028😀\ufeff\x00"
-PROFILE = settings(derandomize=True, deadline=None, max_examples=250)
+PROFILE = settings(derandomize=True, deadline=None, max_examples=100)
 
 
 def loads_or_explains(text, vocabulary, **options):
@@ -124,7 +124,7 @@ def test_damaged_text(which, damages):
 
 
 @given(st.integers(0, len(TEXTS) - 1), st.integers(0, 10**6), st.integers(0, 255))
-@settings(PROFILE, max_examples=60)
+@settings(PROFILE, max_examples=40)
 def test_damaged_bytes(which, at, byte):
     data = bytearray(TEXTS[which].encode())
     data[at % len(data)] = byte

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import pairwise
 
 from ancf2d.elements import contact_geometry as geometry
 from ancf2d.elements.contact import COMPLIANT, HARD
@@ -64,13 +65,16 @@ def differences(function, x, h=1e-5):
     return np.stack(out, axis=-1)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("pose", POSES)
-@pytest.mark.parametrize("section", SECTIONS)
-@pytest.mark.parametrize(("law", "friction", "damping", "free"), [
-    (COMPLIANT, 0.0, 0.0, False), (COMPLIANT, 0.3, 0.4, False), (COMPLIANT, 100.0, 0.4, False),
-    (HARD, 0.0, 0.0, False), (HARD, 0.3, 0.0, False), (HARD, 100.0, 0.0, False), (HARD, 0.0, 0.0, True)])
-def test_stiffness_and_damping_are_the_derivatives_of_the_forces(law, friction, damping, free, section, pose, shape):
+# law, friction, damping, whether it is free along the body
+CONTACTS = {"compliant": (COMPLIANT, 0.0, 0.0, False), "compliant, slips": (COMPLIANT, 0.3, 0.4, False),
+            "compliant, sticks": (COMPLIANT, 100.0, 0.4, False), "hard": (HARD, 0.0, 0.0, False),
+            "hard, slips": (HARD, 0.3, 0.0, False), "hard, sticks": (HARD, 100.0, 0.0, False),
+            "hard, free": (HARD, 0.0, 0.0, True)}
+
+
+@pairwise(contact=CONTACTS, section=SECTIONS, pose=POSES, shape=SHAPES)
+def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, section, pose, shape):
+    law, friction, damping, free = CONTACTS[contact]
     point = Point(law, section, pose, shape, friction, free, damping)
     _, f, H, C = point(point.u, point.w)
     size = 1.0 + np.abs(H).max()

@@ -7,8 +7,6 @@ import pytest
 from ancf2d.elements.shape import gauss, lobatto
 from ancf2d.kernels.elements import force
 
-CASES = [(name, f, g) for name, f in helpers.SMALL_VARIANTS for g in helpers.GEOMETRIES]
-
 
 class Body:
     """One element in its reference and a random configuration, in global axes."""
@@ -172,7 +170,7 @@ DEFINITIONS = {
 }
 
 
-@pytest.mark.parametrize(("name", "formulation", "geometry"), helpers.chosen(CASES, helpers.FEW_VARIANTS))
+@helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.SMALL_VARIANTS, geometry=helpers.GEOMETRIES)
 def test_strain_energy_is_its_definition(name, formulation, geometry):
     if formulation not in DEFINITIONS:
         pytest.fail(f"write down what {formulation} is")

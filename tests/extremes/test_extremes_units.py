@@ -12,10 +12,9 @@ from scripts.extremes.statics import slender
 UNITS = dict(scaling.AXES["all units"])
 
 
-@pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("scene", ["linear statics", "statics", "arc length", "modes", "buckling"])
-@pytest.mark.parametrize("label", helpers.chosen(
-    [s.label for s in DEFAULTS if s.label != "ancf[3,3]"], ["vallejo", "cable", "reissner3"]))
+@helpers.covering({"label": ["vallejo", "cable", "reissner3"]},
+                  label=[s.label for s in DEFAULTS if s.label != "ancf[3,3]"],
+                  scene=["linear statics", "statics", "arc length", "modes", "buckling"], units=UNITS)
 def test_statics_modes_and_buckling_do_not_depend_on_units(label: str, scene: str, units: str) -> None:
     """Coordinates like r_yy have units of their own: in micrometres their numbers are 1e6 times those of r_y."""
     assert scaling.compared(scene, label, UNITS[units]).error < scaling.SAME

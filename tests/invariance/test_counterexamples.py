@@ -47,7 +47,7 @@ def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
     assert violations(name, "forces and moments balance", *MOVED) == {}
 
 
-@pytest.mark.parametrize("name", ["tapered_frame", "tapered_modes"])
+@pytest.mark.parametrize("name", ["tapered_frame", pytest.param("tapered_modes", marks=pytest.mark.slow)])
 def test_bodies_that_vary_are_the_same_elsewhere_and_in_other_words(name: str) -> None:
     assert violations(name, *MOVED, "a body reversed", "a body split and welded") == {}
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from ancf2d.kernels.elements import element_matrices, force, force_noise, force_tangent, stations, tangent_action
 from ancf2d.kernels.matrix import Csr
 
-CASES = [(*v, g) for v in helpers.VARIANTS for g in helpers.GEOMETRIES]
-EVERY = pytest.mark.parametrize(("name", "formulation", "geometry"), helpers.chosen(CASES, helpers.FEW_VARIANTS))
+EVERY = helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.VARIANTS, geometry=helpers.GEOMETRIES)
 SIZE = 0.05 * helpers.SECTION["height"]
 
 
@@ -67,7 +66,7 @@ def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation,
 
 
 @helpers.every_variant
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(angle=st.floats(-20, 20), x=st.floats(-3, 3), y=st.floats(-3, 3))
 def test_rigid_motion_costs_nothing(name, formulation, angle, x, y):
     for geometry in helpers.GEOMETRIES:
@@ -83,7 +82,7 @@ RIGID: dict = {}
 
 
 @helpers.every_variant
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(angle=st.floats(-7, 7))
 def test_energy_and_force_turn_with_the_body(name, formulation, angle):
     model = RIGID.setdefault((name, formulation, "arc"), model_of(name, formulation, "arc"))

@@ -189,14 +189,16 @@ def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
 
 
 def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
-    for path in (bent_beam(tmp_path / "a.h5"), mechanism(tmp_path / "b.h5"),
-                 table_file(tmp_path / "c.h5", {"cable": 4.0}),
-                 bent_beam(tmp_path / "d.h5", finish=False)):
+    drawn = set()
+    for path in (bent_beam(tmp_path / "a.h5", finish=False), mechanism(tmp_path / "b.h5"),
+                 table_file(tmp_path / "c.h5", {"cable": 4.0}), bent_beam(tmp_path / "d.h5")):
         results = opened(path)
         for kind in list_kinds(results):
-            if not kind.missing:
+            if not kind.missing and (kind.name not in drawn or path.stem == "b"):
                 files = [results, results] if kind.name == "difference" else results
                 draw(files, kind.name).draw_without_rendering()
+                drawn.add(kind.name)
+    assert {"shape", "history", "convergence", "difference"} <= drawn
 
 
 def test_wrong_names_are_answered_with_the_nearest(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ pytestmark = pytest.mark.slow
 
 
 def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None:
-    repeats.growth(30)  # what is made once, some of it late
-    found = repeats.growth(30)
+    repeats.growth(15)  # what is made once, some of it late
+    found = repeats.growth(20)
     assert set(found.others.values()) == {0}
     assert (found.late.files, found.late.threads) == (found.early.files, found.early.threads)
     assert found.per_run < 200_000

@@ -115,7 +115,7 @@ def test_travelling_string(element: str, tension: float) -> None:
     assert [f["omega"] for f in found] == pytest.approx([k * math.pi * c * (1 - 0.16) for k in (1, 2)], rel=1e-3)
 
 
-@pytest.mark.parametrize("method", ["radau5", "energy_momentum"])
+@pytest.mark.parametrize("method", ["radau5", pytest.param("energy_momentum", marks=pytest.mark.slow)])
 def test_motions_grow_as_modes_say(method: str) -> None:
     u, _ = critical(0.2, 5, 6)
     velocity = 1.05 * u / math.sqrt(0.2)

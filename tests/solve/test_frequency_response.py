@@ -108,7 +108,7 @@ INSIDE: dict[str, Any] = {
                "fields": ["N", "Q", "M"]}}
 
 
-@pytest.mark.parametrize("element", ["reissner3", "cable"])
+@pytest.mark.parametrize("element", ["reissner3", pytest.param("cable", marks=pytest.mark.slow)])
 def test_section_forces_at_frequency_zero_are_derivatives_of_statics(element: str) -> None:
     """About a loaded state, with loads, a spring and a mass inside elements: beside differences of two equilibria."""
     names = ["line", "turn", "weight", "bend", "push"]

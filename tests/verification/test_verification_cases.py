@@ -14,6 +14,7 @@ from ancf2d.case import json_schema
 from ancf2d.case.compose import compose
 from ancf2d.case.nodes import Origin, plain_data
 from ancf2d.study.run import load, run_case, vocabulary
+from scripts import make_docs, verification_manual
 
 CASES = Path(__file__).parents[2] / "cases"
 FILES = sorted(CASES.rglob("*.yaml"))
@@ -66,6 +67,14 @@ def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest)
     rtol = MOTION if case.parent.name == "dynamic" else ROUND_OFF.get(case.stem, stored_outputs.RTOL)
     found = stored_outputs.differences(now, stored_outputs.read(file), rtol)
     assert not found, f"{len(found)} values deviate, the worst first:\n" + "\n".join(found[:5])
+
+
+@pytest.mark.slow
+def test_the_verification_manual_is_current() -> None:
+    page = CASES.parent / "docs" / "verification.md"
+    # two texts that differ are not compared by pytest, which would take minutes
+    current = make_docs.same(page.read_text(encoding="utf-8"), verification_manual.manual(solved))
+    assert current, "run: python -m scripts.make_docs"
 
 
 @pytest.fixture(scope="module")
