@@ -13,6 +13,7 @@ from .interaction_checks import (
     check_flows,
     check_moving,
 )
+from .material_checks import check_materials
 from .nodes import Source, quoted
 from .records import walk
 from .schema import Case, Layers, LimitPoints, Point, Stiffness
@@ -57,6 +58,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         check_active(checker)
         check_flows(checker)
         check_feedback(checker)
+        check_materials(checker)
         checker.goals()
         checker.masses()
         checker.times()
@@ -75,8 +77,7 @@ class _Checker:
         self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
 
-    def fail(self, path: Path, message: str, expected: str = "", near: str = "",
-             on_key: bool = False) -> None:
+    def fail(self, path: Path, message: str, expected: str = "", near: str = "", on_key: bool = False) -> None:
         mark = self.source.key_mark(path) if on_key else self.source.mark(path)
         self.binder.fail(mark, path, message, expected, near)
 
@@ -122,8 +123,7 @@ class _Checker:
         one, many = _WHAT[what]
         expected = listed(sorted(names)) if names and not near else ""
         none = "" if names else f"; there are no {many}"
-        self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near,
-                  on_key)
+        self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near, on_key)
 
     def names(self) -> None:
         """Check that names within a list are unique."""

@@ -96,6 +96,8 @@ def _operations_of(law: StrainLaw) -> Any:
     NU, NS, NR, NM = law.fields, law.strains, law.references, law.state
     # internal strains, of laws with memory
     NI = NS if law.state else 0
+    for helper in law.helpers:
+        declare(helper)
     internal = inlined(law.internal or _no_memory)
     # inlined, so that rows a constant distance apart are seen to be so
     strain, geometric, mean = (inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean))

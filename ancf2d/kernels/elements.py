@@ -198,7 +198,7 @@ def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-def]
-    """Set g to |J|^T |D| (|J| u0 + |eps*|)."""
+    """Set g to |J|^T |D| (|J| u0 + |eps*| + |eps_i|), or with the sizes that internal strains are sums of."""
     work, NU, NS, points = group.plan.work, group.law.fields, group.law.strains, points_of(group.law)
     at, slot = layout(group.law)
     for p in range(points):
@@ -211,6 +211,10 @@ def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-de
             size = row(work, p * at.rows + slot.eps0 + k)
             for l in range(lanes):
                 size[l] = abs(size[l])
+            if group.law.state > 0:
+                inner = row(work, p * at.rows + slot.new + (k + NS if group.law.state >= 2 * NS else k))
+                for l in range(lanes):
+                    size[l] += abs(inner[l])
         for k in range(NS * NU):
             _add_size(work, p * at.rows + slot.J + k, p * at.rows + slot.u0 + k % NU,
                       p * at.rows + slot.eps0 + k // NU, lanes)

@@ -92,7 +92,7 @@ def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
             continue
         tau = damping_time(case, name)
         # a formulation samples each layer
-        key = id(plan.element), plan.formulation.name, plan.rule, tau, len(plan.section.layers)
+        key = id(plan.element), plan.formulation.name, plan.formulation.law, plan.rule, tau, len(plan.section.layers)
         if plan.count < MANY and key in found:
             found[key].meshes.append(mesh)
             continue

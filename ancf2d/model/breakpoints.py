@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Constant, Expression, Ramp, Table, Windowed, syntax
+from ..case import Case, Constant, Expression, Ramp, Table, Windowed, syntax
+from ..case.records import walk
 from ..elements.shape import Array
 from .timing import Signal
 
@@ -112,6 +113,13 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
     size = _size(unit, t0, t1)
     found = [b._replace(order=_order(unit, b.before, b.t, size, t1 - t0)) for b in _merged(places, t1)]
     return tuple(b for b in found if b.order < SMOOTH)
+
+
+def case_breaks(case: Case, t0: float, t1: float) -> list[Break]:
+    """Return the breaks of all amplitudes of a case in (t0, t1), in order: a way that is remembered turns there."""
+    found = dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Expression | Ramp | Table))
+    breaks = _merged([b for a in found for b in breakpoints(Signal(a), t0, t1)], t1)
+    return [b for b in breaks if b.t < t1]
 
 
 def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:

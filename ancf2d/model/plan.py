@@ -34,7 +34,7 @@ from .axis import AxisError
 from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
-from .section import SectionError, is_axis_type, resolve_section, rigid_section
+from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_fibres
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
 SHORT = 0.1  # angle by which an element of a rigid curved body turns about [rad]
@@ -274,6 +274,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
+    formulation, rule = with_fibres(spec.quadrature, formulation, section, rule)
     smooth = knots(body.geometry)
     return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count,
                     tuple(s for s in acting if s not in smooth), spec.preset, varying, tuple(s for s, _ in breaks),
@@ -369,7 +370,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
                    "cannot have a kink. Refinement then converges slowly; nodes: acting places a node there")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
-    if on_axis and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
+    if on_axis and not plan.section.laws and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
                    "the points across have no effect")
     longest = max(p.l for p in plan.pieces) / float(np.min(plan.section_at(np.linspace(0.0, 1.0, 101)).height))

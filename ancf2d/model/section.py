@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..case import Body, Layers, Rectangle, Stiffness
+from ..case import Body, Layers, Material, Rectangle, Stiffness
 from ..elements.definition import ElementType
-from ..elements.formulations import Formulation
+from ..elements.fibres import FIBRES, Uniaxial, curve, fibres_of, hardening, linear
+from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.section import Layer, Section, laminate, timoshenko
 from ..elements.shape import Array, gauss
 from .curve import Piece
@@ -28,7 +28,7 @@ CHECKED, POINTS = 101, 20
 class SectionError(ValueError):
     """A section that an element cannot have; ``key`` names what is wrong below the body."""
 
-    def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
         self.key, self.expected = key, expected
 
@@ -52,12 +52,59 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
 
     Raises SectionError for what the element or arithmetic cannot have.
     """
-    resolve = partial(_resolved, element=element, formulation=formulation, k=k)
+    laws = _laws_of(body, element, formulation)
+
+    def resolve(given: Any) -> Section:
+        return replace(_resolved(given, element, formulation, k), laws=laws)
+
     varying = VaryingSection(body, resolve) if _varies(body) else None
     section = resolve(body) if varying is None else varying.mean
     for checked in [section] if varying is None else [section, varying.at(np.linspace(0.0, 1.0, CHECKED))]:
         _check_range(checked)
     return section, varying
+
+
+def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tuple[Uniaxial, ...]:
+    """Return the laws of the fibres in each layer of a section, none where all are linear. Raises SectionError."""
+    layers = isinstance(body.section, Layers)
+    materials = [l.material for l in body.section.layers] if isinstance(body.section, Layers) else [body.material]
+    found = [k for k, m in enumerate(materials) if m is not None and m.fibres]
+    if not found:
+        return ()
+    at: tuple[str | int, ...] = ("section", "layers", found[0], "material") if layers else ("material",)
+    if formulation.fibres is None:
+        known = [f.name for f in FORMULATIONS.values() if f.fibres is not None and f.refuse(element) is None]
+        raise SectionError(at, f"formulation {formulation.name} has no fibres that could yield or follow a curve",
+                           f"formulation {' or '.join(known)}" if known else "a type of cable, reissner2, reissner3")
+    if not isinstance(body.section, Layers | Rectangle):
+        raise SectionError(("section",), "an area and its second moment do not tell where the fibres of the material "
+                           "are", "{height, width} or {width, layers}")
+    return tuple(_law(m) for m in materials if m is not None)
+
+
+def _law(material: Material) -> Uniaxial:
+    E: Any = material.E
+    if material.stress_strain is not None:
+        return curve(E, material.stress_strain.points, material.stress_strain.unloading == "curve")
+    if material.yield_ is None:
+        return linear(E)
+    hard = material.hardening
+    return hardening(E, material.yield_, hard.isotropic if hard else 0.0, hard.kinematic if hard else 0.0)
+
+
+def with_fibres(quadrature: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
+    """Return formulation and rule of a section, with fibres where it has laws of its own: as many as points across.
+
+    ``quadrature`` is what the case says of it. Raises SectionError where they are too few to bend.
+    """
+    if not section.laws:
+        return formulation, rule
+    if quadrature in (None, "exact"):
+        rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
+    if rule.normal[1] < 2:
+        raise SectionError(("element", "quadrature"), "one fibre through each layer does not bend",
+                           f"[nx, ny] with ny fibres through each layer, {FIBRES} by default")
+    return fibres_of(formulation, section, rule.normal[1]), rule
 
 
 def _varies(body: Body) -> bool:

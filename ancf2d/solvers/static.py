@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError, SingularTangentError
+from ..model.breakpoints import case_breaks
 from ..model.model import Model
 from ..model.timing import PathTiming
 from .hanging import hanging, slack
@@ -146,12 +147,13 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         yield state_of(system, near, end, 1, 0, [])
         return
     march = _March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
+    stops = [b.t / end for b in case_breaks(model.case, 0.0, end)] if model.remembers and end > 0.0 else []
     soft = end != 0.0 and slack(model)
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
         iterations, warnings = march.settle()
-        for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0)) if end != 0.0 else [march.resting()]:
+        for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0), stops) if end != 0.0 else [march.resting()]:
             if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
                 break
             state.history["iterations"] += iterations
@@ -184,10 +186,14 @@ def unscaled(model: Model, tolerance: float | None = None, max_iterations: int |
 
 
 class _Stride:
-    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones."""
+    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones.
 
-    def __init__(self, longest: float) -> None:
+    A step ends at each of ``stops``.
+    """
+
+    def __init__(self, longest: float, stops: Sequence[float]) -> None:
         self.longest = self.h = longest
+        self.stops = stops
         self.s, self.cutbacks, self.easy = 0.0, 0, PATIENCE
         self.mark, self.tries = 0.0, 0
         # the longest step that led to an unstable state, to go on with once that is taken for what it is
@@ -196,7 +202,9 @@ class _Stride:
     def target(self) -> float:
         """Return the next s to try."""
         self.tries += 1
-        return 1.0 if self.s + self.h * (1 + 1e-9) >= 1.0 else self.s + self.h
+        farthest = self.s + self.h * (1 + 1e-9)
+        ahead = min((s for s in (*self.stops, 1.0) if s > self.s * (1 + 1e-12)), default=1.0)
+        return ahead if farthest >= ahead else self.s + self.h
 
     def _cut(self, target: float) -> None:
         # nothing is known yet of the load that a first step can carry: it is cut faster each time
@@ -291,9 +299,9 @@ class _March:
             for spring in self.model.springs:
                 spring.tighten(load.share)
 
-    def go(self, begin: _Load, end: _Load) -> Iterator[State]:
-        """Yield a state per step while one load becomes another."""
-        path, stride, number, old = _Path([0.0], [self.d]), _Stride(self.longest), 0, begin
+    def go(self, begin: _Load, end: _Load, stops: Sequence[float] = ()) -> Iterator[State]:
+        """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way."""
+        path, stride, number, old = _Path([0.0], [self.d]), _Stride(self.longest, stops), 0, begin
         while stride.s < 1.0:
             target = stride.target()
             new = end if target == 1.0 else begin.towards(end, target)
@@ -317,6 +325,9 @@ class _March:
             self.turns = self.system.turns()
             yield state
             self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
+            # behind a stop nothing follows from what was before
+            if target in stops:
+                path = _Path([], [])
             path.push(target, result.d)
             stride.accept(target)
 
@@ -328,7 +339,8 @@ class _March:
                         self.max_iterations)
         check_sound(model, result.d, last, t)
         # where Newton's method has changed little of what the last states foretold, nothing has jumped
-        if sum(result.increments) > 0.5 * self.system.distance(result.d, last):
+        # where elements remember the way, tangents tell of unloading, and nothing of the way on
+        if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
             self._check_jump(last, result.d, result.first if first else self._foretold(self.turns, old, new), t)
             self._check_jump(result.d, last, self._foretold(turns, new, old), t)

@@ -10,8 +10,6 @@ from .body import (
     Body,
     Element,
     Layers,
-    Material,
-    MaterialDamping,
     Rectangle,
     Section,
     Selective,
@@ -31,6 +29,7 @@ from .case import (
 )
 from .controllers import Controller, Pid, StateController
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
+from .materials import Material, MaterialDamping, StressStrain
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, MovingPoint, Point, Probe
 from .profiles import PointExpression, Profile, ProfileExpression, ProfileTable
@@ -56,6 +55,6 @@ __all__ = [
     "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Pid",
     "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable",
     "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver",
-    "Spline", "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "Table", "Transport", "Units",
-    "Windowed", "amplitude_of", "register",
+    "Spline", "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "StressStrain", "Table",
+    "Transport", "Units", "Windowed", "amplitude_of", "register",
 ]

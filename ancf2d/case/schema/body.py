@@ -10,6 +10,7 @@ from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, Number, Text, Vector
 from ..records import ByKeys, ByShape, OneOf, Record
 from .geometry import Geometry
+from .materials import Material
 from .profiles import Profile, ProfileOf
 
 SECTION_KEYS = ("EA", "kGA", "EI", "rhoA", "rhoI")
@@ -43,31 +44,6 @@ class Stiffness:
     EI: float | Profile = key(ProfileOf("N m^2", gt=0), "Bending stiffness", example=1.4e4)
     rhoA: float | Profile | None = key(ProfileOf("kg/m", gt=0), "Mass per length", default=None)
     rhoI: float | Profile | None = key(ProfileOf("kg m", ge=0), "Rotary inertia per length", default=None)
-
-
-
-
-@record
-class MaterialDamping:
-    """Damping of the material."""
-
-    kelvin_voigt: float = key(Number("s", ge=0), "Retardation time tau: stress = D (eps + tau "
-                              "d eps/dt)", example=1e-4)
-
-
-@record
-class Material:
-    """An isotropic elastic material."""
-
-    E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
-    nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
-    rho: float | Profile | None = key(ProfileOf("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, "
-                                      "gravity and steady_rotation",
-                            default=None,
-                            example=7850)
-    alpha: float | None = key(Number("1/K"), "Coefficient of thermal expansion, the same in all directions; needed for "
-                              "load temperature", default=None, example=1.2e-5)
-    damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
 
 
 @record
@@ -208,9 +184,10 @@ class Body:
                         f"element for each piece of the {self.geometry.tag}, got {count}")
         rigid = self.element.type == "rigid"
         if isinstance(self.section, Stiffness):
-            for k in ("E", "nu", "rho"):
+            for k in ("E", "nu", "rho", "yield_", "stress_strain"):
                 if self.material is not None and getattr(self.material, k) is not None:
-                    yield Issue(("material", k), f"{{}}.material.{k} cannot be given: the section "
+                    name = k.rstrip("_")
+                    yield Issue(("material", name), f"{{}}.material.{name} cannot be given: the section "
                                 "gives the stiffnesses")
         elif isinstance(self.section, Layers):
             if self.material is not None:

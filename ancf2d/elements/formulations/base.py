@@ -38,7 +38,9 @@ class PointLaw:
     strains eps_i, which bear no stress: sigma = D (eps - eps_i). ``internal(ref, eps, old, new, slope, lanes)`` fills
     the state new (state, lanes) that the strains eps lead to from old, the state at the end of the last accepted step,
     and slope (strains, strains, lanes) = d eps_i/d eps, whose zeros are left alone; D slope has to be symmetric. At the
-    strains of an accepted step, the new state leads to itself.
+    strains of an accepted step, the new state leads to itself. Where internal strains are sums that cancel, the next
+    numbers of the state, as many, tell how large these are: round-off is a share of them.
+    ``helpers`` are other functions that these call.
     """
 
     fields: int
@@ -50,6 +52,7 @@ class PointLaw:
     quadratic: tuple[int, ...] = ()
     state: int = 0
     internal: Callable[..., Any] | None = None
+    helpers: tuple[Callable[..., Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,9 @@ class Formulation:
     any) and D (stations, strains, strains) of one element class, quadrature weight and volume included; fields,
     reference values and strains of a station are those of its points, one after another.
     ``selective`` tells whether shear may have a rule of its own, ``lobatto`` whether the default rule is such a one.
+    ``fibres(sampler, rule)`` returns the places xi of stations whose strains, the first and the last or third, are the
+    axial strain and the curvature of sections that fibres make, with what ``sample`` returns of them; None where it has
+    no such strains.
     ``stress`` gives stress and energy density where a formulation has them at every point; without one, stress is
     recovered from the section forces. ``natural(sampler, rule, free)`` returns the strains (stations, strains), in the
     order of ``sample``, that an element would have if it were free, linear in what strains it; without one, nothing but
@@ -152,6 +158,7 @@ class Formulation:
     lobatto: bool = False
     stress: StressLaw | None = None
     natural: Callable[[Sampler, Rule, Free], Array] | None = None
+    fibres: Callable[[Sampler, Rule], tuple[Array, tuple[Array, Array, Array]]] | None = None
 
 
 def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:

@@ -152,6 +152,15 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     return join(_stations(sampler, lobatto(n), (1.0, 0.0)), _stations(sampler, gauss(n), (0.0, 1.0)))
 
 
+def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Sample stretch and curvature together, which the fibres couple: at Gauss-Lobatto points as the stretch alone is.
+
+    Those of the curvature of degree 3 are exact there too.
+    """
+    points = (lobatto if rule.lobatto else gauss)(rule.normal[0])
+    return points[0], _stations(sampler, points, (1.0, 1.0))
+
+
 def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return axial strain and curvature dtheta/ds."""
     n = rule.normal[0]
@@ -187,7 +196,7 @@ GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean, (0,))
 FORMULATIONS = (
     Formulation("cable", ENGINEERING, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr & Irschik 2008", "engineering axial strain |r_x| - 1 and curvature dtheta/ds, no shear",
-                selective=False, lobatto=True, natural=natural),
+                selective=False, lobatto=True, natural=natural, fibres=fibres),
     Formulation("green", GREEN, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, "Berzeri & Shabana 2000",
                 "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
                 lobatto=True, natural=green_natural),

@@ -75,6 +75,12 @@ def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
     return np.concatenate(parts)
 
 
+def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Return the stations of ``sample``, each of which has the strains of fibres."""
+    rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
+    return np.concatenate([gauss(n)[0] for n, _ in rules]), sample(sampler, rule)
+
+
 def _refuse(element: ElementType) -> str | None:
     if not element.has_theta:
         return f"{element.name} has no rotation theta among its nodal coordinates"
@@ -87,5 +93,5 @@ EXACT = PointLaw(4, 3, 4, strain, geometric)
 FORMULATIONS = (
     Formulation("geometrically_exact", EXACT, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Simo & Vu-Quoc 1986", "axial and shear strain in the rotated section, curvature theta'",
-                natural=natural),
+                natural=natural, fibres=fibres),
 )

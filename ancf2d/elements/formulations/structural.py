@@ -137,16 +137,24 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     return join(*parts)
 
 
-def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return axial strain, no shear, curvature, and strain across."""
+def _places(sampler: Sampler, rule: Rule) -> Array:
+    """Return the places xi of the stations of ``sample``."""
     points = [gauss(rule.normal[0]), lobatto(_terms(sampler))]
     if not rule.uniform:
         points.append(gauss(rule.shear[0]))
-    parts = []
-    for xi, _ in points:
-        axial, curvature, across = of_section(sampler, free, xi)
-        parts.append(np.stack([axial, np.zeros_like(xi), curvature, across], axis=1))
-    return np.concatenate(parts)
+    return np.concatenate([xi for xi, _ in points])
+
+
+def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
+    """Return axial strain, no shear, curvature, and strain across."""
+    xi = _places(sampler, rule)
+    axial, curvature, across = of_section(sampler, free, xi)
+    return np.stack([axial, np.zeros_like(xi), curvature, across], axis=1)
+
+
+def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Return the stations of ``sample``, each of which has the strains of fibres."""
+    return _places(sampler, rule), sample(sampler, rule)
 
 
 def _refuse(element: ElementType) -> str | None:
@@ -164,5 +172,5 @@ FORMULATIONS = (
     Formulation("structural", SECTION, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,
                 "Gerstmayr, Matikainen & Mikkola 2008; Nachbagauer et al. 2011-13",
                 "axial, shear, bending and thickness strain of the section on the axis, without Poisson coupling",
-                natural=natural),
+                natural=natural, fibres=fibres),
 )

@@ -1,0 +1,109 @@
+"""Materials: elastic constants, and laws of stress beyond them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from ..binder import Issue
+from ..declare import key, record
+from ..kinds import Choice, ListOf, Number
+from ..records import Record
+from .profiles import Profile, ProfileOf
+
+# by which a given E may differ from the first slope of a curve
+FIRST_SLOPE = 1e-3
+
+
+@record
+class MaterialDamping:
+    """Damping of the material."""
+
+    kelvin_voigt: float = key(Number("s", ge=0), "Retardation time tau: stress = D (eps + tau "
+                              "d eps/dt)", example=1e-4)
+
+
+@record
+class Hardening:
+    """How the yield stress changes with plastic strain."""
+
+    isotropic: float = key(Number("Pa", ge=0), "Increase of the yield stress per plastic strain, in both directions",
+                           default=0.0, example=1e9)
+    kinematic: float = key(Number("Pa", ge=0), "Shift of the yield stress per plastic strain, in its direction",
+                           default=0.0, example=1e9)
+
+
+@record
+class StressStrain:
+    """A measured curve of uniaxial stress, odd in strain; its last slope goes on."""
+
+    strain: tuple[float, ...] = key(ListOf(Number("", ge=0), "numbers", 1), "Strains, in ascending order",
+                                    example=[0.00125, 0.02])
+    stress: tuple[float, ...] = key(ListOf(Number("Pa", ge=0), "numbers", 1), "Stress at each strain, never falling",
+                                    example=[2.5e8, 3.0e8])
+    unloading: str = key(Choice("elastic", "curve"), "elastic: a metal, which unloads with E and hardens "
+                         "isotropically; curve: nonlinear elastic, unloads along the curve", default="elastic")
+
+    @property
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """Strain and stress of each point beyond zero."""
+        return tuple(p for p in zip(self.strain, self.stress, strict=True) if p != (0.0, 0.0))
+
+    def check(self) -> Iterator[Issue]:
+        """Yield lists that are no curve."""
+        if len(self.strain) != len(self.stress):
+            yield Issue(("stress",), f"{{}}: strain has {len(self.strain)} numbers and stress has {len(self.stress)}",
+                        "as many stresses as strains")
+            return
+        if not self.points or self.points[0][0] == 0.0 or self.points[0][1] == 0.0:
+            yield Issue(("stress",), "{}: the first point beyond zero must have a positive strain and stress")
+            return
+        for i, ((a, s), (b, t)) in enumerate(pairwise(zip(self.strain, self.stress, strict=True)), 1):
+            if not a < b:
+                yield Issue(("strain", i), f"{{}}.strain must increase, got {b:g} after {a:g}")
+                return
+            if t < s:
+                yield Issue(("stress", i), f"{{}}.stress must not fall, got {t:g} after {s:g}", "a curve without "
+                            "softening, which would depend on the mesh")
+                return
+
+
+@record
+class Material:
+    """An isotropic material, elastic unless it says more."""
+
+    E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
+    nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
+    rho: float | Profile | None = key(ProfileOf("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, "
+                                      "gravity and steady_rotation",
+                            default=None,
+                            example=7850)
+    alpha: float | None = key(Number("1/K"), "Coefficient of thermal expansion, the same in all directions; needed for "
+                              "load temperature", default=None, example=1.2e-5)
+    damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
+    yield_: float | None = key(Number("Pa", gt=0), "Yield stress of the fibres along the axis; shear stays elastic",
+                               default=None, name="yield", example=2.5e8)
+    hardening: Hardening | None = key(Record(Hardening), "Linear hardening beyond the yield stress (default: none)",
+                                      default=None, example={"isotropic": 1e9, "kinematic": 0})
+    stress_strain: StressStrain | None = key(Record(StressStrain), "Stress of the fibres along the axis as a curve, in "
+                                             "place of yield and hardening; shear stays elastic", default=None)
+
+    @property
+    def fibres(self) -> bool:
+        """Whether its stress along the axis is another than E times strain, fibre by fibre."""
+        return self.yield_ is not None or self.stress_strain is not None
+
+    def check(self) -> Iterator[Issue]:
+        """Yield laws that exclude each other, or need what is missing."""
+        if self.hardening is not None and self.yield_ is None:
+            yield Issue(("hardening",), "{}.hardening needs a yield stress", "yield, or stress_strain alone, whose "
+                        "curve tells the hardening")
+        if self.stress_strain is not None and self.yield_ is not None:
+            yield Issue(("yield",), "{}: yield and stress_strain exclude each other", "one of them")
+        if self.fibres and self.E is not None and not isinstance(self.E, float | int):
+            yield Issue(("E",), "{}.E varies along the body, but the curve of the material does not", "a number")
+        elif self.stress_strain is not None and self.stress_strain.points and isinstance(self.E, float | int):
+            strain, stress = self.stress_strain.points[0]
+            if strain and abs(stress / strain / self.E - 1.0) > FIRST_SLOPE:
+                yield Issue(("E",), f"{{}}.E is {self.E:g}, but the curve begins with a slope of {stress / strain:g}",
+                            "the same stiffness, or a first point at the end of the elastic part")

@@ -1,0 +1,234 @@
+"""Sections of fibres along the axis, each with a uniaxial law of its own: plastic, or nonlinear elastic.
+
+A formulation whose strains tell the strain e = eps - y kappa of every fibre can have them. Its section forces are sums
+over Gauss points through the height of each layer, N = sum w s and M = -sum w y s. Kernels have them as those of the
+elastic section, D (eps - eps_i), with internal strains eps_i that bear what the fibres do not: shear stays elastic.
+
+The law of a fibre is that of rate-independent plasticity with isotropic and linear kinematic hardening: with the
+plastic strain p and its sum of magnitudes a, |E (e - p) - K p| <= s(a). The return map is exact in a step of one
+direction (Simo & Hughes 1998, section 1.4), and so is its derivative, the consistent tangent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .formulations.base import Formulation, Free, PointLaw, Rule, Sampler, of_section
+from .section import Section
+from .shape import Array, gauss
+
+# a fibre is plastic that is this much beyond its yield stress: one at the end of an accepted step is not
+BEYOND = 1e-10
+# Gauss points through the height of each layer, where a case says nothing of them
+FIBRES = 16
+
+
+@dataclass(frozen=True)
+class Uniaxial:
+    """The stress of a fibre: E [Pa] at first, then straight lines that begin at ``at`` with ``stress`` and ``slope``.
+
+    Of an ``elastic`` law, ``at`` are strains from 0 on; else plastic strains from 0 on, where the stress is the yield
+    stress, and ``kinematic`` [Pa] shifts it per plastic strain.
+    """
+
+    E: float
+    at: tuple[float, ...]
+    stress: tuple[float, ...]
+    slope: tuple[float, ...]
+    kinematic: float = 0.0
+    elastic: bool = False
+
+    @property
+    def numbers(self) -> list[float]:
+        """All constants in a row, as ``internal`` reads them."""
+        lines = zip(self.at, self.stress, self.slope, strict=True)
+        return [float(self.elastic), self.E, self.kinematic, float(len(self.at)), *(v for line in lines for v in line)]
+
+
+def linear(E: float) -> Uniaxial:
+    """Return the law of a linear elastic fibre."""
+    return Uniaxial(E, (0.0,), (0.0,), (E,), elastic=True)
+
+
+def hardening(E: float, stress: float, isotropic: float, kinematic: float) -> Uniaxial:
+    """Return the law of a fibre that yields at a stress and hardens linearly, all in Pa."""
+    return Uniaxial(E, (0.0,), (stress,), (isotropic,), kinematic)
+
+
+def curve(E: float, points: tuple[tuple[float, float], ...], elastic: bool) -> Uniaxial:
+    """Return the law of a fibre by points (strain, stress) beyond zero; the last slope goes on.
+
+    ``elastic``: it unloads along the curve; else with E, and the curve tells isotropic hardening.
+    """
+    slopes = [(t - s) / (b - a) for (a, s), (b, t) in pairwise([(0.0, 0.0), *points])]
+    if elastic:
+        strain, stress = zip((0.0, 0.0), *points[:-1], strict=True)
+        return Uniaxial(E, strain, stress, tuple(slopes), elastic=True)
+    (first, start), last = points[0], len(points) - 1
+    if last == 0:
+        # a straight line that never yields
+        return linear(E)
+    plastic = [b - first - (t - start) / E for b, t in points]
+    rates = [(t - s) / (q - p) for (p, q), (s, t) in zip(pairwise(plastic), pairwise(t for _, t in points), strict=True)
+             ]
+    return Uniaxial(E, tuple(plastic[:last]), tuple(t for _, t in points[:last]), tuple(rates))
+
+
+def _stress(ref, law, e, p, a):  # type: ignore[no-untyped-def]
+    """Return stress and tangent of a fibre strained by e, and its plastic strains p and a after the step.
+
+    The numbers of its law stand in ``ref`` from row ``law`` on.
+    """
+    E, K, lines, k, line = ref[law + 1, 0], ref[law + 2, 0], int(ref[law + 3, 0]), 1, law + 4
+    if ref[law, 0] > 0.0:
+        size = abs(e)
+        while k < lines and ref[line + 3, 0] <= size:
+            k, line = k + 1, line + 3
+        stress = ref[line + 1, 0] + ref[line + 2, 0] * (size - ref[line, 0])
+        return stress if e >= 0.0 else -stress, ref[line + 2, 0], p, a
+    pull = E * (e - p) - K * p
+    while k < lines and ref[line + 3, 0] <= a:
+        k, line = k + 1, line + 3
+    over = abs(pull) - ref[line + 1, 0] - ref[line + 2, 0] * (a - ref[line, 0])
+    if over <= BEYOND * ref[law + 5, 0]:
+        return E * (e - p), E, p, a
+    gone, stiff = a, E + K + ref[line + 2, 0]
+    while k < lines and over > (ref[line + 3, 0] - gone) * stiff:
+        over -= (ref[line + 3, 0] - gone) * stiff
+        gone = ref[line + 3, 0]
+        k, line = k + 1, line + 3
+        stiff = E + K + ref[line + 2, 0]
+    gone += over / stiff
+    p += gone - a if pull > 0.0 else a - gone
+    return E * (e - p), E * (stiff - E) / stiff, p, gone
+
+
+def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
+    """Fill the internal strains with their sizes, the fibres' plastic strains p and a, and slope.
+
+    The last reference values of a point are (e_N, e_NM, e_M), the compliance of the elastic section; (y, w, place of
+    the law) of each fibre; the laws; the place of the first fibre, and the number of fibres.
+    """
+    last, n = len(ref) - 1, len(eps)
+    bend, first = 1 if n == 2 else 2, int(ref[last - 1, 0])
+    for i in range(2 * n):
+        for l in range(lanes):
+            new[i, l] = 0.0
+    for l in range(lanes):
+        slope[0, 0, l], slope[0, bend, l], slope[bend, bend, l] = 0.0, 0.0, 0.0
+    for f in range(int(ref[last, 0])):
+        row, state = first + 3 * f, 2 * n + 2 * f
+        law = int(ref[row + 2, 0])
+        E = ref[law + 1, 0]
+        for l in range(lanes):
+            y, w = ref[row, l], ref[row + 1, l]
+            e = eps[0, l] - y * eps[bend, l]
+            stress, tangent, p, a = _stress(ref, law, e, old[state, l], old[state + 1, l])
+            new[state, l], new[state + 1, l] = p, a
+            lack, soft, size = w * (E * e - stress), w * (E - tangent), w * E * (abs(e) + abs(p))
+            new[0, l] += lack
+            new[bend, l] -= y * lack
+            new[n, l] += size
+            new[n + bend, l] += abs(y) * size
+            slope[0, 0, l] += soft
+            slope[0, bend, l] -= y * soft
+            slope[bend, bend, l] += y * y * soft
+    for l in range(lanes):
+        A, C, B = ref[first - 3, l], ref[first - 2, l], ref[first - 1, l]
+        N, M = new[0, l], new[bend, l]
+        new[0, l], new[bend, l] = A * N + C * M, C * N + B * M
+        N, M = new[n, l], new[n + bend, l]
+        new[n, l], new[n + bend, l] = A * N + abs(C) * M, abs(C) * N + B * M
+        s, t, u = slope[0, 0, l], slope[0, bend, l], slope[bend, bend, l]
+        slope[0, 0, l], slope[0, bend, l] = A * s + C * t, A * t + C * u
+        slope[bend, 0, l], slope[bend, bend, l] = C * s + B * t, C * t + B * u
+
+
+def _layers(section: Section) -> list[tuple[Array, Array]]:
+    """Return (bottom, top) of each layer as shares of the height, where sections vary arrays (stations,)."""
+    if not section.layers:
+        half = 0.5 * np.asarray(section.height)
+        return [(-half, half)]
+    return [(np.asarray(layer.bottom), np.asarray(layer.top)) for layer in section.layers]
+
+
+def places(section: Section, points: int) -> tuple[Array, Array]:
+    """Return y and weights b dy (fibres, stations or 1) of the fibres of a section, ``points`` in each layer."""
+    x, w = gauss(points)
+    y, weight = [], []
+    for low, high in _layers(section):
+        low, high, b = (np.atleast_1d(v)[None] for v in (low, high, section.width))
+        y.append(low + x[:, None] * (high - low))
+        weight.append(w[:, None] * (high - low) * b)
+    return np.concatenate(y), np.concatenate(weight)
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """Samples a formulation whose sections have ``points`` fibres in each layer."""
+
+    base: Formulation
+    points: int
+
+    def __call__(self, sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+        """Return (B, ref, D) as ``Formulation.sample`` does."""
+        # formulations without fibres have been refused
+        assert self.base.fibres is not None
+        xi, (B, ref, D) = self.base.fibres(sampler, rule)
+        section, n = sampler.at(xi), len(xi)
+        y, w = places(section, self.points)
+        laws, tables = sampler.section.laws, dict.fromkeys(sampler.section.laws)
+        first = ref.shape[1] + 3
+        at, numbers = {}, list[float]()
+        for law in tables:
+            at[law] = first + 3 * len(y) + len(numbers)
+            numbers += law.numbers
+        det = np.asarray(section.EA * section.EI - section.ES**2)
+        columns: list[Any] = [section.EI / det, section.ES / det, section.EA / det]
+        for f in range(len(y)):
+            columns += [y[f], w[f], at[laws[f // self.points]]]
+        columns += [*numbers, first, len(y)]
+        return B, np.hstack([ref, *(np.broadcast_to(c, n)[:, None] for c in columns)]), D
+
+
+@dataclass(frozen=True)
+class _Natural:
+    """What strains such a section when it is free: axial strain, curvature, and strain across where it has one."""
+
+    base: Formulation
+
+    def __call__(self, sampler: Sampler, rule: Rule, free: Free) -> Array:
+        """Return strains (stations, strains) as ``Formulation.natural`` does."""
+        assert self.base.fibres is not None
+        xi, _ = self.base.fibres(sampler, rule)
+        axial, curvature, across = of_section(sampler, free, xi)
+        out = np.zeros((len(xi), self.base.law.strains))
+        out[:, 0], out[:, 1 if self.base.law.strains == 2 else 2] = axial, curvature
+        if self.base.law.strains == 4:
+            out[:, 3] = across
+        return out
+
+
+@cache
+def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Formulation:
+    """Return a formulation whose sections have ``points`` fibres in each of ``layers``.
+
+    ``numbers`` are those of its laws together, each once.
+    """
+    law, fibres = base.law, layers * points
+    own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
+                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal, helpers=(_stress,))
+    return replace(base, law=own, sample=_Sample(base, points), natural=_Natural(base))
+
+
+def fibres_of(base: Formulation, section: Section, points: int) -> Formulation:
+    """Return a formulation for a section: itself, or that with fibres where the section has laws of its own."""
+    if not section.laws:
+        return base
+    numbers = sum(len(law.numbers) for law in dict.fromkeys(section.laws))
+    return with_fibres(base, len(section.laws), points, numbers)

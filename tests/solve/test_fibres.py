@@ -1,0 +1,161 @@
+"""Fibres that yield or follow a curve, in statics, beside closed forms of plasticity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.elements.fibres import places
+from ancf2d.elements.section import Section
+from ancf2d.errors import CaseError
+from ancf2d.model.build import build_model
+from ancf2d.solvers.post import reactions
+
+E, YIELD, HEIGHT, WIDTH, LENGTH = 2e11, 250e6, 0.1, 0.05, 1.0
+EA, EI = E * HEIGHT * WIDTH, E * WIDTH * HEIGHT**3 / 12
+FIRST = YIELD / E
+# curvature and moment at which the outermost fibre yields
+BENT, MOMENT = 2 * FIRST / HEIGHT, YIELD * WIDTH * HEIGHT**2 / 6
+STEEL = {"E": E, "nu": 0.3, "yield": YIELD}
+TYPES = [("reissner3", None), ("cable", None), ("vallejo", "structural")]
+
+
+def held(kind: tuple[str, str | None], motion: dict[str, Any], material: dict[str, Any], steps: int = 12,
+         section: dict[str, Any] | None = None) -> h.Solution:
+    """Return a clamped rod whose end is moved."""
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]), "material": material,
+            "section": section or {"height": HEIGHT, "width": WIDTH}}
+    if section:
+        del body["material"]
+    return h.solved({"rod": body}, {"type": "static", "steps": steps}, bc=[
+        {"type": "clamp", "at": "rod@0"}, {"type": "prescribed", "at": "rod@1", "name": "end", **motion}])
+
+
+def at(found: h.Solution, *factors: float) -> list[dict[str, float]]:
+    """Return the reactions of the end at load factors that are among those of the states."""
+    t = np.array([s.t for s in found.states])
+    near = [int(np.argmin(np.abs(t - f))) for f in factors]
+    np.testing.assert_allclose(t[near], factors, rtol=1e-12)
+    return [reactions(found.model, found.states[k])["end"] for k in near]
+
+
+def fibres(count: int, curvature: float) -> float:
+    """Return the moment of a rectangle of elastic, perfectly plastic fibres."""
+    y, w = places(Section(HEIGHT, WIDTH, E, 0.0, 1.0, EA, 1.0, EI), count)
+    return float(np.sum(w * y * np.clip(E * curvature * y, -YIELD, YIELD)))
+
+
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+def test_a_rectangle_bends_beyond_yield_and_back(kind: tuple[str, str | None]) -> None:
+    """M/M_y = 3/2 - (kappa_y/kappa)^2/2 (Prager & Hodge 1951); back to M = 0 it is elastic, kappa - M/(E I) remains."""
+    curvature = 4.0 * BENT
+    moment = fibres(16, curvature)
+    remaining = (curvature - moment / EI) / curvature
+    turn = {"type": "table", "t": [0, 0.37, 1], "value": [0, curvature * LENGTH, remaining * curvature * LENGTH]}
+    there, back = (r["m"] for r in at(held(kind, {"angle": turn}, STEEL), 0.37, 1.0))
+    assert there == pytest.approx(moment, rel=1e-7)
+    assert there == pytest.approx(MOMENT * (1.5 - 0.5 / 16), rel=2e-3)
+    assert abs(back) < 1e-7 * moment
+
+
+def test_the_sum_over_fibres_converges_with_their_number() -> None:
+    for count in (4, 8, 12, 16, 20):
+        for ratio in (1.5, 2.0, 4.0, 8.0):
+            exact = MOMENT * (1.5 - 0.5 / ratio**2)
+            assert abs(fibres(count, ratio * BENT) / exact - 1.0) < 2.0 / count**2
+
+
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+@pytest.mark.parametrize("law", ["kinematic", "isotropic"])
+def test_a_bar_goes_through_cycles(kind: tuple[str, str | None], law: str) -> None:
+    """Between +e and -e: a loop of width 2 s_y, shifted, or one that grows (Simo & Hughes 1998)."""
+    hard, most = 2e10, 5 * FIRST
+    slope = E * hard / (E + hard)
+    first = YIELD + slope * (most - FIRST)
+    expected = [first]
+    for sign in (-1.0, 1.0, -1.0):
+        last = abs(expected[-1])
+        # how far it goes back before it yields again: twice the yield stress, which the last one is or is not
+        back = 2 * YIELD if law == "kinematic" else 2 * last
+        expected.append(sign * (back - last + slope * (2 * most - back / E)))
+    pull = {"type": "table", "t": [0, 0.1, 0.4, 0.7, 1], "value": [0, *(s * most * LENGTH for s in (1, -1, 1, -1))]}
+    found = at(held(kind, {"ux": pull, "uy": 0, "angle": 0}, {**STEEL, "hardening": {law: hard}}), 0.1, 0.4, 0.7, 1.0)
+    # the stress of engineering strain, but for the width of Green's strain in none of these formulations
+    np.testing.assert_allclose([r["fx"] for r in found], np.array(expected) * HEIGHT * WIDTH, rtol=1e-7)
+
+
+def test_a_curve_tells_hardening_or_is_elastic() -> None:
+    strain, stress = [FIRST, 2 * FIRST, 4 * FIRST], [YIELD, 1.1 * YIELD, 1.6 * YIELD]
+    pull = {"type": "table", "t": [0, 0.4, 1], "value": [0, 6 * FIRST, 3 * FIRST]}
+    top = 1.6 * YIELD + 2 * FIRST * (0.5 * YIELD / (2 * FIRST))
+    for unloading, last in (("elastic", top - 3 * YIELD), ("curve", 1.35 * YIELD)):
+        law = {"E": E, "nu": 0.3, "stress_strain": {"strain": strain, "stress": stress, "unloading": unloading}}
+        found = at(held(TYPES[0], {"ux": pull, "uy": 0, "angle": 0}, law), 0.4, 1.0)
+        np.testing.assert_allclose([r["fx"] for r in found], [top * HEIGHT * WIDTH, last * HEIGHT * WIDTH], rtol=1e-7)
+
+
+def test_a_cantilever_has_a_plastic_zone() -> None:
+    """delta/delta_y = (5 - (3 + m) sqrt(3 - 2 m))/m^2 with m = P L/M_y (Prager & Hodge 1951), without shear."""
+    soft = {"E": 1e9 * E, "nu": 0.3, "yield": YIELD}
+    m = 1.4
+    tip = h.cantilever(h.element("cable", 20), [{"type": "force", "at": "beam@1", "value": [0, m * MOMENT / LENGTH]}],
+                       length=LENGTH, section={"height": HEIGHT, "width": WIDTH}, material=soft).u("beam@1")[1]
+    yields = MOMENT / LENGTH * LENGTH**3 / (3e9 * EI)
+    assert tip / yields == pytest.approx((5 - (3 + m) * np.sqrt(3 - 2 * m)) / m**2, rel=4e-3)
+
+
+def test_layers_yield_one_by_one() -> None:
+    """Pulled alike, a layer that has yielded bears its yield stress, the other what its stiffness asks for."""
+    layers = {"width": WIDTH, "axis": "middle", "layers": [
+        {"height": 0.04, "material": {"E": E, "nu": 0.3, "yield": YIELD}},
+        {"height": 0.06, "material": {"E": 0.5 * E, "nu": 0.3}}]}
+    (r,) = at(held(TYPES[0], {"ux": 3 * FIRST * LENGTH, "uy": 0, "angle": 0}, {}, section=layers), 1.0)
+    below, above = YIELD * 0.04 * WIDTH, 0.5 * E * 3 * FIRST * 0.06 * WIDTH
+    assert r["fx"] == pytest.approx(below + above, rel=1e-7)
+    # about the middle of the height: the lower layer's middle is at -0.03, the upper one's at 0.02
+    assert r["m"] == pytest.approx(-(below * -0.03 + above * 0.02), rel=1e-7)
+
+
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+def test_the_tangent_is_consistent_and_newton_converges_quadratically(kind: tuple[str, str | None]) -> None:
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]),
+            "section": {"height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "hardening": {"kinematic": 2e10}}}
+    system = ancf2d.system(h.load({"rod": body}, "static", bc=[{"type": "clamp", "at": "rod@0"}], loads=[
+        {"type": "force", "at": "rod@1", "value": [0.9 * YIELD * HEIGHT * WIDTH, 1.2 * MOMENT / LENGTH]}]))
+    z, sizes = np.zeros(len(system.names)), []
+    for _ in range(12):
+        step = np.linalg.solve(system.tangent(z).toarray(), -system.residual(z))
+        z = z + step
+        sizes.append(np.linalg.norm(step))
+    assert sizes[-1] < 1e-11 * sizes[0]
+    last = next(k for k, size in enumerate(sizes) if size < 1e-6 * sizes[0])
+    assert sizes[last + 1] < 1e-9 * sizes[0]
+    K, small = system.tangent(z).toarray(), 1e-9
+    for k in range(len(z)):
+        e = np.zeros(len(z))
+        e[k] = small
+        column = (system.residual(z + e) - system.residual(z - e)) / (2 * small)
+        np.testing.assert_allclose(K[:, k], column, atol=1e-4 * np.abs(K[:, k]).max())
+
+
+def test_states_are_those_of_accepted_steps() -> None:
+    """The same way in many more steps ends at the same force: what was tried and cut is forgotten."""
+    turn = {"type": "table", "t": [0, 0.3, 0.6, 1], "value": [0, 0.2, -0.1, 0.15]}
+    ends = [at(held(TYPES[0], {"angle": turn}, {**STEEL, "hardening": {"isotropic": 1e10}}, steps), 1.0)[0]
+            for steps in (2, 40)]
+    assert ends[0]["m"] == pytest.approx(ends[1]["m"], rel=1e-7)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"element": h.element("vallejo", 2, "continuum")}, "has no fibres"),
+    ({"section": {"A": 0.005, "I": 4e-6, "height": 0.1}}, "where the fibres"),
+    ({"element": {**h.element("reissner3", 2), "quadrature": [2, 1]}}, "one fibre")])
+def test_what_has_no_fibres_is_refused(change: dict[str, Any], words: str) -> None:
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}, **change}
+    with pytest.raises(CaseError, match=words):
+        build_model(h.load({"rod": body}, "static", bc=[{"type": "clamp", "at": "rod@0"}]))
