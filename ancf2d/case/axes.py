@@ -1,7 +1,9 @@
-"""``--over PATH=a,b,c``: values over which a case is varied."""
+"""Values over which a case is varied: ``--over PATH=a,b,c`` with ranges, ``--sample "PATH~normal(mean, sd)"``."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -10,35 +12,56 @@ from typing import Any
 from ..errors import CaseError, Problem
 from .compose import compose
 from .emit import flow
-from .nodes import ListNode, Mark, Origin, plain_data, quoted
+from .nodes import ListNode, Mark, Node, Origin, Scalar, plain_data, quoted, resolve
 
 OPTION = "--over "
+SAMPLE = "--sample "
 MAX_COMBINATIONS = 100_000
+RANGE = "FROM:TO:NUMBER or log:FROM:TO:NUMBER"
+# digits of a value in a range: the last one of a double would be that of round-off
+DIGITS = 15
+# a range, right or wrong: nothing else without quotes begins with a number and a colon
+_RANGE = re.compile(r"log:.*|[-+]?\.?\d[^:\s]*:.*")
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A path of the case with the values that it takes, as plain data; ``text`` is the option as given."""
+    """A path of the case with the values that it takes, as plain data; ``text`` is the option as given.
+
+    ``option`` is the one that names it.
+    """
 
     path: str
     values: tuple[Any, ...]
     text: str
+    option: str = OPTION
 
     def override(self, value: Any) -> str:
         """Return one of the values as a ``PATH=VALUE`` override."""
         return f"{self.path}={flow(value)}"
 
 
-def read_axes(options: Sequence[str]) -> list[Axis]:
+@dataclass(frozen=True)
+class Distribution:
+    """What a sampled path follows: ``normal`` (mean, sd), ``uniform`` (a, b), or ``lognormal`` (mean and sd of ln)."""
+
+    path: str
+    kind: str
+    numbers: tuple[float, float]
+    text: str
+
+
+def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
     """Return the axes of ``PATH=a,b,c`` options: values as YAML has them, separated by commas outside of brackets.
 
-    Raises CaseError with all problems.
+    ``0.1:0.5:20`` stands for 20 values from 0.1 to 0.5, ``log:`` before it for equal ratios. With ``pair`` the lists
+    are run through together, and must be of one length. Raises CaseError with all problems.
     """
     problems: list[Problem] = []
     axes: list[Axis] = []
     for text in options:
         try:
-            axis = _axis(text)
+            axis = _axis(text, distinct=not pair)
         except CaseError as error:
             problems.extend(error.problems)
             continue
@@ -46,22 +69,31 @@ def read_axes(options: Sequence[str]) -> list[Axis]:
             problems.append(_start(text).problem(f"{quoted(axis.path)} is varied twice"))
         axes.append(axis)
     count = 1
-    for axis in axes:
+    for axis in [] if pair else axes:
         count *= max(len(axis.values), 1)
     if count > MAX_COMBINATIONS:
         problems.append(Problem(f"these are {count} combinations", expected=f"at most {MAX_COMBINATIONS}",
                                 file=OPTION.strip()))
+    if pair:
+        problems += _unpaired(axes)
     if problems:
         raise CaseError(problems)
     return axes
 
 
-def _start(text: str) -> Mark:
-    shown = OPTION + text
-    return Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(OPTION) + 1)
+def _unpaired(axes: Sequence[Axis]) -> list[Problem]:
+    """Return a problem for every list that is not as long as the first one."""
+    return [_start(axis.text).problem(f"{quoted(axis.path)} has {len(axis.values)} values, {quoted(axes[0].path)} has "
+                                      f"{len(axes[0].values)}", expected="lists of one length with --pair")
+            for axis in axes[1:] if len(axis.values) != len(axes[0].values)]
 
 
-def _axis(text: str) -> Axis:
+def _start(text: str, option: str = OPTION) -> Mark:
+    shown = option + text
+    return Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 1)
+
+
+def _axis(text: str, distinct: bool) -> Axis:
     path, equals, values = text.partition("=")
     start = _start(text)
     if not equals or not path.strip():
@@ -74,11 +106,84 @@ def _axis(text: str) -> Axis:
     items = node.items if isinstance(node, ListNode) else []
     if not items:
         raise CaseError(start.problem("there is no value", expected="values separated by commas"))
+    listed = [value for item in items for value in _values(item)]
     # 1000 and 1e3 are one value
-    found = {flow(value): value for value in map(plain_data, items)}
-    return Axis(path.strip(), tuple(found.values()), text)
+    return Axis(path.strip(), tuple({flow(value): value for value in listed}.values() if distinct else listed), text)
 
 
-def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Any, ...]]:
-    """Yield every combination of the values, those of the last axis changing fastest."""
-    return product(*(axis.values for axis in axes))
+def _values(item: Node) -> list[Any]:
+    """Return the values that an item of a list stands for: those of a range, or itself."""
+    if not (isinstance(item, Scalar) and item.plain and _RANGE.fullmatch(item.text)):
+        return [plain_data(item)]
+    *scale, start, stop, number = item.text.split(":") if item.text.count(":") > 1 else ("", "", "")
+    ends = [resolve(start), resolve(stop)]
+    if not all(isinstance(v, int | float) for v in ends) or scale not in ([], ["log"]):
+        raise CaseError(item.mark.problem(f"{quoted(item.text)} is not a range", expected=RANGE))
+    if not number.isdigit() or not 2 <= int(number) <= MAX_COMBINATIONS:
+        raise CaseError(item.mark.problem(f"the number of values of {quoted(item.text)} is {number or 'missing'}",
+                                          expected=f"a whole number from 2 to {MAX_COMBINATIONS}"))
+    a, b = map(float, ends)
+    if scale and not (a > 0.0 and b > 0.0):
+        raise CaseError(item.mark.problem(f"{quoted(item.text)} has an end that is not > 0",
+                                          expected="positive ends behind log:"))
+    return _spaced(a, b, int(number), bool(scale), whole=all(isinstance(v, int) for v in ends))
+
+
+def _spaced(a: float, b: float, n: int, log: bool, whole: bool) -> list[float | int]:
+    """Return ``n`` numbers from a to b, whole ones where steps between whole ends are whole."""
+    if whole and not log and (b - a) % (n - 1) == 0:
+        return [round(a + (b - a) * k / (n - 1)) for k in range(n)]
+    shares = [k / (n - 1) for k in range(n)]
+    between = [math.exp((1 - s) * math.log(a) + s * math.log(b)) if log else (1 - s) * a + s * b for s in shares]
+    return [a, *(float(f"{v:.{DIGITS}g}") for v in between[1:-1]), b]
+
+
+def combinations(axes: Sequence[Axis], pair: bool = False) -> Iterator[tuple[Any, ...]]:
+    """Yield every combination of the values, those of the last axis changing fastest; with ``pair`` the k-th of all."""
+    lists = [axis.values for axis in axes]
+    return zip(*lists, strict=True) if pair else product(*lists)
+
+
+# ---------------------------------------------------------------------------- distributions
+
+_SAMPLE = re.compile(r"([^~]*)~\s*([A-Za-z_]*)\s*\((.*)\)\s*")
+# the two numbers of each kind, and which of them are wrong
+_KINDS = {"normal": ("mean, sd", "a standard deviation > 0"), "uniform": ("a, b", "a < b"),
+          "lognormal": ("mu, sigma", "a standard deviation sigma > 0 of the logarithm")}
+
+
+def read_distributions(options: Sequence[str]) -> list[Distribution]:
+    """Return what ``PATH~normal(mean, sd)`` options say. Raises CaseError with all problems."""
+    problems: list[Problem] = []
+    found: list[Distribution] = []
+    for text in options:
+        try:
+            one = _distribution(text)
+        except CaseError as error:
+            problems.extend(error.problems)
+            continue
+        if any(one.path == other.path for other in found):
+            problems.append(_start(text, SAMPLE).problem(f"{quoted(one.path)} is sampled twice"))
+        found.append(one)
+    if problems:
+        raise CaseError(problems)
+    return found
+
+
+def _distribution(text: str) -> Distribution:
+    start, match = _start(text, SAMPLE), _SAMPLE.fullmatch(text)
+    if match is None or not match[1].strip():
+        raise CaseError(start.problem("not PATH~DISTRIBUTION(...)",
+                                      expected='for example "bodies.beam.material.E~normal(2e11, 1e10)"'))
+    path, kind = match[1].strip(), match[2]
+    if kind not in _KINDS:
+        raise CaseError(start.problem(f"{quoted(kind)} is no distribution",
+                                      expected="normal(mean, sd), uniform(a, b) or lognormal(mu, sigma)"))
+    names, right = _KINDS[kind]
+    values = [resolve(v.strip()) for v in match[3].split(",")]
+    if len(values) != 2 or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+        raise CaseError(start.problem(f"{kind}({match[3]}) has not two numbers", expected=f"{kind}({names})"))
+    a, b = (float(v) for v in values)
+    if not (math.isfinite(a) and math.isfinite(b)) or (b <= a if kind == "uniform" else b <= 0.0):
+        raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not possible", expected=right))
+    return Distribution(path, kind, (a, b), text)

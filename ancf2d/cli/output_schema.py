@@ -121,7 +121,13 @@ def _sweep() -> Schema:
     row = _object("one variant", {"reason": TEXT, "warnings": _WARNINGS}, set=_is("object", "path and value"),
                   status=TEXT, goal=NUMBER_OR_NONE, values=_named(NUMBER_OR_NONE), output=_is("string?"),
                   elements=_is("integer?"), dofs=_is("integer?"), wall_s=SECONDS, accuracy=_ACCURACY, reused=FLAG)
-    return _object("a sweep", _FAILED, case=TEXT, title=TEXT, status=TEXT, folder=TEXT, rows=_list(row))
+    said = _object("a computed value over all samples", count=_is("integer", "samples that were computed"),
+                   mean=NUMBER_OR_NONE, sd=_is("number?", "with n - 1"), quantiles={"type": ["object", "null"]},
+                   shares={"type": ["object", "null"], "description": "first-order shares of the variance by path"},
+                   share_errors={"type": ["object", "null"], "description": "standard errors of the shares"})
+    samples = _object("how samples were drawn", design=TEXT, seed=WHOLE, count=WHOLE)
+    return _object("a sweep", {**_FAILED, "samples": samples, "statistics": _named(said)}, case=TEXT, title=TEXT,
+                   status=TEXT, folder=TEXT, output=_is("string", "the file of all rows"), rows=_list(row))
 
 
 def _info() -> Schema:

@@ -64,11 +64,12 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--probe", metavar="NAME", multiple=True,
               help="Probe to draw; may be given several times (curves).")
 @click.option("--quantity", metavar="NAME", multiple=True,
-              help="Quantity to draw, e.g. uy; may be given several times (curves).")
+              help="Quantity to draw, e.g. uy, or value of a sweep; may be given several times (curves, sweep).")
 @click.option("--input", metavar="NAME", multiple=True,
               help="Input whose response is drawn; may be given several times (bode, nyquist).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
               help="Quantity on the horizontal axis (convergence, tradeoff).")
+@click.option("--over", metavar="PATH", help="Varied number on the horizontal axis, or the end of its path (sweep).")
 @click.option("--values", is_flag=True, default=None, help="Draw the value of the goal instead of its error "
               "(convergence).")
 @click.option("--reference", metavar="FILE", help="File to which the others are compared; default: the last one named "

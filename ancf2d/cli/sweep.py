@@ -25,48 +25,110 @@ from .session import Bar, Session
 from .text import TIME, duration, many, number, say, table
 
 if TYPE_CHECKING:
-    from ..study.sweep import Row, Sweep
+    from ..case.axes import Axis, Distribution
+    from ..study.pool import Workers
+    from ..study.samples import Design
+    from ..study.sweep_rows import Row, Sweep
+
+SAMPLES = 128
+# rows that a table of samples shows
+SHOWN = 10
 
 
 @click.command(epilog=examples("ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8,16",
                                'ancf2d sweep beam.yaml --over "loads.tip.value=[0,-1e3],[0,-2e3]" --csv table.csv',
-                               "ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8 "
-                               "--over bodies.beam.element.type=cable,reissner3"))
+                               "ancf2d sweep beam.yaml --over bodies.beam.section.height=0.1:0.5:20 "
+                               "--over bodies.beam.material.E=log:1e9:1e11:5",
+                               'ancf2d sweep beam.yaml --sample "bodies.beam.material.E~normal(2.1e11, 1e10)" '
+                               "--samples 256"))
 @case_argument
-@click.option("--over", "over", multiple=True, required=True, metavar="PATH=A,B,...",
-              help="A key of the case and the values it takes, in YAML, separated by commas. If given several times, "
-              "all combinations are run.")
+@click.option("--over", "over", multiple=True, metavar="PATH=A,B,...",
+              help="A key of the case and the values it takes, in YAML, separated by commas; 0.1:0.5:20 is 20 values "
+              "from 0.1 to 0.5, log:0.1:10:5 has equal ratios. If given several times, all combinations are run.")
+@click.option("--pair", is_flag=True, help="Run through the lists of all --over together, in place of combinations.")
+@click.option("--sample", "sample", multiple=True, metavar='"PATH~LAW(...)"',
+              help="A key of the case and its distribution: normal(mean, sd), uniform(a, b), or lognormal(mu, sigma) "
+              "with mean and standard deviation of the logarithm. May be given several times.")
+@click.option("--samples", type=click.IntRange(min=2, max=100_000), metavar="N",
+              help=f"Number of samples.  [default: {SAMPLES}]")
+@click.option("--seed", type=click.IntRange(min=0), metavar="K", help="Seed of the samples.  [default: 0]")
+@click.option("--design", type=click.Choice(["sobol", "lhs", "random"]),
+              help="How samples are placed: scrambled Sobol points, a Latin hypercube, or independently.  "
+              "[default: sobol]")
 @set_option
 @jobs_option("Number of processes that solve cases at the same time.", "one per core")
 @scheduler_option
 @click.option("--out", "-o", type=click.Path(), metavar="DIR",
-              help="Folder of the result files; default: the case's name with -sweep, in the working directory.")
+              help="Folder of sweep.h5; default: the case's name with -sweep, in the working directory.")
+@click.option("--keep", is_flag=True,
+              help="Also keep the result file of each row, in DIR/runs, named by a digest of its case.")
 @click.option("--csv", "csv_file", type=click.Path(), metavar="FILE", help="Also write the table as CSV.")
 @click.option("--force", is_flag=True, help="Recompute existing rows, and replace files that ancf2d did not write.")
 @json_option
 @quiet_option
 @debug_option
 @click.pass_obj
-def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple[str, ...], jobs: int | None,
-            scheduler: str | None, out: str | None, csv_file: str | None, force: bool) -> int:
-    """Run all combinations of some values of a case.
+def command(session: Session, case: str, over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
+            samples: int | None, seed: int | None, design: str | None, overrides: tuple[str, ...], jobs: int | None,
+            scheduler: str | None, out: str | None, keep: bool, csv_file: str | None, force: bool) -> int:
+    """Run a case for many values: combinations, lists or samples.
 
-    Each combination has its own result file, named by a digest of the case. Results that the same version of ancf2d
-    has computed before are reused, so an interrupted sweep continues where it stopped. The row of a combination that
-    failed gives the reason. Exits with 1 if any combination fails.
+    All rows are written to one file, sweep.h5. Rows that the same version of ancf2d has computed before are reused, so
+    an interrupted sweep continues where it stopped. The row of a combination that failed gives the reason. Exits with 1
+    if any row fails.
     """
     session.subject = {"case": case}
-    from ..case.axes import read_axes
     from ..results import check_output
-    from ..study.pool import no_interrupts
-    from ..study.sweep import plan, run_sweep, write_csv
+    from ..study.sweep import plan
 
-    axes, who = read_axes(over), workers(jobs, scheduler)
+    axes, drawn = _values(over, pair, sample, (samples, seed, design))
+    who = workers(jobs, scheduler)
     folder = Path(out if out is not None else f"{case_stem(case)}-sweep")
     check_output(csv_file, force, case)
-    sweep = plan(case, axes, overrides, folder, who, session.command_line, force)
+    sweep = plan(case, axes, overrides, folder, who, session.command_line, force, paired=pair, samples=drawn, keep=keep)
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()
+    _run(session, sweep, who, csv_file, force)
+    return _tell(session, sweep, csv_file)
+
+
+def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
+            drawing: tuple[int | None, int | None, str | None]) -> tuple[list[Axis], Design | None]:
+    """Return the axes, or the samples. Raises CaseError with all problems of both, UsageError."""
+    from ..case.axes import read_axes, read_distributions
+    from ..errors import CaseError, Problem
+    from ..study.samples import design
+
+    if not over and not sample:
+        raise click.UsageError("Nothing is varied; give --over PATH=A,B,... or --sample 'PATH~normal(mean, sd)'.")
+    problems: list[Problem] = []
+    if over and sample:
+        problems.append(Problem("--over and --sample are both given", expected="one of them; --set fixes a value"))
+    if pair and len(over) < 2:
+        problems.append(Problem("--pair has nothing to pair", expected="--over at least twice"))
+    if not sample and any(value is not None for value in drawing):
+        problems.append(Problem("--samples, --seed and --design need --sample"))
+    axes: list[Axis] = []
+    distributions: list[Distribution] = []
+    try:
+        axes = read_axes(over, pair)
+    except CaseError as error:
+        problems += error.problems
+    try:
+        distributions = read_distributions(sample)
+    except CaseError as error:
+        problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    number_of, seed, kind = drawing
+    return axes, design(distributions, number_of or SAMPLES, seed or 0, kind or "sobol") if sample else None
+
+
+def _run(session: Session, sweep: Sweep, who: Workers, csv_file: str | None, force: bool) -> None:
+    from ..study.pool import no_interrupts
+    from ..study.sweep import run_sweep
+    from ..study.sweep_rows import write_csv
+
     with Bar("solving", session.shows_progress) as bar:
         def done(share: float, left: float | None) -> None:
             bar.update(share, f"{len(sweep.finished)} of {len(sweep.rows)}", left)
@@ -77,12 +139,11 @@ def command(session: Session, case: str, over: tuple[str, ...], overrides: tuple
                 session.subject = sweep.as_json()
                 if csv_file is not None:
                     write_csv(sweep, csv_file, force=force)
-    return _tell(session, sweep, csv_file)
 
 
 def _part(session: Session, sweep: Sweep) -> None:
     rows = many(len(sweep.rows), "row")
-    session.note(f"{len(sweep.finished)} of {rows} are finished, with results in {sweep.folder}; run the same command "
+    session.note(f"{len(sweep.finished)} of {rows} are finished, with results in {sweep.file}; run the same command "
                  "again to continue")
 
 
@@ -102,25 +163,52 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 
 
 def report(sweep: Sweep) -> str:
-    """Return a sweep as people read it: a row per combination, then where the results are."""
+    """Return a sweep as people read it: a row per variant, what samples say, then where the results are."""
     from ..case.units import with_unit
-    from ..study.sweep import short_names, shown, value_names
+    from ..study.sweep_rows import short_names, shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
-    values = [with_unit(name, sweep.labels) for name in names]
-    head = [*short_names(paths), "status", *values, "elements", TIME, *(["error"] if estimated else []), "result", ""]
-    rows = [[*(shown(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
+    head = [*short_names(paths), "status", *(with_unit(name, sweep.labels) for name in names), "elements", TIME,
+            *(["error"] if estimated else []), *(["result"] if sweep.keep else []), ""]
+    told = [row for k, row in enumerate(sweep.rows)
+            if sweep.samples is None or k < SHOWN or row.status != "converged"]
+
+    def given(value: object) -> str:
+        return number(value, 8) if sweep.samples is not None and isinstance(value, float) else shown(value)
+
+    rows = [[*(given(row.set[p]) for p in paths), row.status, *(number(row.values.get(n), 8) for n in names),
              "-" if row.elements is None else str(row.elements), "-" if row.wall_s is None else duration(row.wall_s),
              *(["-" if row.estimate is None else f"{row.estimate:.1e}"] if estimated else []),
-             "-" if row.output is None else Path(row.output).name, _remark(row)] for row in sweep.rows]
-    left = (*(k for k, p in enumerate(paths) if not _numbers(sweep, p)), len(paths), len(head) - 2, len(head) - 1)
-    lines = [sweep.title, ""] if sweep.title else []
-    lines += [*table([head, *rows], left=left), "", f"results in {sweep.folder}"]
+             *(["-" if row.output is None else Path(row.output).name] if sweep.keep else []), _remark(row)]
+            for row in told]
+    left = (*(k for k, p in enumerate(paths) if not _numbers(sweep, p)), len(paths),
+            *((len(head) - 2,) if sweep.keep else ()), len(head) - 1)
+    more = len(sweep.rows) - len(told)
     reused = sum(row.reused for row in sweep.rows)
-    if reused:
-        lines[-1] += f"; {reused} of {many(len(sweep.rows), 'row')} were computed before"
-    return "\n".join(lines)
+    before = f"; {reused} of {many(len(sweep.rows), 'row')} were computed before" if reused else ""
+    return "\n".join([*([sweep.title, ""] if sweep.title else []), *table([head, *rows], left=left),
+                      *([f"... and {many(more, 'row')} more"] if more else []), "", *_moments(sweep, paths),
+                      f"results in {sweep.file}{before}"])
+
+
+def _moments(sweep: Sweep, paths: list[str]) -> list[str]:
+    """Return what samples say: moments, quantiles and shares of the variance of each value."""
+    from ..case.units import with_unit
+    from ..study.sweep_rows import short_names, value_names
+
+    found = sweep.statistics()
+    if not found:
+        return []
+    units = [with_unit(name, sweep.labels) for name in value_names(sweep)]
+    head = ["", "mean", "sd", "5 %", "median", "95 %", *(f"share of {name}" for name in short_names(paths))]
+    rows = []
+    for name, one in zip(units, found.values(), strict=True):
+        quantiles, parts, errors = (one[k] or {} for k in ("quantiles", "shares", "share_errors"))
+        rows.append([name, number(one["mean"], 6), number(one["sd"], 4),
+                     *(number(quantiles.get(q), 6) for q in ("0.05", "0.5", "0.95")),
+                     *(f"{parts[p]:.3f} +- {errors[p]:.3f}" if p in parts else "-" for p in paths)])
+    return [*table([head, *rows]), ""]
 
 
 def _remark(row: Row) -> str:

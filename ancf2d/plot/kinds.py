@@ -24,13 +24,15 @@ from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
 from ancf2d.plot.style import Look, plain_ticks, style
+from ancf2d.plot.sweep import HISTOGRAM, SHARES, SWEEP
 from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS,
-    BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF)}
+    BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF, SWEEP,
+    HISTOGRAM, SHARES)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -53,7 +55,7 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    for kind in (CONVERGENCE, TRADEOFF, BODE):
+    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, BODE):
         if not kind.missing(results):
             return kind.name
     if not MODES.missing(results):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,10 +16,12 @@ import numpy as np
 from ancf2d import __version__
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
-from ancf2d.results.records import escape, unescape
+from ancf2d.results.head import write_head, write_mesh
+from ancf2d.results.records import Units, escape, unescape
 from ancf2d.results.series import describe, write_fixed, write_texts
 
 GROUP = "checkpoint"
+EVERY_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -145,3 +148,55 @@ def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> s
     if not np.array_equal(safe.numbers(safe.child(file, "mesh", h5py.Group), "e0", 1), e0):
         return "its mesh is different"
     return ""
+
+
+class CheckpointKeeper:
+    """Takes the place of a result file's writer where a run keeps nothing but what it can be resumed from.
+
+    The file at ``path`` appears after a second, is replaced every second or more, and is removed once the run has
+    ended, well or not. ``header`` and ``e0`` (nq,) are those of ``ResultWriter``; ``resumed`` is what the file held of
+    the same case, if anything.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], e0: np.ndarray, to_json: Any) -> None:
+        self.path, self._to_json = Path(path), to_json
+        self._header, self._e0 = header, e0
+        self._due = time.monotonic() + EVERY_SECONDS
+        self.resumed: Checkpoint | None = None
+        if self.path.exists():
+            try:
+                self.resumed = checkpoint_to_resume(self.path, header, e0)
+            except ResultsError:
+                self.path.unlink(missing_ok=True)
+
+    def append(self, *state: Any, checkpoint: Checkpoint | None = None, **more: Any) -> None:
+        """Take a state, of which only the checkpoint counts. Raises ResultsError where it cannot be written."""
+        now = time.monotonic()
+        if checkpoint is None or now < self._due:
+            return
+        private = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        try:
+            with h5py.File(private, "w") as file:
+                units = Units(**{k: v for k, v in dict(self._header.get("units") or {}).items() if v})
+                write_head(file, self._header, units)
+                write_mesh(file, units, [], self._e0, {})
+                write_checkpoint(file, checkpoint.copied((0, 0, 0), 0.0), self._to_json)
+            os.replace(private, self.path)
+        except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
+            private.unlink(missing_ok=True)
+            raise ResultsError(f"cannot write '{self.path}': {error}") from error
+        # writing takes a tenth of the time at most
+        self._due = time.monotonic() + max(EVERY_SECONDS, 10.0 * (time.monotonic() - now))
+
+    def log(self, *values: Any, **more: Any) -> None:
+        """Leave out what a result file would hold."""
+
+    table = array = log
+
+    def finish(self, summary: Mapping[str, Any], status: str) -> Path:
+        """Remove the file, whatever came of the run, and return where it was."""
+        self.path.unlink(missing_ok=True)
+        return self.path
+
+    def __exit__(self, *error: object) -> None:
+        """Keep the file where the run was interrupted."""

@@ -140,7 +140,7 @@ class BusyError(ResultsError):
     """Another run is writing the file."""
 
 
-def _lock(descriptor: int) -> bool:
+def locked(descriptor: int) -> bool:
     """Take the exclusive lock of an open file; False where another process holds it."""
     if fcntl is None:
         return True
@@ -187,7 +187,7 @@ class Target:
             return None
         except OSError as error:
             raise ResultsError(f"cannot replace '{self.part}': {error.strerror}") from error
-        if not _lock(descriptor):
+        if not locked(descriptor):
             os.close(descriptor)
             raise self._busy()
         with contextlib.suppress(OSError):
@@ -202,7 +202,7 @@ class Target:
         try:
             descriptor, name, private = self._unnamed_file()
             self._descriptor = descriptor
-            _lock(descriptor)
+            locked(descriptor)
             rest = memoryview(image)
             while rest:
                 rest = rest[os.write(descriptor, rest):]

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,12 +84,13 @@ Begin = Callable[[Model], "Start | None"]
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
-             begin: Begin | None = None) -> Outcome:
+             begin: Begin | None = None, checkpoints: Path | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a dynamic run that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
-    that has succeeded, before it is written. ``begin`` may give a guess that statics starts from.
+    that has succeeded, before it is written. ``begin`` may give a guess that statics starts from. ``checkpoints``: a
+    file that a motion without result file is resumed from, while it lasts.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
@@ -101,6 +103,8 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
         progress.warn(text)
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
+    if out is None and checkpoints is not None and isinstance(loaded.case.solver, Dynamic):
+        writer = _keeper(loaded, model, checkpoints)
     try:
         return _solve(loaded, model, writer, progress, warnings, conclude, begin)
     except BaseException:
@@ -289,6 +293,13 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
     names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
     return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names,
                         fields=field_records(model), force=force)
+
+
+def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
+    from ..results.checkpoint import CheckpointKeeper
+    from ..results.writer import plain
+
+    return CheckpointKeeper(path, result_header(loaded), model.e0, plain)
 
 
 def field_records(model: Model) -> list[FieldRecord]:

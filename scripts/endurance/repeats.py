@@ -15,7 +15,8 @@ from scripts.pages import table
 
 from . import scenes
 
-SWEEP = ("--over", "bodies.beam.element.count=2,4,6,8", "--over", "bodies.beam.section.height=0.1,0.11", "--jobs", "2")
+SWEEP = ("--over", "bodies.beam.element.count=2,4,6,8", "--over", "bodies.beam.section.height=0.1,0.11", "--jobs", "2",
+         "--keep")
 
 
 @dataclass
@@ -129,13 +130,13 @@ def sweeps(processes: int) -> dict[str, int]:
         path = scenes.write(folder, "case", scenes.case({"type": "static"}))
         alone = scenes.start(folder, "sweep", str(path), *SWEEP, "-o", "alone", "-q")
         assert scenes.finished(alone)[0] == 0
-        wanted = {p.name: scenes.bits(p) for p in (folder / "alone").glob("*.h5")}
+        wanted = {p.name: scenes.bits(p) for p in (folder / "alone").glob("runs/*.h5")}
         running = [scenes.start(folder, "sweep", str(path), *SWEEP, "-o", "shared", "-q") for _ in range(processes)]
         codes = [scenes.finished(p)[0] for p in running]
         again = scenes.finished(scenes.start(folder, "sweep", str(path), *SWEEP, "-o", "shared", "-q"))[0]
-        found = {p.name: scenes.bits(p) for p in (folder / "shared").glob("*.h5")}
+        found = {p.name: scenes.bits(p) for p in (folder / "shared").glob("runs/*.h5")}
         left = [p for p in (folder / "shared").iterdir() if p.suffix == ".part"]
-        for p in (folder / "shared").glob("*.h5"):
+        for p in (folder / "shared").glob("runs/*.h5"):
             with open_results(p) as r:
                 assert r.status == "converged"
         shutil.rmtree(folder / "shared")

@@ -29,25 +29,51 @@ LONG = BEAM.replace("{type: linear_static}", "{type: dynamic, t_end: 5, dt: 1.0e
 
 def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
     found = call_json("sweep", "beam.yaml", "--over", "loads.tip.value=[0,-3],[0,-6]", "--over",
-                      "bodies.beam.element.count=1,2", "--jobs", "2", "--json")
+                      "bodies.beam.element.count=1,2", "--jobs", "2", "--keep", "--json")
     assert [row["set"] for row in found["rows"]] == [
         {"loads.tip.value": [0, f], "bodies.beam.element.count": n} for f in (-3, -6) for n in (1, 2)]
     assert {row["status"] for row in found["rows"]} == {"converged"}
     assert [row["goal"] for row in found["rows"]] == pytest.approx([-8e-3, -8e-3, -16e-3, -16e-3], rel=1e-9)
-    assert all(Path(row["output"]).parent == Path("beam-sweep") and Path(row["output"]).exists()
+    assert all(Path(row["output"]).parent == Path("beam-sweep/runs") and Path(row["output"]).exists()
                for row in found["rows"])
 
 
 def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
-    first = call(*COUNTS, "--out", "mine", "--csv", "t.csv")
+    first = call(*COUNTS, "--out", "mine", "--csv", "t.csv", "--keep")
     assert first.exit_code == 0, first.output
     lines = [line.split() for line in first.stdout.splitlines()]
     assert ["count", "status", "tip", "uy", "[m]", "elements", "time", "result"] in lines
-    assert "results in mine" in first.stdout
+    assert "results in mine/sweep.h5" in first.stdout
     again = call(*COUNTS, "--out", "mine")
-    assert "results in mine; 2 of 2 rows were computed before" in again.stdout
+    assert "results in mine/sweep.h5; 2 of 2 rows were computed before" in again.stdout
     rows = csv.DictReader((folder / "t.csv").read_text().splitlines())
     assert [row["bodies.beam.element.count"] for row in rows] == ["1", "2"]
+
+
+def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None:
+    arguments = ("sweep", "beam.yaml", "--sample", "bodies.beam.section.EI~uniform(900, 1100)", "--samples", "32",
+                 "--seed", "3", "--design", "lhs", "--jobs", "1")
+    found = call_json(*arguments, "--json")
+    assert found["samples"] == {"design": "lhs", "seed": 3, "count": 32}
+    goals = [row["goal"] for row in found["rows"]]
+    said = found["statistics"]["goal"]
+    assert said["mean"] == pytest.approx(sum(goals) / 32, rel=1e-12)
+    assert said["shares"]["bodies.beam.section.EI"] == pytest.approx(1.0, abs=1e-3)
+    assert found["output"] == "beam-sweep/sweep.h5"
+    told = call(*arguments).stdout
+    assert "... and 22 rows more" in told
+    assert "share of EI" in told
+    for kind in ("sweep", "histogram", "shares"):
+        assert call("plot", "beam-sweep/sweep.h5", kind, "--data", f"{kind}.csv").exit_code == 0
+
+
+def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> None:
+    result = call("sweep", "beam.yaml", "--over", "a=1:2", "--sample", "b~beta(1, 2)", "--sample", "c", "--pair")
+    assert result.exit_code == 2
+    for text in ("both given", "is not a range", "is no distribution", "not PATH~", "nothing to pair"):
+        assert text in result.stderr
+    assert "need --sample" in call("sweep", "beam.yaml", "--over", "a=1,2", "--seed", "1").stderr
+    assert "nothing is varied" in call("sweep", "beam.yaml").stderr
 
 
 def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: CallJson, folder: Path) -> None:
@@ -89,11 +115,12 @@ def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     # compiled beforehand, so that what is waited for is the sweep
     run_case(load_case_text(LONG, overrides=["solver.t_end=1e-3"], vocabulary=vocabulary()))
-    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,2,2.1", "--jobs", "2", "--csv", "t.csv", "--json"]
+    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,2,2.1", "--jobs", "2", "--csv", "t.csv", "--keep",
+                 "--json"]
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     until = time.monotonic() + 120
     # one row is finished, the others are under way
-    while not (list(folder.glob("beam-sweep/*.h5")) and len(list(folder.glob("beam-sweep/*.part"))) == 2):
+    while not (list(folder.glob("beam-sweep/runs/*.h5")) and len(list(folder.glob("beam-sweep/runs/*.part"))) == 2):
         assert time.monotonic() < until
         assert process.poll() is None
         time.sleep(0.01)
@@ -101,8 +128,8 @@ def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err.split("\n")[-3:-1] == ["interrupted", "1 of 3 rows are finished, with results in beam-sweep; run the "
-                                      "same command again to continue"]
+    assert err.split("\n")[-3:-1] == ["interrupted", "1 of 3 rows are finished, with results in beam-sweep/sweep.h5; "
+                                      "run the same command again to continue"]
     found = json.loads(out)
     assert found["status"] == "interrupted"
     assert [row["status"] for row in found["rows"]] == ["converged", "waiting", "waiting"]

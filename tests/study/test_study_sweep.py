@@ -14,10 +14,11 @@ from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import open_results, part_path
 from ancf2d.results.target import Target
-from ancf2d.study import digests, sweep
+from ancf2d.study import digests, variant_runs
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
-from ancf2d.study.sweep import Sweep, plan, run_sweep, short_names, shown, write_csv
+from ancf2d.study.sweep import plan, run_sweep
+from ancf2d.study.sweep_rows import Sweep, short_names, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 BEAM = """\
@@ -46,8 +47,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def swept(*over: str, overrides: tuple[str, ...] = (), force: bool = False) -> Sweep:
-    found = plan("beam.yaml", read_axes(over), overrides, Path("out"), ALONE, "ancf2d sweep", force)
+def swept(*over: str, overrides: tuple[str, ...] = (), force: bool = False, keep: bool = False,
+          pair: bool = False) -> Sweep:
+    found = plan("beam.yaml", read_axes(over, pair), overrides, Path("out"), ALONE, "ancf2d sweep", force,
+                 paired=pair, keep=keep)
     run_sweep(found, ALONE)
     return found
 
@@ -85,7 +88,7 @@ def test_too_many_combinations_are_told_before_they_are_made() -> None:
 # ---------------------------------------------------------------------------- rows
 
 def test_every_combination_is_a_row_with_its_exact_answer() -> None:
-    found = swept("loads.tip.value=[0,-3],[0,-6]", "bodies.beam.section.EI=1e3,2e3")
+    found = swept("loads.tip.value=[0,-3],[0,-6]", "bodies.beam.section.EI=1e3,2e3", keep=True)
     assert [row.status for row in found.rows] == ["converged"] * 4
     assert [row.goal for row in found.rows] == pytest.approx([-8e-3, -4e-3, -16e-3, -8e-3], rel=1e-9)
     assert found.rows[2].set == {"loads.tip.value": [0, -6], "bodies.beam.section.EI": 1000.0}
@@ -124,7 +127,7 @@ def test_what_is_refused_or_fails_is_a_row() -> None:
 def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("no")
-    monkeypatch.setattr(sweep, "run_case", broken)
+    monkeypatch.setattr(variant_runs, "run_case", broken)
     row, = swept("bodies.beam.element.count=2").rows
     assert (row.status, row.reason) == ("failed", "internal error, please report: ZeroDivisionError: no")
 
@@ -153,12 +156,12 @@ def test_folder_in_the_way_of_which_is_a_file_is_told(folder: Path) -> None:
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return a list that grows with the output of every run."""
     found: list[str] = []
-    run_case = sweep.run_case
+    run_case = variant_runs.run_case
 
-    def counted(loaded: Any, out: str, **options: Any) -> Any:
-        found.append(out)
+    def counted(loaded: Any, out: str | None = None, **options: Any) -> Any:
+        found.append(out or "")
         return run_case(loaded, out, **options)
-    monkeypatch.setattr(sweep, "run_case", counted)
+    monkeypatch.setattr(variant_runs, "run_case", counted)
     return found
 
 
@@ -201,22 +204,22 @@ def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch
 
 
 def test_a_file_that_is_not_what_its_name_says_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, two = swept("bodies.beam.element.count=1,2").rows
+    one, two = swept("bodies.beam.element.count=1,2", keep=True).rows
     assert one.output is not None
     assert two.output is not None
     Path(one.output).write_bytes(Path(two.output).read_bytes())
-    again = swept("bodies.beam.element.count=1").rows[0]
+    again = swept("bodies.beam.element.count=1", keep=True).rows[0]
     assert (again.reused, again.elements) == (False, 1)
     whole = Path(one.output).read_bytes()
     for size in (len(whole) - 100, len(whole) // 2, 100, 8, 0):
         Path(one.output).write_bytes(whole[:size])
-        row = swept("bodies.beam.element.count=1").rows[0]
+        row = swept("bodies.beam.element.count=1", keep=True).rows[0]
         assert (row.reused, row.status) == (False, "converged")
     Path(one.output).write_text("mine")
-    row = swept("bodies.beam.element.count=1").rows[0]
+    row = swept("bodies.beam.element.count=1", keep=True).rows[0]
     # what ancf2d did not write is replaced by force only
     assert (row.status, "--force" in row.reason) == ("failed", True)
-    assert swept("bodies.beam.element.count=1", force=True).rows[0].status == "converged"
+    assert swept("bodies.beam.element.count=1", force=True, keep=True).rows[0].status == "converged"
 
 
 def test_the_state_that_a_motion_starts_from_is_part_of_its_name(folder: Path) -> None:
@@ -224,9 +227,9 @@ def test_the_state_that_a_motion_starts_from_is_part_of_its_name(folder: Path) -
     (folder / "beam.yaml").write_text(BEAM)
     names = []
     for load in (-3, -4):
-        row = swept(f"loads.tip.value=[0,{load}]").rows[0]
+        row = swept(f"loads.tip.value=[0,{load}]", keep=True).rows[0]
         (folder / "start.h5").write_bytes(Path(str(row.output)).read_bytes())
-        found = swept("bodies.beam.element.count=2", **motion).rows[0]  # type: ignore[arg-type]
+        found = swept("bodies.beam.element.count=2", keep=True, **motion).rows[0]  # type: ignore[arg-type]
         assert found.status == "converged", found.reason
         names.append(found.output)
     assert names[0] != names[1]
@@ -264,15 +267,15 @@ def test_csv_has_a_line_per_row_at_full_precision(folder: Path) -> None:
 def test_a_result_that_another_run_is_writing_is_waited_for(monkeypatch: pytest.MonkeyPatch, finished: bool) -> None:
     """Where that run ends without one, the case is run here; else its result is taken."""
     count = runs(monkeypatch)
-    found = plan("beam.yaml", read_axes(["bodies.beam.element.count=2"]), (), Path("out"), ALONE)
+    found = plan("beam.yaml", read_axes(["bodies.beam.element.count=2"]), (), Path("out"), ALONE, keep=True)
     job, = found.jobs
     assert job is not None
-    Path("out").mkdir()
+    Path("out/runs").mkdir(parents=True)
     other = Target(job.output)
     other.publish(b"another run")
-    monkeypatch.setattr(sweep, "TURN_SECONDS", 1.0)
+    monkeypatch.setattr(variant_runs, "TURN_SECONDS", 1.0)
     with ThreadPoolExecutor() as pool:
-        ours = pool.submit(sweep.solve_job, job)
+        ours = pool.submit(variant_runs.solve_job, job)
         time.sleep(0.3)
         assert not ours.done()
         begun = len(count)
