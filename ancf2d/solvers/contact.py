@@ -1,4 +1,4 @@
-"""What touches in a state: points that hold where a body is deepest, forces, contact zones."""
+"""What touches in a state: forces, contact zones, what points remember."""
 
 from __future__ import annotations
 
@@ -6,26 +6,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, MEMORY, PLACE, POLYLINE, SHAPE, TOUCH
+from ..elements.contact_geometry import FREE, MEMORY, PLACE
 from ..elements.shape import Array
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
+from .active_set import PENETRATION
 
 if TYPE_CHECKING:
     from ..model.interactions import ContactTable
     from .state import State
-
-# penetration that counts as none, beside the extent of the scene
-PENETRATION = 5e-9
-# depths beside the deepest, and points beside a chosen one, that are left for the next round
-SHALLOW, BESIDE = 0.1, 2
-# pulls beside the largest force that count as none
-PULL = 1e-9
-# rounds in which points are opened and closed, first several and then one at a time, before that is given up
-ROUNDS, SEVERAL, PATIENT = 80, 15, 35
-
 
 def memory(model: Model) -> list[Array]:
     """Return a copy of what the points of contact remember, to go back to."""
@@ -49,99 +40,11 @@ def recall_rows(model: Model, rows: Array) -> None:
             patch.mem[:MEMORY] = rows[at][0, :MEMORY]
 
 
-def exchange(model: Model, d: Array, t: float, round_: int) -> tuple[int, float]:
-    """Open the points of contact that pull at an equilibrium d (n_full,), and close those that are in an obstacle.
-
-    Of what overlaps, that is the deepest among its neighbours, where it stands at home, or a free point placed there.
-    From round SEVERAL on, one change at a time; from PATIENT on, more and more depth is left: points that take turns
-    without end do so over next to nothing. Returns the number of changes, and the largest depth [m]. An equilibrium
-    without changes is one of bodies and obstacles, whatever led there.
-    """
-    changed, worst = 0, 0.0
-    limit = PENETRATION * model.extent * 2.0 ** (max(round_ - PATIENT, 0) / 4)
-    for one in model.contact_tables:
-        if one.pair.hard:
-            changes, depth = _exchange(one, d, t, round_ >= SEVERAL, limit)
-            changed, worst = changed + changes, max(worst, depth)
-    return changed, worst
-
-
-def begin(model: Model, d: Array, t: float) -> None:
-    """Close the points of contact that touch in the first state d (n_full,), and open the others."""
-    for one in model.contact_tables:
-        if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
-            gap, faces = _gaps(one, d, t)
-            for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
-                point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
-
-
-def _gaps(one: ContactTable, d: Array, t: float) -> tuple[Array, Any]:
-    from ..kernels.contact import contact_gaps
-
-    table, amps = one.at(t)
-    n = len(table.forces)
-    gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
-    contact_gaps(table, d, amps, gap, along, faces)
-    return gap, faces
-
-
-def _exchange(one: ContactTable, d: Array, t: float, single: bool, limit: float) -> tuple[int, float]:
-    from ..kernels.contact import deepest
-
-    table, amps = one.at(t)
-    n = len(table.forces)
-    depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
-    deepest(table, one.free, d, amps, depth, place, feature)
-    gap, faces = _gaps(one, d, t)
-    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
-    # what is closed is so deep by round-off alone; a free point in use follows its own place
-    depth[held] = np.where(one.free[held], depth[held], 0.0)
-    home = ~one.free & ~held & faces
-    depth[home] = np.maximum(-gap[home], 0.0)
-    pull = np.where(held, [d[p.multiplier] for p in one.points], 0.0)
-    drop = np.flatnonzero(pull > PULL * np.abs(pull).max(initial=0.0))
-    if single:
-        drop = drop[np.argsort(-pull[drop])][:1]
-    for k in drop.tolist():
-        _open(one.points[k], d)
-    if (depth[home] > limit).any():
-        # first the points at home, as those between follow from them
-        depth[~home] = 0.0
-    chosen = _apart(depth, limit)
-    if single:
-        chosen = [] if len(drop) else chosen[:1]
-    for k in chosen:
-        point = one.points[k]
-        point.mem[HELD] = 1.0
-        if one.free[k]:
-            # a corner says where it touches; elsewhere a body may bend just as the obstacle does, and any place will do
-            corner = point.par[SHAPE] == POLYLINE and feature[k] % 2 == 1
-            point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = 2.0 - corner, place[k], feature[k]
-    return len(drop) + len(chosen), float(depth.max(initial=0.0))
-
-
-def _open(point: ContactPoint, d: Array) -> None:
-    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
-    if point.mem[FREE] > 0.0:
-        point.mem[FREE] = -1.0
-
-
-def _apart(depth: Array, limit: float) -> list[int]:
-    """Return the points that are deepest among their neighbours: what else overlaps may follow from these."""
-    chosen: list[int] = []
-    for k in np.argsort(-depth, kind="stable").tolist():
-        if depth[k] <= max(limit, SHALLOW * depth.max()):
-            break
-        if all(abs(k - other) > BESIDE for other in chosen):
-            chosen.append(k)
-    return chosen
-
-
 class Touch(NamedTuple):
     """What one contact does in a state.
 
     ``gap`` (m,) [m], ``force`` (m, 2) on the body and ``moment`` (m,) about the origin of each point, ``s`` (m,) along
-    the body, ``closed`` (m,).
+    the body. Gaps up to ``near`` are closed.
     """
 
     pair: ContactPair
@@ -149,11 +52,17 @@ class Touch(NamedTuple):
     gap: Array
     force: Array
     moment: Array
+    near: float
 
     @property
     def closed(self) -> Any:
         """Which points bear a force (m,)."""
         return np.hypot(*self.force.T) > 0.0
+
+    @property
+    def touching(self) -> Any:
+        """Which points touch (m,): they bear a force or, without a law, have no gap, as what just lies there."""
+        return self.closed | (self.gap <= self.near) if self.pair.hard else self.closed
 
 
 def touches(model: Model, state: State) -> list[Touch]:
@@ -187,14 +96,14 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
         ie = pair.spots[k].ie
         s[k] = (mesh.starts[ie] + 0.5 * (table.mem[k, PLACE] + 1.0) * mesh.lengths[ie]) / mesh.plan.length
     gap[one.free & ~free] = np.nan
-    return Touch(pair, s, gap, total[:, :2], total[:, 2])
+    return Touch(pair, s, gap, total[:, :2], total[:, 2], 2.0 * PENETRATION * model.extent)
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
     """Return force, moment about the origin and contact zone of each contact of a model, as ``--json`` has them."""
     out = []
     for touch in touches(model, state):
-        pair, closed = touch.pair, touch.closed
+        pair, closed = touch.pair, touch.touching
         sign = 1.0
         entry: dict[str, Any] = {
             "name": pair.name, "force": [float(sign * f) for f in touch.force.sum(axis=0)],
@@ -212,12 +121,12 @@ def _length(pair: ContactPair, touch: Touch) -> float:
     """
     if not pair.hard:
         weights = np.array([p.weight for p in pair.spots])
-        return float(weights[touch.closed].sum())
+        return float(weights[touch.touching].sum())
     total = 0.0
     for eta in {p.eta for p in pair.spots}:
         here = np.array([p.eta == eta for p in pair.spots]) & np.isfinite(touch.gap)
         order = np.argsort(touch.s[here], kind="stable")
-        s, closed = touch.s[here][order], touch.closed[here][order]
+        s, closed = touch.s[here][order], touch.touching[here][order]
         both = closed[1:] & closed[:-1]
         total += float(np.diff(s)[both].sum()) * pair.mesh.plan.length
     return total

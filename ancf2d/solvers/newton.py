@@ -13,7 +13,8 @@ from ..interactions.prismatic import check_ends
 from ..model.coarse import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
-from .contact import PENETRATION, ROUNDS, begin, exchange, memory, recall
+from .active_set import PENETRATION, ROUNDS, begin, exchange
+from .contact import memory, recall
 from .state import State
 from .system import STILL, UNIT_ROUNDOFF, Balance, System
 from .threads import largest, pieces
@@ -63,10 +64,10 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     kept, iterations = memory(system.model), 0
     begin(system.model, d, t_old)
     try:
-        for k in range(ROUNDS):
+        for _ in range(ROUNDS):
             result = _newton(system, d, t_old, t, tolerance, max_iterations)
             iterations += result.iterations
-            changed, worst = exchange(system.model, result.d, t, k)
+            changed, worst = exchange(system, result.d, t)
             if not changed:
                 result.iterations, result.overlap = iterations, worst
                 return result

@@ -12,8 +12,10 @@ import pytest
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
+from ancf2d.solvers.active_set import lemke
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.post import reactions
+from ancf2d.solvers.registry import solve
 from ancf2d.study.run import run_case
 from scripts.references import contacts as reference
 from scripts.references.statics import Beam
@@ -36,7 +38,7 @@ def check_balance(solution, dead):
     total = np.sum([[r["fx"], r["fy"]] for r in held.values()], axis=0)
     np.testing.assert_allclose(total, -np.asarray(dead), atol=1e-7)
     for touch in touches(model, state):
-        assert np.nanmin(touch.gap) > -1e-6
+        assert np.nanmin(touch.gap) > -1e-8
         # the obstacle pushes
         assert (touch.force[touch.closed] @ np.array([0.0, 1.0]) > 0.0).all()
 
@@ -63,7 +65,7 @@ def test_a_strip_touches_a_drum_at_a_point() -> None:
     center, radius, force = (0.6, -0.3), 0.28, 6.0
     found, s, pressed = reference.strip_at_drum(Beam(1e6, math.inf, 1.0), 1.0, center, radius, force, (-0.5, 0.7, 1.57))
     solution = helpers.Solution(strip(
-        16, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -force]}],
+        32, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -force]}],
         obstacles={"solid": {"type": "circle", "center": list(center), "radius": radius}}))
     np.testing.assert_allclose(solution.r("beam@1"), found[:2], rtol=1e-4)
     (report,) = contact_report(solution.model, solution.state)
@@ -86,6 +88,50 @@ def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
     (report,) = contact_report(solution.model, solution.state)
     np.testing.assert_allclose(report["force"], [0, 9.81 - 3], atol=1e-7)
     assert report["to"] == pytest.approx(1.0 - length, abs=5e-3)
+    # the part that stays on the floor is in it nowhere, and what touches is found in few iterations
+    assert solution.state.history["iterations"] < 40
+    assert not solution.state.warnings
+    depths = [solution.r(f"beam@{s}")[1] for s in np.linspace(0.0, 0.35, 211)]
+    assert min(depths) > -1e-8
+
+
+def test_a_ring_is_pressed_flat_between_plates() -> None:
+    """From point contact through flattening, by an elastica; half a ring, between its lines of symmetry."""
+    half = {"type": "arc", "center": [0, 1], "radius": 1.0, "from": -math.pi / 2, "to": math.pi / 2}
+    ends = [{"type": "prescribed", "at": f"beam@{s}", "ux": 0, "angle": 0} for s in (0, 1)]
+    plates = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
+              "lid": {"type": "half_plane", "through": [0, 2], "normal": [0, -1],
+                      "motion": {"y": {"type": "ramp", "scale": -1.0}}}}
+    model = helpers.build(
+        {"beam": helpers.body(half, helpers.element("cable", 40), STIFF)}, bc=ends, obstacles=plates,
+        contacts=[{"between": ["beam", name], "side": "axis"} for name in plates])
+    for state in solve(model):
+        below, above = contact_report(model, state)
+        force = 2.0 * below["force"][1]
+        assert force == pytest.approx(-2.0 * above["force"][1], rel=1e-8)
+        height, _ = reference.ring_between_plates(1.0, 1.0, force)
+        assert height == pytest.approx(2.0 - state.t, rel=5e-4)
+        assert state.history["iterations"] < 40
+
+
+def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
+    """Also where M is singular, as points are that hold the same, or skew, as closed and open ones answer."""
+    rng = np.random.default_rng(3)
+    for n in (1, 3, 8, 20):
+        for rank in {1, max(n // 2, 1), n}:
+            A = rng.standard_normal((n, rank))
+            B = rng.standard_normal((n, n))
+            M = A @ A.T / rank + (B - B.T) * (rank == n)
+            # a solution is known to exist
+            z0, w0 = rng.random(n) * (rng.random(n) < 0.5), rng.random(n)
+            q = np.where(z0 > 0.0, 0.0, w0) - M @ z0
+            z = lemke(M, q)
+            assert z is not None
+            w = q + M @ z
+            assert z.min() >= 0.0
+            assert w.min() > -1e-9
+            assert np.abs(w * z).max() < 1e-9
+    assert lemke(np.array([[-1.0]]), np.array([-1.0])) is None
 
 
 def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:

@@ -1,0 +1,365 @@
+"""Which points of contact are closed: complementarity of gaps and forces, solved exactly for the linearised state.
+
+Of a state and its tangent, gaps g and forces p of points respond linearly to each other. What is closed follows from
+
+    w = b + M z,  w >= 0, z >= 0, w z = 0
+
+where w are the forces of the points that were closed and the gaps of those that were open, and z what they answer to:
+how far a closed point opens, and the force on an open one. Lemke's method finds it in a finite number of pivots, also
+where more points touch than a body has coordinates there (Lemke 1965; Cottle, Pang & Stone, The Linear Complementarity
+Problem, 2009, section 4.4). No combination of open and closed points comes twice.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
+from ..elements.shape import Array
+
+if TYPE_CHECKING:
+    from ..interactions.contact import ContactPoint
+    from ..model.interactions import ContactTable
+    from ..model.model import Model
+    from .system import System
+
+# penetration that counts as none, beside the extent of the scene
+PENETRATION = 5e-9
+# pulls beside the largest force that count as none
+PULL = 1e-9
+# places along an element (z from -1 to 1) that are the same
+SAME = 1e-9
+# equilibria on the way to one where nothing changes, before that is given up
+ROUNDS = 40
+# pivots per unknown of Lemke's method; what counts as none of numbers whose diagonal is 1, so that points depend on
+# each other; ratios that are equal
+PIVOTS, DEPENDENT, EQUAL = 20, 1e-12, 1e-12
+# times that points beside closed ones are closed, too, where a body would buckle between those
+GROWN = 3
+# compliance beside that of an element: what has no more is held by other points
+HELD_ALREADY = 1e-10
+
+
+def begin(model: Model, d: Array, t: float) -> None:
+    """Close the points of contact that touch in the first state d (n_full,), and open the others."""
+    for one in model.contact_tables:
+        if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
+            gap, faces = gaps(one, d, t)
+            for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
+                point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
+
+
+def gaps(one: ContactTable, d: Array, t: float) -> tuple[Array, Any]:
+    """Return the gap (m,) of each point where it stands, and whether its face is the one that touches."""
+    from ..kernels.contact import contact_gaps
+
+    table, amps = one.at(t)
+    n = len(table.forces)
+    gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
+    contact_gaps(table, d, amps, gap, along, faces)
+    return gap, faces
+
+
+class _Spot(NamedTuple):
+    """A point that is closed, or may have to be.
+
+    ``row`` (n,) is the gradient of its gap by ``dofs`` (n,); one between the points at home stands at ``place``.
+    """
+
+    one: ContactTable
+    k: int
+    held: bool
+    dofs: Any
+    row: Array
+    gap: float
+    place: float = 0.0
+    feature: float = -1.0
+
+    @property
+    def point(self) -> ContactPoint:
+        """The point whose multiplier is its force, before a free one has been chosen for it."""
+        return self.one.points[self.k]
+
+
+def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]:
+    """Return how deep the body is in its obstacle at open points, or between points (m,), where, and in what."""
+    from ..kernels.contact import deepest
+
+    table, amps = one.at(t)
+    m, free = len(table.forces), one.free
+    depth, place, feature = np.zeros(m), np.zeros(m), np.zeros(m)
+    deepest(table, free, d, amps, depth, place, feature)
+    gap, faces = gaps(one, d, t)
+    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
+    home = ~free & ~held & faces
+    depth[home] = np.maximum(-gap[home], 0.0)
+    return depth, place, feature
+
+
+def _rows(one: ContactTable, d: Array, t: float, at: dict[int, tuple[float, float]]) -> tuple[Any, Array, Array]:
+    """Return coordinates (m, n), gradients (m, n) and gaps (m,) of points: free ones where they are, or ``at``."""
+    from ..kernels.points import point_matrices
+
+    table, amps = one.at(t)
+    table.mem[:, HELD] = 1.0
+    for k, (place, feature) in at.items():
+        table.mem[k, FREE], table.mem[k, PLACE], table.mem[k, FEATURE] = _stands(one.points[k], place, feature)
+    dofs = table.dofs.reshape(len(table.forces), -1)
+    unit = d.copy()
+    unit[dofs[:, -1]] = 1.0
+    m, n = dofs.shape
+    energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+    point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
+    return dofs[:, :-1], Q[:, :-1], Q[:, -1]
+
+
+def _stands(point: ContactPoint, place: float, feature: float) -> tuple[float, float, float]:
+    """Return what a free point remembers: a corner says where it touches, elsewhere it stays where it is put.
+
+    A body may bend just as the obstacle does, and any place will do.
+    """
+    corner = point.par[SHAPE] == POLYLINE and feature % 2 == 1
+    return 2.0 - corner, place, feature
+
+
+def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool) -> list[_Spot]:
+    """Return the points that are closed, those at home that may close and, unless ``home``, places between them."""
+    depth, place, feature = depths
+    free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
+    _, faces = gaps(one, d, t)
+    dofs, rows, gap = _rows(one, d, t, {})
+    out = [_Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]))
+           for k in np.flatnonzero(held | (~free & faces)).tolist()]
+    if home:
+        return out
+    new = {k: (float(place[k]), float(feature[k])) for k in np.flatnonzero(free & (depth > 0.0)).tolist()
+           if not _there(one, k, place[k], feature[k])}
+    dofs, rows, gap = _rows(one, d, t, new)
+    return out + [_Spot(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k]) for k in new]
+
+
+def _beside(one: ContactTable, k: int) -> list[int]:
+    """Return the free points of the same curve of the same element as point k, that one first."""
+    here = one.pair.spots[k]
+    return sorted((j for j, p in enumerate(one.pair.spots) if p.free and (p.ie, p.eta) == (here.ie, here.eta)),
+                  key=lambda j: j != k)
+
+
+def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
+    """Whether a free point in use already stands at a place, or turns about the same corner."""
+    mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[HELD] > 0.0]
+    return any(mem[FEATURE] == feature if mem[FREE] == 1.0 else abs(mem[PLACE] - place) < SAME for mem in mems)
+
+
+def exchange(system: System, d: Array, t: float) -> tuple[int, float]:
+    """Open and close points of contact at an equilibrium d (n_full,), and move d to where that leads by the tangent.
+
+    Returns the number of changes, and the largest depth [m]. An equilibrium without changes is one of bodies and
+    obstacles, whatever led there.
+    """
+    limit = PENETRATION * system.model.extent
+    hard = [one for one in system.model.contact_tables if one.pair.hard]
+    depths = [_depths(one, d, t) for one in hard]
+    worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
+    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
+    if worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
+        return 0, worst
+    # first the points at home, as those between follow from them
+    home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
+    spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home)]
+    return _settle(system, d, t, spots, limit), worst
+
+
+class _Response:
+    """How forces of closed points and gaps of open ones answer to each other at a state, by its tangent.
+
+    ``base`` (n_unknowns,) leads to balance where nothing opens or closes; forces and gaps are then ``b`` (m,).
+    """
+
+    def __init__(self, system: System, d: Array, t: float, spots: list[_Spot]) -> None:
+        self.num, self.matrix = system.model.numbering, system.matrix
+        balance = system.assemble(d, t)
+        pivots = system.factor({"factor": float(f"{t:.6g}")})
+        self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
+        self.base: Array = -self.matrix.solve(balance.R.copy())
+        self.held = np.array([s.held for s in spots])
+        self.rows = np.zeros((len(spots), len(self.num.place)))
+        for row, s in zip(self.rows, spots, strict=True):
+            np.add.at(row, s.dofs, s.row)
+        self.at = self.num.place[[s.point.multiplier for s in spots]]
+        self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
+        self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
+        self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
+        self.steps: dict[int, Array] = {}
+
+    def told(self, z: Array) -> Array:
+        """Return what forces of closed points and gaps of open ones (m,) change by with the unknowns."""
+        full = np.zeros(len(self.num.place))
+        self.num.expand(z, full)
+        return np.where(self.held, -z[self.at], self.rows @ full)
+
+    def answer(self, k: int) -> Array:
+        """Return what they change by where closed point k opens by 1, or a force of 1 acts at the open one."""
+        rhs = np.zeros(len(self.base))
+        if self.held[k]:
+            rhs[self.at[k]] = 1.0
+        else:
+            rhs = self.num.reduce(self.rows[k], np.zeros(len(self.num.place)))
+        self.steps[k] = self.matrix.solve(rhs).copy()
+        return self.told(self.steps[k])
+
+    def settled(self, limit: float) -> dict[int, float] | None:
+        """Return how far closed points open, and the forces on open ones, so that both are complementary.
+
+        Begins with the points that pull or are deeper than ``limit``, and adds what is wrong then. None where there
+        is no such state nearby.
+        """
+        size = np.where(self.held, PULL * np.abs(self.force).max(initial=0.0), limit)
+        working: list[int] = []
+        passed: list[int] = []
+        answers = np.zeros((len(self.b), 0))
+        w, z = self.b, np.zeros(0)
+        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + passed]:
+            for k in new:
+                answer = self.answer(k)
+                if not self.held[k] and answer[k] * self.stiff[k] < HELD_ALREADY:
+                    passed.append(k)
+                    continue
+                answers = np.column_stack([answers, answer])
+                working.append(k)
+            if working:
+                solved = self._complementary(answers[working], np.array(working))
+                if solved is None:
+                    return None
+                z = solved
+                w = self.b + answers @ z
+        return {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
+
+    def _complementary(self, M: Array, working: Any) -> Array | None:
+        # stiffnesses and compliances, each beside the largest of its kind
+        own, closed = np.abs(np.diag(M)), self.held[working]
+        most = np.where(closed, own[closed].max(initial=0.0), own[~closed].max(initial=0.0))
+        scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
+        z = lemke(M * np.outer(scale, scale), self.b[working] * scale)
+        return None if z is None else scale * z
+
+    def step(self, found: dict[int, float]) -> Array:
+        """Return how that moves the unknowns (n_unknowns,)."""
+        return self.base + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.base)))
+
+
+def _settle(system: System, d: Array, t: float, spots: list[_Spot], limit: float) -> int:
+    """Open and close points so that gaps and forces of the linearised state are complementary; return how many.
+
+    Where a body would buckle between its closed points, those beside them are closed first. Where nothing helps, the
+    point that pulls most opens, or else the deepest one closes.
+    """
+    tried, found = spots, None
+    for more in range(GROWN + 1):
+        response = _Response(system, d, t, tried)
+        found = None if response.unstable and more < GROWN else response.settled(limit)
+        if found is not None:
+            system.model.displacements(d[system.model.numbering.where] + response.step(found), t, out=d)
+            break
+        tried = _grown(tried)
+    if found is None:
+        for s, grown in zip(spots, tried, strict=True):
+            s.point.mem[HELD] = s.point.mem[HELD] if s.held == grown.held else 0.0
+        tried = spots
+        found = {min(range(len(spots)), key=lambda k: (-d[spots[k].point.multiplier] if spots[k].held else 0.0,
+                                                       0.0 if spots[k].held else spots[k].gap)): 0.0}
+    closed = [s.held != (k in found) for k, s in enumerate(tried)]
+    for s, now in zip(tried, closed, strict=True):
+        if s.held and not now:
+            _open(s.point, d)
+    for k, s in enumerate(tried):
+        if closed[k] and not s.held:
+            _close(s, found[k], d)
+    return sum(now != s.held for now, s in zip(closed, spots, strict=True))
+
+
+def _grown(spots: list[_Spot]) -> list[_Spot]:
+    """Return the points with those at home beside closed ones closed, too."""
+    curves: dict[tuple[int, float], list[tuple[float, int]]] = {}
+    for k, s in enumerate(spots):
+        spot = s.one.pair.spots[s.k]
+        if s.held or not spot.free:
+            z = s.point.mem[PLACE] if spot.free else spot.z
+            curves.setdefault((id(s.one), spot.eta), []).append((spot.ie + 0.5 * (z + 1.0), k))
+    out = list(spots)
+    for curve in curves.values():
+        order = [k for _, k in sorted(curve)]
+        for k, beside in [*pairwise(order), *pairwise(order[::-1])]:
+            if spots[beside].held and not spots[k].held:
+                out[k] = spots[k]._replace(held=True)
+                spots[k].point.mem[HELD] = 1.0
+    return out
+
+
+def _open(point: ContactPoint, d: Array) -> None:
+    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
+    if point.mem[FREE] > 0.0:
+        point.mem[FREE] = -1.0
+
+
+def _close(s: _Spot, force: float, d: Array) -> None:
+    """Close a point with its force; one between those at home is any of its element that is not in use.
+
+    Where all are, that with the least force moves.
+    """
+    point = s.point
+    if s.one.pair.spots[s.k].free:
+        found = [s.one.points[j] for j in _beside(s.one, s.k)]
+        point = min(found, key=lambda p: 0.0 if p.mem[HELD] <= 0.0 else -d[p.multiplier])
+        point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = _stands(point, s.place, s.feature)
+    point.mem[HELD], d[point.multiplier] = 1.0, -force
+
+
+def lemke(M: Array, q: Array) -> Array | None:
+    """Return z >= 0 (n,) with w = q + M z >= 0 and w z = 0, by Lemke's method with the lexicographic rule.
+
+    M (n, n) has been scaled to entries of about 1 on its diagonal. None where there is no solution along its way, as
+    there always is for positive semidefinite M if there is one at all.
+    """
+    n = len(q)
+    if (q >= 0.0).all():
+        return np.zeros(n)
+    # columns: w, z, the artificial variable, the right-hand side
+    T = np.hstack([np.eye(n), -M, -np.ones((n, 1)), q[:, None]])
+    basis = np.arange(n)
+    row, entering = int(np.argmin(q)), 2 * n
+    for _ in range(PIVOTS * (n + 1)):
+        T[row] /= T[row, entering]
+        others = np.arange(n) != row
+        T[others] -= np.outer(T[others, entering], T[row])
+        left, basis[row] = int(basis[row]), entering
+        if left == 2 * n:
+            break
+        entering = left + n if left < n else left - n
+        row = _leaves(T, basis, entering, n)
+        if row < 0:
+            return None
+    else:
+        return None
+    z = np.zeros(n)
+    closed = basis[(basis >= n) & (basis < 2 * n)] - n
+    z[closed] = np.maximum(np.linalg.solve(M[np.ix_(closed, closed)], -q[closed]), 0.0)
+    return z
+
+
+def _leaves(T: Array, basis: Any, entering: int, n: int) -> int:
+    """Return the row whose variable the entering one drives out first, -1 where there is none."""
+    column = T[:, entering]
+    rows = np.flatnonzero(column > DEPENDENT)
+    for key in (2 * n + 1, *range(n)):
+        if len(rows) < 2:
+            break
+        ratio = T[rows, key] / column[rows]
+        rows = rows[ratio <= ratio.min() + EQUAL * (1.0 + abs(ratio.min()))]
+        artificial = rows[basis[rows] == 2 * n]
+        if key == 2 * n + 1 and len(artificial):
+            return int(artificial[0])
+    return int(rows[0]) if len(rows) else -1
