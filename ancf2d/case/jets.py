@@ -170,6 +170,30 @@ def binary_jet(op, a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
     return compare(op, a, b), 0.0, 0.0
 
 
+def steer(op, p, at, end, top, stack, rows):  # type: ignore[no-untyped-def]
+    """Return where a program goes on behind a jump or KEEP, and where the stack of so many rows has its top then.
+
+    A condition without a value leaves none: the machine stops with it on the stack.
+    """
+    if op == JUMP:
+        return p, top
+    if op == KEEP:
+        top += 1
+        for i in range(rows):
+            stack[i, top] = stack[i, top - 1]
+            stack[i, top - 1] = stack[i, top - 2]
+            stack[i, top - 2] = stack[i, top]
+        return at, top
+    if math.isnan(stack[0, top]):
+        return end, top
+    holds = stack[0, top] != 0.0
+    top -= 1
+    if not holds and op == UNLESS:
+        for i in range(rows):
+            stack[i, top] = 0.0
+    return (at if holds else p), top
+
+
 def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
     """Fill out[row] (3,) with function k at t and its two derivatives, nan where it has none that is finite."""
     code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
@@ -177,23 +201,8 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
     while at < end:
         op, p = code[at], arg[at]
         at += 1
-        if op == JUMP:
-            at = p
-        elif op in (BRANCH, UNLESS):
-            # a condition without a value leaves none: the machine stops with it on the stack
-            if math.isnan(stack[0, top]):
-                at = end
-            else:
-                at = p if stack[0, top] == 0.0 else at
-                top -= 1
-                if op == UNLESS and at == p:
-                    stack[0, top] = stack[1, top] = stack[2, top] = 0.0
-        elif op == KEEP:
-            top += 1
-            for i in range(3):
-                stack[i, top] = stack[i, top - 1]
-                stack[i, top - 1] = stack[i, top - 2]
-                stack[i, top - 2] = stack[i, top]
+        if KEEP <= op <= BRANCH:
+            at, top = steer(op, p, at, end, top, stack, 3)
         elif op == SCALE:
             stack[0, top] = data[p + 1] + data[p] * stack[0, top]
             stack[1, top] *= data[p]
@@ -244,23 +253,8 @@ def run_with_gradient(programs, k, t, values, out):  # type: ignore[no-untyped-d
     while at < end:
         op, p = code[at], arg[at]
         at += 1
-        if op == JUMP:
-            at = p
-        elif op in (BRANCH, UNLESS):
-            if math.isnan(stack[0, top]):
-                at = end
-            else:
-                at = p if stack[0, top] == 0.0 else at
-                top -= 1
-                if op == UNLESS and at == p:
-                    for i in range(n + 1):
-                        stack[i, top] = 0.0
-        elif op == KEEP:
-            top += 1
-            for i in range(n + 1):
-                stack[i, top] = stack[i, top - 1]
-                stack[i, top - 1] = stack[i, top - 2]
-                stack[i, top - 2] = stack[i, top]
+        if KEEP <= op <= BRANCH:
+            at, top = steer(op, p, at, end, top, stack, n + 1)
         elif op in (SCALE, NEGATE):
             factor = data[p] if op == SCALE else -1.0
             for i in range(n + 1):

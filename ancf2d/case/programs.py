@@ -251,6 +251,7 @@ def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) 
     return float(out[0]), out[1:].tolist()
 
 
-def switches(program: jets.Programs) -> bool:
-    """Whether a program compares, or takes an absolute value: it may jump, or have a kink."""
-    return bool({*range(jets.LESS, jets.UNEQUAL + 1), jets.ABS} & set(program.code.tolist()))
+def switches(program: jets.Programs, count: int) -> bool:
+    """Whether one of the first functions compares, or takes an absolute value: it may jump, or have a kink."""
+    code = program.code[:program.first[count]].tolist()
+    return bool({*range(jets.LESS, jets.UNEQUAL + 1), jets.ABS} & set(code))

@@ -168,6 +168,15 @@ def quantities_of(text: str | None) -> tuple[str, ...]:
     return tuple(text.names.quantities) if isinstance(text, Formula) else ()
 
 
+def compares(tree: Tree) -> bool:
+    """Whether an expression compares anything: only then it can be said to hold or not."""
+    if isinstance(tree, Comparison):
+        return True
+    if not isinstance(tree, tuple):
+        return False
+    return any(compares(part) for part in tree)  # type: ignore[arg-type]
+
+
 class _Parser:
     """Recursive descent: conditional < comparison < sum < product < sign < power < atom."""
 

@@ -23,6 +23,8 @@ Labels = tuple[str, str, str]
 _KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
           "vy": "velocity", "theta": "rotation", "omega": "angular velocity", "N": "force", "Q": "force",
           "fx": "force", "fy": "force", "M": "moment", "m": "moment"}
+# events that are listed
+MOST_EVENTS = 20
 # no displacement or force is known better than this share of the largest
 ROUND_OFF = 1e-12
 # forces out of balance by more than this share of the largest are no round-off
@@ -113,11 +115,24 @@ def _bifurcations(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     return table([["bifurcation", "load factor"], *rows])
 
 
+def _controllers(found: dict[str, dict[str, float]], labels: Labels) -> list[str]:
+    rows = [["controller", "output", "states"]]
+    rows += [[name, number(values["output"]), ", ".join(f"{k} {number(v)}" for k, v in values.items() if k != "output")]
+             for name, values in found.items()]
+    return table(rows, left=(0, 2))
+
+
+def _events(found: list[dict[str, Any]], labels: Labels) -> list[str]:
+    rows = [[f"t [{labels[2]}]", "event"], *([number(event["t"]), event["what"]] for event in found[-MOST_EVENTS:])]
+    more = len(found) - MOST_EVENTS
+    return [*table(rows, left=(1,)), *([f"and {more} before"] if more > 0 else [])]
+
+
 # what solvers report beyond probes and reactions
 _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
     "frequencies": _frequencies, "response": _response, "state_space": _linear_model, "critical": _critical,
     "limit_points": _limit_points,
-    "bifurcations": _bifurcations,
+    "bifurcations": _bifurcations, "controllers": _controllers, "events": _events,
 }
 
 

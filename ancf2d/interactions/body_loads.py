@@ -13,7 +13,8 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Flag, Name, Number, Vector
-from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
+from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import MovingPoint
 from ..case.schema.profiles import Profile, ProfileOf, ProfileTable
 from ..elements.formulations import FORMULATIONS
@@ -25,7 +26,7 @@ from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
 from ..model.timing import Answer, Clocked, Signal
 from .flow import fluid_weight
-from .forces import ACTIVE, AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
+from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
 from .formulas import ALONG_BODY, LOCAL, density_formula, is_formula, weights_of
 
 Density = tuple[float | Profile, float | Profile]

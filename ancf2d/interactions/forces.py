@@ -12,8 +12,9 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
-from ..case.records import OneOf, Record, tag_of
-from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
+from ..case.records import OneOf, tag_of
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
+from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import Fluid, register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
@@ -27,7 +28,6 @@ from .moving import MovingPatch, moving_force
 R = TypeVar("R", bound=type)
 NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
-ACTIVE = Record(Active)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
 SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import Active
+from ..case import Active, Latch
 from ..elements.point_laws import MAX_MEM, PointLaw
 from ..elements.shape import Array
 from ..elements.sliding import OFF, Moving
@@ -60,7 +60,7 @@ class MovingPatch:
 
     multiplier, fed, scale, symmetric = -1, -1, 1.0, False
     # when it acts, None for always
-    active: Active | None = None
+    active: Active | Latch | None = None
 
     def __init__(self, mesh: BodyMesh, course: Course, law: PointLaw, par: Sequence[float], signal: Course | None,
                  mass: float = 0.0, sign: float = 1.0, others: Sequence[Field] = (), stretches: bool = False) -> None:
@@ -80,8 +80,12 @@ class MovingPatch:
 
     def element(self, t: float) -> int:
         """Return the element that has the point at time t, OFF where it is off the body."""
+        return OFF if self.active is not None and not self.active.at(t) else self.under(t)
+
+    def under(self, t: float) -> int:
+        """Return the element that has the point at time t, whether it acts or not, OFF where it is off the body."""
         s = self.course(t)
-        if not -NEAR <= s <= 1.0 + NEAR or (self.active is not None and not self.active.at(t)):
+        if not -NEAR <= s <= 1.0 + NEAR:
             return OFF
         return int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, len(self.nodes) - 2))
 

@@ -11,8 +11,9 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number
-from ..case.records import Record, tag_of
-from ..case.schema.amplitudes import ACTIVE_DOC, Active, ExpressionText
+from ..case.records import tag_of
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
+from ..case.schema.amplitudes import ExpressionText
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
@@ -36,7 +37,6 @@ from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
 NAME = Name()
-ACTIVE = Record(Active)
 ONLY = Choice("tension", "compression")
 ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
             "acts only against shortening (default: acts both ways)")

@@ -16,7 +16,8 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import ListOf, Name, Number, Vector
 from ..case.records import ByShape, Record
-from ..case.schema.amplitudes import ACTIVE_DOC, Active, Amplitude
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
+from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import POINT, POSITION, GroundPoint, Point, Probe
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, THETA
@@ -26,7 +27,7 @@ from ..model.point_patch import NOTHING, Field, PointPatch, position_fields, tur
 from ..model.points import PointRef, point_ref
 from ..model.profiles import breaks, values
 from .body_loads import VARYING, covered
-from .forces import ACTIVE, AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
+from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
 from .tendon_laws import ELASTIC, TENSION, piece, taut
 
 # fields of an elastic tendon: the stiffness between all of them is one matrix

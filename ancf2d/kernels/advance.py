@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from . import calls
 from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
+from .events import NONE, aim, interpolate
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import addressed, inner, kernel
 from .lowlevel.records import array_at
@@ -18,6 +19,7 @@ from .motion import (
     LIMIT,
     LOST,
     NOT_CONVERGED,
+    NOT_FINITE,
     OLD_ERROR,
     OLD_STEP,
     REJECTED,
@@ -34,7 +36,7 @@ from .points import turn_on
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5
 # why ``advance`` comes back
-REACHED, FULL, FAILED = range(3)
+REACHED, FULL, FAILED, EVENT = range(4)
 # what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
 INSIDE, END, CHECK = range(3)
 # of a step: times so near to its end are its end
@@ -79,25 +81,6 @@ class Rows(NamedTuple):
     states: Any
     turned: Any
     log: Any
-
-
-@inner
-def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
-    """Fill z, v, a at the fraction x of the step from s to m.end."""
-    basis, dense = m.basis, m.end.dense
-    copy(s.z, z)
-    v[:] = 0.0
-    a[:] = 0.0
-    for k in range(len(basis)):
-        f0, f1, f2 = 0.0, 0.0, 0.0
-        for j in range(basis.shape[1] - 1, -1, -1):
-            f2 = f2 * x + 2.0 * f1
-            f1 = f1 * x + f0
-            f0 = f0 * x + basis[k, j]
-        for i in range(len(z)):
-            z[i] += f0 * dense[k, i]
-            v[i] += f1 / h * dense[k, i] * p.coordinate[i]
-            a[i] += f2 / (h * h) * dense[k, i] * p.coordinate[i]
 
 
 @inner
@@ -203,10 +186,10 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
-    if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and p.rank == 0:
+    if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
-    if p.rank > 0:
+    if len(p.feedback.kind) > 0:
         calls.feedback_accept(p.calls, (p, w))
         for i in range(p.inner, len(s.z)):
             # relative to the states as errors of displacements are to these
@@ -234,6 +217,33 @@ def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
+    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
+    s.numbers[REJECTED] += 1.0
+    s.numbers[TRIES] += 1.0
+    if outcome != DONE:
+        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
+    else:
+        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
+    s.numbers[STEP_SIZE] = shrink * h
+
+
+@inner
+def _set_size(s, plan, h, relative, factor, event):  # type: ignore[no-untyped-def]
+    """Set the length of the next step; one that was cut at an event says nothing of it."""
+    if plan.dt > 0.0:
+        s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
+        return
+    s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
+    if not event:
+        s.numbers[STEP_SIZE] = min(plan.largest, factor * h)
+    if s.numbers[LIMIT] > 0.0:
+        # what Newton's method could not take is tried again, but not at once
+        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
+        s.numbers[LIMIT] *= 1.05
+
+
+@inner
 def _target(s, plan):  # type: ignore[no-untyped-def]
     """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
     grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
@@ -254,12 +264,15 @@ def _passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Step until t_stop, until rows are full or so many steps are done.
 
-    Returns (REACHED, FULL or FAILED; states stored, steps logged, outcome and iterations of the last try).
+    Returns (REACHED, FULL, FAILED or EVENT; states stored, steps logged, outcome and iterations of the last try).
     """
     stored, logged, next_wanted = 0, 0, wanted_from
-    outcome, iterations = DONE, 0
+    outcome, iterations, aims, aimed, event = DONE, 0, 0, 0.0, False
     while True:
         t = s.numbers[TIME]
+        if event or (aims == 0 and len(p.feedback.watched) > 0
+                     and calls.holding(p.calls, (p, w, s.z, s.v, t)) != NONE):
+            return EVENT, stored, logged, outcome, iterations
         if t >= plan.t_stop:
             return REACHED, stored, logged, outcome, iterations
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
@@ -268,21 +281,26 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         h = min(s.numbers[STEP_SIZE], target - t)
         if target - t < 1.1 * h:
             h = target - t
+        if aims > 0:
+            h = aimed
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
-            s.numbers[REJECTED] += 1.0
-            s.numbers[TRIES] += 1.0
-            if outcome != DONE:
-                shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
-            else:
-                shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
-            s.numbers[STEP_SIZE] = shrink * h
+            aims = 0
+            _shorten(m, s, plan, outcome, h, relative)
             if not s.numbers[STEP_SIZE] >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
+        if len(p.feedback.watched) > 0:
+            good, aimed, event = aim(m, p, w, s, at, t, h, target - t, aims)
+            aims = 0 if good else aims + 1
+            if aimed < 0.0:
+                return FAILED, stored, logged, NOT_FINITE, iterations
+            if not good:
+                event = aimed == 0.0
+                continue
         end = target if h >= target - t else t + h
         hit = p.sided and calls.impact(p.calls, (p, w, s, m, t, h))
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
@@ -312,15 +330,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
         s.numbers[CONTRACTION] = contraction
-        if plan.dt > 0.0:
-            s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
-        else:
-            s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
-            s.numbers[STEP_SIZE] = min(plan.largest, factor * h)
-            if s.numbers[LIMIT] > 0.0:
-                # what Newton's method could not take is tried again, but not at once
-                s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
-                s.numbers[LIMIT] *= 1.05
+        _set_size(s, plan, h, relative, factor, event)
         log = rows.log[logged]
         log[0], log[1], log[2], log[3] = s.numbers[COUNT], end, h, iterations
         log[4], log[5], log[6] = s.numbers[TRIES], relative, worst

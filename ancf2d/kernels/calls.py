@@ -101,6 +101,9 @@ at_floor = _call(_b, None, _SCRATCH, _x, _x)
 # what answers the motion: kernels.feedback
 feedback, feedback_accept = (_call(_nothing, None, _SCRATCH) for _ in range(2))
 feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
+# conditions that something waits for: kernels.events
+holding = _call(_i, None, _SCRATCH, _x, _x, _f)
+crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 # for SciPy's integrators: kernels.ode, kernels.consistent
 accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)

@@ -19,7 +19,7 @@ from .band import ldl_factor, ldl_solve
 from .dynamics import to_unknowns
 from .fronts import fronts_factor, fronts_solve
 from .lowlevel.arrays import numbers
-from .lowlevel.jit import addressed, inner
+from .lowlevel.jit import addressed, inlined, inner
 from .lowlevel.records import array_at, whole
 from .motion import SIZE, evaluate_with_gradient
 from .points import _add, _law, _rates, _work_arrays, amplitude_of, fields_of_item
@@ -35,8 +35,9 @@ class Feedback(NamedTuple):
     kind (q,); quantity i is a function of ``along`` and ``across`` times d or d' at ``coords``, from begin[i] to
     begin[i + 1], and of ``start``: what it is in the reference, or the length of a direction; near (q,) : angles last
     accepted. row (k,) : signals; columns (k, n) : what the dead loads that follow them do to the residual; items : the
-    point laws that do, from first[j] to first[j + 1]; programs : of signals, then of rates; clock : the signal that is
-    the time; states : m; soon : a time in which states change; scale (m,) : how large states have been; values (q,),
+    point laws that do, from first[j] to first[j + 1]; programs : of signals, then of rates, then of conditions; watched
+    (conditions,) : which are waited for (``kernels.events``); clock : the signal that is the time; states : m; soon : a
+    time in which states change; scale (m,) : how large states have been; values (q,),
     slopes (1 + q,), rates (m,), full (n_full,), column (n,) to work in.
     """
 
@@ -52,6 +53,7 @@ class Feedback(NamedTuple):
     first: Any
     items: Any
     programs: Any
+    watched: Any
     clock: int
     states: int
     soon: float
@@ -66,6 +68,17 @@ class Feedback(NamedTuple):
 def tail_size(n: int, rank: int, states: int) -> int:
     """Return how many numbers a matrix has beside D: P and R, the rates of states, 1 + R X and its pivots."""
     return 2 * rank * n + states + rank * rank + rank
+
+
+@inlined
+def _tail(p, A):  # type: ignore[no-untyped-def]
+    """Return what a matrix has behind D: P, which becomes X, and R, the rates of states, 1 + R X and its pivots."""
+    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
+    square = len(A) - rank - rank * rank
+    rates = square - states
+    X, R = array_at(A, rates - 2 * rank * n, (rank, n)), array_at(A, rates - rank * n, (rank, n))
+    S, pivots = array_at(A, square, (rank, rank)), array_at(A, square + rank * rank, (rank,))
+    return X, R, array_at(A, rates, (states,)), S, pivots
 
 
 @inner
@@ -156,11 +169,10 @@ def feedback_tangent(p, w, c):  # type: ignore[no-untyped-def]
     """Fill P, R and the rates of states of w.A at w.d, w.v, after ``feedback``."""
     f, n = p.feedback, len(p.coordinate)
     signals, rank = len(f.row), p.rank
-    base = len(w.A) - (2 * rank * n + f.states + rank * rank + rank)
-    P, R = array_at(w.A, base, (rank, n)), array_at(w.A, base + rank * n, (rank, n))
+    P, R, rates, _, _ = _tail(p, w.A)
     t = w.amps[f.clock, 0]
     for j in range(f.states):
-        w.A[base + 2 * rank * n + j] = c
+        rates[j] = c
     for k in range(rank):
         evaluate_with_gradient(f.programs, k, t, f.values, f.slopes)
         f.full[:] = 0.0
@@ -249,11 +261,7 @@ def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, A
 
     def factor(p, A, scale):  # type: ignore[no-untyped-def]
         n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-        at = len(A) - (2 * rank * n + states + rank * rank + rank)
-        X, R = array_at(A, at, (rank, n)), array_at(A, at + rank * n, (rank, n))
-        rates = array_at(A, at + 2 * rank * n, (states,))
-        S = array_at(A, at + 2 * rank * n + states, (rank, rank))
-        pivots = array_at(A, at + 2 * rank * n + states + rank * rank, (rank,))
+        X, R, rates, S, pivots = _tail(p, A)
         if not factor_own(p, A, scale):
             return False
         for j in range(states):
@@ -275,11 +283,7 @@ def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, A
 
     def solve(p, A, x):  # type: ignore[no-untyped-def]
         n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-        at = len(A) - (2 * rank * n + states + rank * rank + rank)
-        X, R = array_at(A, at, (rank, n)), array_at(A, at + rank * n, (rank, n))
-        rates = array_at(A, at + 2 * rank * n, (states,))
-        S = array_at(A, at + 2 * rank * n + states, (rank, rank))
-        pivots = array_at(A, at + 2 * rank * n + states + rank * rank, (rank,))
+        X, R, rates, S, pivots = _tail(p, A)
         y = numbers(A, rank)
         solve_own(p, A, x)
         for j in range(states):
@@ -329,4 +333,4 @@ def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]
 def no_feedback(programs: Any) -> Feedback:
     """Return no quantities, signals and states: all problems are of its type."""
     x, n, two = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-    return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, 0, 0, 0.0, x, x, x, x, x, x)
+    return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, n, 0, 0, 0.0, x, x, x, x, x, x)

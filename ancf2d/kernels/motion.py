@@ -104,7 +104,7 @@ def motion(n: int, kept: int, sections: int) -> Motion:
 
 
 for _function in (jets.compare, jets.power_jet, jets.function_jet, jets.table_jet, jets.time_jet, jets.binary_jet,
-                  jets.combine):
+                  jets.combine, jets.steer):
     register_jitable(_function)
 
 _run = kernel(jets.run)

@@ -112,7 +112,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 @kernel
 def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
-    if p.rank > 0:
+    if len(p.feedback.kind) > 0:
         evaluate(p.programs, t, w.amps)
         to_full(p, s.z, w.amps, 0, w.d)
         calls.feedback_accept(p.calls, (p, w))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Case, Constant, Expression, Ramp, Table, Windowed, syntax
+from ..case import Case, Constant, Expression, Gated, Ramp, Table, Windowed, syntax
 from ..case.records import walk
 from ..elements.shape import Array
 from .timing import Signal
@@ -99,6 +99,9 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
     amplitude = signal.amplitude
     if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
         return ()
+    if isinstance(amplitude, Gated):
+        # where it begins and ends is known while the motion runs
+        return breakpoints(Signal(amplitude.inner, signal.factor), t0, t1)
     if isinstance(amplitude, Expression):
         places = switches(amplitude.tree, t0, t1)
     elif isinstance(amplitude, Windowed):

@@ -21,7 +21,6 @@ from ..case import (
     Point,
     SmallMotions,
     Static,
-    amplitude_of,
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
@@ -180,10 +179,10 @@ class _Builder:
             if k in self.case.resting_springs:
                 ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
                 self.springs.append(spring.place(ends))
-                self.springs[-1].active = getattr(spring, "active", None)
+                self.springs[-1].active = self.timing.window(getattr(spring, "active", None))
             else:
                 moving = moving_spring(spring, self.meshes, self.point, self.timing)
-                moving.active = getattr(spring, "active", None)
+                moving.active = self.timing.window(getattr(spring, "active", None))
                 self.loads.patches.append(moving)
 
     def add_flows(self) -> None:
@@ -203,7 +202,7 @@ class _Builder:
 
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
-            context = LoadContext(self.meshes, self.point, self.timing.follow(amplitude_of(load)), self.case.masses,
+            context = LoadContext(self.meshes, self.point, self.timing.factor(load), self.case.masses,
                                   [f for f in self.case.flows if isinstance(f, Fluid)], self.timing.follow)
             out = self.loads
             if load.name in self.case.inputs:

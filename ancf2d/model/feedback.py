@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Expression, Pid, jets
+from ..case import Dynamic, Expression, Gated, Latch, Pid, jets
 from ..case.controllers import equations
 from ..case.programs import state_programs, value_at
-from ..case.syntax import Tree, named_in
+from ..case.syntax import Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from .breakpoints import Break
@@ -35,8 +36,16 @@ class Quantity(NamedTuple):
     rotation: Rotation | None = None
 
 
+class Waiting(NamedTuple):
+    """A condition that something waits for to begin (``after``) or to end (``until``); without a latch, the motion."""
+
+    latch: Latch | None
+    which: str
+    text: str
+
+
 class Feedback:
-    """The quantities of a model's motion that something depends on, and its controllers.
+    """The quantities of a model's motion that something depends on, its controllers, and the conditions it waits for.
 
     ``names`` are those of quantities, then of states; ``meaning`` tells of each name its number or, of controllers, the
     tree of the output. ``states`` are the names of controllers' states, CONTROLLER:STATE.
@@ -48,7 +57,8 @@ class Feedback:
         self.states = [state for c in self.controllers.values() for state in c.initial]
         self.rates: list[Tree] = [tree for c in self.controllers.values() for tree in c.rates.values()]
         used = [name for a in answers if a.amplitude is not None for name in a.amplitude.quantities]
-        used += [name for tree in self._trees() for name in named_in(tree)]
+        self.conditions = list(_conditions(model))
+        used += [name for tree in (*self._trees(), *self.asked) for name in named_in(tree)]
         told = dict.fromkeys(name for name in used if "." in name)
         self.quantities = [quantity_of(model, name) for name in told]
         self.names = [*told, *self.states]
@@ -63,6 +73,11 @@ class Feedback:
     def rank(self) -> int:
         """How many signals and states answer the motion."""
         return len(self.answers) + len(self.states)
+
+    @cached_property
+    def asked(self) -> list[Tree]:
+        """The conditions as trees."""
+        return [syntax(c.text) for c in self.conditions]
 
     @property
     def switches(self) -> list[Signal]:
@@ -101,8 +116,9 @@ class Feedback:
         return out
 
     def programs(self) -> jets.Programs:
-        """Return the programs of all signals that answer the motion, then of the rates of states."""
-        functions = [*((a.amplitude, a.factor) for a in self.answers), *((tree, 1.0) for tree in self.rates)]
+        """Return the programs of all signals that answer the motion, of the rates of states, and of conditions."""
+        functions = [*((a.amplitude, a.factor) for a in self.answers),
+                     *((tree, 1.0) for tree in (*self.rates, *self.asked))]
         return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
 
     def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
@@ -155,15 +171,25 @@ class Feedback:
         """Let signals have the values of a state. Raises ComputationError where one has none."""
         for answer in self.answers:
             assert answer.amplitude is not None
+            if isinstance(answer.amplitude, Gated) and not answer.amplitude.latch.at(t):
+                answer.level[0] = 0.0
+                continue
             program = state_programs([(answer.amplitude, answer.factor)], self.meaning, len(values))
             found = value_at(program, 0, t, values.tolist())[0]
             answer.level[0] = self._finite(found, answer.amplitude.described(), t, values)
 
     def check(self, t: float, values: Array) -> None:
-        """Raise the ComputationError of a signal, a rate or an output that has no value."""
+        """Raise the ComputationError of a signal, a rate, an output or a condition that has no value."""
         self.look(t, values)
+        self.holding(t, values)
         for c in self.controllers.values():
             self.evaluate(c.rates, t, values)
+
+    def holding(self, t: float, values: Array) -> list[bool]:
+        """Return which conditions hold. Raises the ComputationError of one that has no value."""
+        named = {f"the condition '{c.text}'": tree for c, tree in zip(self.conditions, self.asked, strict=True)}
+        found = self.evaluate(named, t, values)
+        return [found[f"the condition '{c.text}'"] != 0.0 for c in self.conditions]
 
     def _finite(self, value: float, what: str, t: float, values: Array) -> float:
         if math.isfinite(value):
@@ -172,6 +198,18 @@ class Feedback:
         what = f"the controller's {what}" if ":" in what else what
         raise ComputationError(f"{what} has no value: it divides by zero, or a square root or a power is not real",
                                at={"t": t, **used}, advice="guard the expression with 'a if c else b'")
+
+
+def _conditions(model: Any) -> Iterator[Waiting]:
+    """Yield the conditions that things wait for, and the motion last."""
+    for latch in model.latches:
+        for which in ("after", "until"):
+            text = getattr(latch.active, which)
+            if text is not None:
+                yield Waiting(latch, which, text)
+    solver = model.case.solver
+    if isinstance(solver, Dynamic) and solver.until is not None:
+        yield Waiting(None, "until", solver.until)
 
 
 def quantity_of(model: Any, name: str) -> Quantity:

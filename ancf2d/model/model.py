@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, LoadedCase, Point
+from ..case import Case, Latch, LoadedCase, Point
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad, LoadSet, Patch
 from ..interactions.springs import Spring
@@ -298,6 +298,11 @@ class Model:
         from .feedback import Feedback
 
         return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
+
+    @property
+    def latches(self) -> list[Latch]:
+        """What tells when things act that wait for conditions."""
+        return list(getattr(self.timing, "latches", {}).values())
 
     @property
     def patches(self) -> list[Patch]:

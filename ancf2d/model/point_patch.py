@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Active
+from ..case import Active, Latch
 from ..elements.point_laws import DIRECTION, GROUND, MAX_CONSTANTS, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError, PluginError
@@ -101,7 +101,7 @@ class PointPatch:
     multiplier = -1
     scale = 1.0
     # when it acts, None for always
-    active: Active | None = None
+    active: Active | Latch | None = None
 
     def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float],
                  signal: Callable[[float], float] | None = None, fed: int = -1,

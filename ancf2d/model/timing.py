@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
-from ..case import Amplitude
+from ..case import Active, Amplitude, Latch, amplitude_of
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,14 @@ class Timing:
         """Return the factor on a load."""
         return self if amplitude is None else amplitude.value
 
+    def window(self, active: Active | None) -> Active | Latch | None:
+        """Return what tells when something acts."""
+        return active
+
+    def factor(self, load: Any) -> Course:
+        """Return the factor on a load, zero while it does not act."""
+        return self.follow(amplitude_of(load, self.window(getattr(load, "active", None))))
+
     def motion(self, value: float | Amplitude, start: float) -> Course:
         """Return how far a prescribed motion is from ``start``, its value in the reference.
 
@@ -103,15 +112,23 @@ class Timing:
 class TimeTiming(Timing):
     """Over time: what has no amplitude is constant. Everything is a Signal, which kernels can evaluate.
 
-    ``answers`` are those that are functions of the motion, each once.
+    ``answers`` are those that are functions of the motion, each once, ``latches`` tell when things act that wait for
+    conditions.
     """
 
     def __init__(self) -> None:
         self.answers: dict[Amplitude, Answer] = {}
+        self.latches: dict[Active, Latch] = {}
 
     def __call__(self, t: float) -> float:
         """Return 1."""
         return 1.0
+
+    def window(self, active: Active | None) -> Active | Latch | None:
+        """Return what tells when something acts: of what waits for the same conditions, the same."""
+        if active is None or not active.waits:
+            return active
+        return self.latches.setdefault(active, Latch(active))
 
     def follow(self, amplitude: Amplitude | None) -> Signal:
         """Return the factor on a load."""

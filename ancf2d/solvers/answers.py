@@ -73,7 +73,8 @@ class Answers:
 
     def look(self, row: Row) -> dict[str, dict[str, float]]:
         """Let loads that answer the motion be those of a state; return what controllers put out and remember there."""
-        if self.feedback.rank == 0:
+        self.motion.events.show()
+        if not self.feedback.answers and not self.feedback.controllers:
             return {}
         values = self.told(row)
         self.feedback.look(row.side, values)
@@ -81,7 +82,7 @@ class Answers:
 
     def check(self, h: float) -> None:
         """Raise the ComputationError of what has no value here, or a time h on as the motion goes."""
-        if self.feedback.rank == 0:
+        if self.feedback.rank == 0 and not self.feedback.conditions:
             return
         motion, row = self.motion, self.motion.here()
         d, v, _ = motion.full(row)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ..case import Active, Case
 from ..elements.shape import Array
 from ..elements.sliding import OFF
 from ..interactions.moving import MovingPatch
@@ -18,7 +17,6 @@ from ..kernels.lowlevel.records import Record
 from ..kernels.motion import GRID, STEP_SIZE, WORK, evaluate
 from ..model.breakpoints import Break, Piece, breakpoints
 from ..model.model import Model
-from ..model.point_patch import PointPatch
 from ..model.timing import Signal
 
 # whether a point acts, and its rate while the body rests
@@ -34,17 +32,12 @@ class MovingPoints:
     def __init__(self, model: Model, t_end: float) -> None:
         self.model = model
         self.patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
-        self.timed = _timed(model.interactions.points)
-        crossings = self._crossings(t_end)
-        self.times = {b.t for b in crossings}
-        ends = {t for active in (*(a for _, a in self.timed), *(p.active for p in self.patches)) if active is not None
-                for t in active.times if 0.0 < t <= t_end}
-        self.crossings = [*crossings, *(Break(t, 0, float(np.nextafter(t, -np.inf))) for t in ends)]
-        self.times -= ends
+        self.crossings = self._crossings(t_end)
+        self.times = {b.t for b in self.crossings}
 
     def __bool__(self) -> bool:
-        """Whether there are any, or anything begins or ends."""
-        return bool(self.patches or self.timed)
+        """Whether there are any."""
+        return bool(self.patches)
 
     def _crossings(self, t_end: float) -> list[Break]:
         found: dict[Any, list[float]] = {}
@@ -55,12 +48,14 @@ class MovingPoints:
                 found[patch.mesh.plan.name, course] = patch.crossings(ends)
         return [Break(t, 2, float(np.nextafter(t, -np.inf))) for times in found.values() for t in times]
 
-    def enter(self, p: Record, piece: Piece) -> None:
-        """Let the points be in the elements that have them in a piece of the motion, and let act what then does."""
-        for k, active in self.timed:
-            p.points.on[k] = active.at(0.5 * (piece.first + piece.stop))
+    def enter(self, p: Record, piece: Piece, acts: Callable[[Any, float], bool]) -> None:
+        """Let the points be in the elements that have them in a piece of the motion; ``acts`` tells whether they act.
+
+        It takes what tells when, and a time.
+        """
+        t = 0.5 * (piece.first + piece.stop)
         for j, patch in enumerate(self.patches):
-            p.moving.element[j] = m = patch.element(0.5 * (piece.first + piece.stop))
+            p.moving.element[j] = m = patch.under(t) if acts(patch.active, t) else OFF
             p.points.on[p.moving.item[j]] = m != OFF
 
     def rates(self, p: Record, w: Record, s: Record, t: float) -> Rates:
@@ -89,30 +84,8 @@ class MovingPoints:
         return out
 
 
-def events(case: Case, t_end: float) -> list[dict[str, Any]]:
-    """Return when loads and springs of a case begin and end within a motion, in order, by what a case calls them."""
-    out = []
-    for section in ("springs", "loads"):
-        for k, item in enumerate(getattr(case, section)):
-            active = getattr(item, "active", None)
-            for t, what in zip(active.times if active else (), ("begins", "ends"), strict=False):
-                if 0.0 < t <= t_end:
-                    out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
-    return sorted(out, key=lambda event: event["t"])
-
-
-def _timed(patches: Iterable[Any]) -> list[tuple[int, Active]]:
-    """Return the place among the point laws of what begins or ends, and when."""
-    out, at = [], 0
-    for patch in patches:
-        if isinstance(patch, PointPatch) and patch.active is not None:
-            out.append((at, patch.active))
-        at += len(patch.items().p0)
-    return out
-
-
-def pass_break(motion: Any) -> None:
-    """Let a motion (``stepping.Stepper``) start anew behind a break.
+def pass_break(motion: Any, piece: int) -> None:
+    """Let a motion (``stepping.Stepper``) start anew behind a break, in the piece that follows.
 
     Prescribed rates may jump, by an impulse that acts on all that is free. Its work is what the kinetic energy
     gains: the impulse times the mean of the rates before and after.
@@ -129,7 +102,7 @@ def pass_break(motion: Any) -> None:
     s.v[:] += off
     energy = kinetic(p, w, s, t)
     s.v[:] -= off
-    motion.enter(motion.piece + 1)
+    motion.enter(piece)
     evaluate(p.programs, t, after)
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass

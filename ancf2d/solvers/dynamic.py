@@ -16,7 +16,6 @@ from ..kernels.motion import COUNT, REJECTED
 from ..model.coarse import inverted
 from ..model.model import Model
 from ..pace import Pace
-from .breaks import events
 from .contact import recall_rows
 from .energy import Energies, is_constant
 from .estimate import Estimate, step_ends
@@ -235,7 +234,7 @@ class Run:
         state.report = {
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
-        found = events(self.model.case, self.spec.t_end)
+        found = self.stepper.events.told()
         if found:
             state.report["events"] = found
         if self.inverted is not None:

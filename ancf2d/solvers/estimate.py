@@ -97,6 +97,9 @@ class Estimate:
         try:
             while not queue or queue[-1][0] < t - near:
                 since = stepper.t
+                if stepper.done and queue and queue[-1][0] >= since:
+                    # a coarser motion may end before this one
+                    return None
                 with self.paces[level].running():
                     rows = [stepper.last()] if stepper.done else stepper.run()
                 self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import GroundPoint, Point, amplitude_of
+from ..case import GroundPoint, Point
 from ..elements.shape import Array
 from ..elements.sliding import OFF
 from ..interactions.forces import LoadContext, LoadSet
@@ -114,7 +114,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         if not isinstance(at, Point) or at.body != mesh.plan.name or not is_inside(point := model.point(at), mesh):
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
-        follows = model.timing.follow(amplitude_of(load))
+        follows = model.timing.factor(load)
         load.add(LoadContext(model.meshes, model.point, follows), out)
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values

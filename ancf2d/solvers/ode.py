@@ -9,8 +9,8 @@ import numpy as np
 
 from ..case import Dynamic
 from ..elements.shape import Array
-from ..errors import ComputationError
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
+from ..kernels.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
 from ..kernels.feedback import tail_size
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
@@ -21,6 +21,7 @@ from . import stepping
 from .breaks import pass_break
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
+from .stuck import stuck
 
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
@@ -128,8 +129,8 @@ class OdeStepper(Stepper):
         out[m + states] = 0.0
         return out
 
-    def _begin(self, stop: float) -> Any:
-        """Return SciPy's solver from the motion to ``stop``."""
+    def _begin(self, stop: float, first: float | None = None) -> Any:
+        """Return SciPy's solver from the motion to ``stop``; ``first`` is the step to try first."""
         from scipy import integrate
 
         self.begun = self.scale.copy()
@@ -140,7 +141,9 @@ class OdeStepper(Stepper):
         more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self.tolerance, atol=self._weights(), **more)
-        if self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
+        if first is not None:
+            solver.h_abs = first
+        elif self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
             solver.h_abs = float(self.s.numbers[STEP_SIZE])
         return solver
 
@@ -162,8 +165,12 @@ class OdeStepper(Stepper):
             if self.solver is None:
                 self.solver = self._begin(stop)
             self._step(found)
-            if self.t >= stop and not self.done:
-                pass_break(self)
+            event = self.events.holds()
+            following = self.events.happen() if event else self.piece + 1
+            while not self.done and (event or self.t >= stop):
+                pass_break(self, following)
+                stop, event = self.pieces[self.piece].stop, self.events.holds()
+                following = self.events.happen() if event else self.piece + 1
             if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))
@@ -174,10 +181,13 @@ class OdeStepper(Stepper):
             solver.atol = self._weights()
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
-            raise self._stuck(message)
+            raise stuck(self, message)
+        path: Any = self._stop_at_event(t) if self.events.conditions else None
+        solver = self.solver
         h, evaluations = solver.t - t, solver.nfev - evaluations
         inside = self._inside(t, solver.t)
-        path: Any = solver.dense_output() if self.tracks or len(inside) else None
+        if path is None and (self.tracks or len(inside)):
+            path = solver.dense_output()
         error = self._local_error(h)
         at_end = bool(len(inside)) and inside[-1] >= solver.t - NEAR * h
         states = [(x, path(x), self._work(path, t, x), self._turned(x - t, x, path(x)))
@@ -193,6 +203,44 @@ class OdeStepper(Stepper):
             kind = CHECK if len(states) and not at_end else END
             self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]],
                         self.s.turned[0])
+
+    def _stop_at_event(self, t: float) -> Any:
+        """Let a step from t that has just been made end where a condition comes to hold in it.
+
+        Returns its interpolation. One-step methods make it once more, until it ends there.
+        """
+        for k in range(TRIES):
+            solver = self.solver
+            path, near = solver.dense_output(), FLOATS * FLOAT * solver.t
+            found = self._crossing(path, t, solver.t, BEYOND * (solver.t - t) if k else 0.0)
+            if found is None or abs(found - solver.t) <= near or found <= t + near:
+                return path
+            if not self.scheme.one_step:
+                solver.t, solver.y, solver.status = found, path(found), "running"
+                return path
+            self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
+            message = self.solver.step()
+            if self.solver.status == "failed":
+                raise stuck(self, message)
+        return self.solver.dense_output()
+
+    def _crossing(self, path: Any, t: float, end: float, beyond: float) -> float | None:
+        """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none."""
+        def holds(x: float) -> bool:
+            place(self.inner, self.free, path(x))
+            found = holding(self.p, self.w, self.inner.z, self.inner.v, x)
+            if found == NO_VALUE:
+                raise stuck(self, "a condition has no value")
+            return bool(found != NONE)
+
+        times = [t + (end - t) * k / LOOKS for k in range(LOOKS)] + [end] + ([end + beyond] if beyond else [])
+        k = next((k for k in range(1, len(times)) if holds(times[k])), None)
+        if k is None:
+            return None
+        low, high = times[k - 1], times[k]
+        while low < (middle := 0.5 * (low + high)) < high:
+            low, high = (low, middle) if holds(middle) else (middle, high)
+        return high
 
     def _inside(self, t: float, end: float) -> Array:
         """Return the wanted times up to the end of a step."""
@@ -216,7 +264,8 @@ class OdeStepper(Stepper):
         weights = self.p.weights
         self.scale = np.maximum(self.scale, [np.max(weights * np.abs(x), initial=0.0) for x in (s.z, s.v)])
         s.numbers[SIZE] = self.scale[0]
-        if self.scheme.fixed and np.any(self.scale > 2.0 * self.begun):
+        short = solver.status == "finished" and solver.t < self.pieces[self.piece].stop
+        if short or (self.scheme.fixed and np.any(self.scale > 2.0 * self.begun)):
             self.solver = None
         return worst
 
@@ -263,19 +312,6 @@ class OdeStepper(Stepper):
         accelerations(self.p, self.w, self.factors, self.s, self.t)
         self.log = []
         return super().last()
-
-    def _stuck(self, message: str | None) -> ComputationError:
-        """Return what to say of a step that SciPy could not make."""
-        beyond = max(float(self.s.numbers[OLD_STEP]), 1e-6 * self.spec.t_end)
-        for t in (self.t, self.t + beyond):
-            self._check_signals(t)
-        self._check_joints(self.here())
-        reason = message or "the motion is no longer finite"
-        return ComputationError(
-            f"{self.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{self.t:.9g}"),
-                                                                    "step": int(self.s.numbers[COUNT]) + 1},
-            advice="method radau5, which takes longer steps in stiff motion, or look at the last states: an element "
-                   "may also be inverted")
 
     # ------------------------------------------------------------------ going on later
 

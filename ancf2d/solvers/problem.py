@@ -15,7 +15,8 @@ from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
 from ..kernels.calls import table
 from ..kernels.dynamics import Problem, dynamic_functions
-from ..kernels.feedback import Feedback, feedback_functions, no_feedback, tail_size
+from ..kernels.events import event_functions, holding
+from ..kernels.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ..kernels.impact import begin, impact_functions
 from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
@@ -180,6 +181,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
             **patch_functions(fronts, acts, slides, carries, method.conserves, layout),
             **(impact_functions(model.sided, layout) if model.contacts else {}),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {}),
+            **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
 
 
@@ -236,7 +238,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     """Return what answers the motion, and the arrays of a problem with states of controllers behind the unknowns."""
     found, num = model.feedback, model.numbering
     n, n_full, m = num.n_unknowns, len(num.place), len(found.states)
-    if found.rank == 0:
+    if found.rank == 0 and not found.conditions:
         return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "sure": 1}
     clock = signals.row(Signal(Expression("t")))
     rows = np.array([signals.row(a) for a in found.answers], dtype=np.int64)
@@ -250,14 +252,14 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     feedback = Feedback(
         **_quantities(model), near=np.zeros(names), row=rows, columns=columns,
         first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
-        programs=found.programs(), clock=clock, states=m,
+        programs=found.programs(), watched=np.zeros(len(found.conditions), dtype=np.int64), clock=clock, states=m,
         soon=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
         slopes=np.zeros(1 + names), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
 
     def longer(x: Array, value: float = 0.0) -> Array:
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
-    tail = tail_size(n + m, found.rank, m)
-    return {"feedback": feedback, "inner": n, "rank": found.rank, "sure": 2 if switches(feedback.programs) else 1,
+    tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
+    return {"feedback": feedback, "inner": n, "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
             "place": np.concatenate([num.place, n + np.arange(m)]),
             "full": np.concatenate([num.free, n_full + np.arange(m)]),
             "mass": np.concatenate([data["mass"], np.zeros(tail)]), "coordinate": longer(data["coordinate"], 1.0),
@@ -293,8 +295,9 @@ def own(problem: Record, model: Model) -> Record:
     """Return a problem with tables of its own, where they remember something."""
     p: Problem = problem.values
     groups, states = with_states(model.groups)
-    room = ("near", "scale", "values", "slopes", "rates", "full", "column")
-    feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room})
+    room = ("near", "scale", "values", "slopes", "rates", "full", "column", "watched")
+    feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room},
+                                   programs=_own(p.feedback.programs, "data"))
     p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
     p = p._replace(groups=addresses(groups), states=states)
     if len(p.moving.item):
@@ -302,7 +305,7 @@ def own(problem: Record, model: Model) -> Record:
         p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par", "drift"), moving=_own(p.moving, "element"),
                        **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
     return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory"),
-                             programs=_own(p.programs, "window")), others=groups)
+                             programs=_own(p.programs, "window", "data")), others=groups)
 
 
 def _own(table: Any, *names: str) -> Any:
@@ -349,6 +352,7 @@ def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     slides = calls.sliding_forces in called
     patched = slides or calls.point_forces in called
     return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, patched, slides, model.sided),
+            *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
             *calls.compilations(called)]
 
 
@@ -374,6 +378,11 @@ def _called_from_python(P: Any, own: bool, patched: bool, slides: bool, sided: b
             ode.rates: (P, W, _x, M, _n, _f, _x, _x), ode.powers: (P, W, _x, M, _n, _f, _x),
             ode.settle: (P, W, M, _f), ode.tangents: (P, W, M, _f, _x, _x, _x)}
     return [partial(kernel.compile, signature) for kernel, signature in signatures.items()]
+
+
+def _holding(P: Any) -> tuple[Any, ...]:
+    """Return the types that the conditions of a motion are asked with."""
+    return P, type_of(scratch(0, 0, 0, 0)), _x, _x, _f
 
 
 def _no_rows() -> Rows:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..case import amplitude_of
 from ..elements.shape import Array, gauss
 from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
@@ -195,7 +194,7 @@ class _Part:
         return out if found else None
 
     def _factor(self, load: Any) -> float:
-        return float(self.body.model.timing.follow(amplitude_of(load))(self.state.side))
+        return float(self.body.model.timing.factor(load)(self.state.side))
 
     def _line_loads(self) -> Iterator[tuple[Line, float]]:
         for load in self.body.model.case.loads:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from bisect import bisect_left
 
 import numpy as np
 
 from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..interactions.prismatic import OnAxis
 from ..kernels import advance as kernels
 from ..kernels.consistent import consistent, onto_constraints
 from ..kernels.dynamics import forces, inertia_at, to_full
 from ..kernels.impact import begin
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import (
-    COUNT,
     LOST,
-    NOT_FINITE,
-    SINGULAR,
     SIZE,
     STEP_SIZE,
     TIME,
@@ -31,19 +27,20 @@ from ..kernels.motion import (
     scratch,
 )
 from ..kernels.points import turn_on
-from ..kernels.sliding import sliding_check
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
-from ..model.point_patch import PointConstraint, check_facing
-from ..model.timing import Answer, Signal
+from ..model.point_patch import PointConstraint
+from ..model.timing import Signal
 from .answers import Answers
 from .breaks import MovingPoints, pass_break
+from .events import Events
 from .initial import goes_on
 from .linear import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
 from .schemes import INTEGRATORS, default_method
 from .state import MEMORIES, Row
+from .stuck import check_joints, check_signals, failure
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
 CHUNK_SECONDS = 0.2
@@ -77,8 +74,11 @@ class Stepper:
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
         self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
+        self.events = Events(self)
+        ends = self.events.breaks(spec.t_end)
+        self.moving.times -= {b.t for b in ends}
         self.pieces: list[Piece] = pieces([*signals, *feedback.switches], spec.t_end,
-                                          [*self.moving.crossings, *feedback.instants(spec.t_end)])
+                                          [*self.moving.crossings, *ends, *feedback.instants(spec.t_end)])
         self.enter(0)
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
@@ -128,6 +128,7 @@ class Stepper:
         given = self.s.v.copy()
         self.consistent(0.0, self._impulse(v))
         self.answers.begin()
+        self.events.begin()
         if self.method.conserves and goes_on(self.model):
             # rates that keep the energy meet constraints in the mean of steps alone
             self.s.v[:] = given * self.p.coordinate
@@ -163,7 +164,7 @@ class Stepper:
                 advice="give every body a density (rhoI too where the section is given by stiffnesses); remove joints "
                 "that hold the same motion twice")
         if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
-            self._check_signals(t)
+            check_signals(self, t)
             raise ComputationError("the accelerations are not finite", at={"t": t},
                                    advice="check loads, masses and stiffnesses for extreme values")
         self.s.turned[:] = self.turns_on(t, 0.0, self.s.z, self.s.v)
@@ -236,7 +237,7 @@ class Stepper:
         # only stored states and the last: how far else a call came is a matter of the clock
         for k, row in enumerate([*found, self.here()] if self.done else found):
             try:
-                self._check_joints(row)
+                check_joints(self, row)
             except ComputationError as error:
                 self.failed, found[k:] = error, []
                 return
@@ -256,9 +257,13 @@ class Stepper:
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
             self._collect(found, stored, logged)
             if why == kernels.FAILED:
-                raise self._failure(outcome)
-            if why == kernels.REACHED and stop < end:
-                pass_break(self)
+                raise failure(self, outcome)
+            if why == kernels.EVENT:
+                following = self.events.happen()
+                if not self.done:
+                    pass_break(self, following)
+            elif why == kernels.REACHED and stop < end:
+                pass_break(self, self.piece + 1)
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
 
@@ -286,7 +291,12 @@ class Stepper:
         """Take signals as they are in a piece of the motion."""
         self.piece = piece
         self.p.programs.window[:] = self.pieces[piece][:2]
-        self.moving.enter(self.p, self.pieces[piece])
+        self._let_act(self.p, self.pieces[piece])
+
+    def _let_act(self, p: Record, piece: Piece) -> None:
+        """Let act what does in a piece of the motion."""
+        self.events.enter(p, piece)
+        self.moving.enter(p, piece, self.events.acts)
 
     def here(self) -> Row:
         s = self.s
@@ -300,7 +310,7 @@ class Stepper:
 
     def full(self, row: Row) -> tuple[Array, Array, Array]:
         """Return d, v, a (n_full,) of a stored state; one inside a step is put onto the constraints first."""
-        p = self._at_row(row)
+        p = self.at_row(row)
         if row.kind == kernels.INSIDE and p.patched:
             onto_constraints(p, self.w, row.z, row.v, row.side)
         evaluate(p.programs, row.side, self.w.amps)
@@ -312,20 +322,20 @@ class Stepper:
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
-        p = self._at_row(row)
+        p = self.at_row(row)
         evaluate(p.programs, row.side, self.w.amps)
         forces(p, self.w, row.z, row.v)
         if self.moving:
             inertia_at(p, self.w, row.a)
         return self.w.Q[:len(self.model.numbering.place)].copy()
 
-    def _at_row(self, row: Row) -> Record:
+    def at_row(self, row: Row) -> Record:
         """Return the problem with the memory of a stored state."""
         self.past.points.mem[:] = row.turns
         self.past.sliding.memory[:] = row.feet
         self.past.states[:] = row.states
-        if self.moving:
-            self.moving.enter(self.past, next(piece for piece in self.pieces if row.side <= piece.last))
+        if self.moving or self.events:
+            self._let_act(self.past, self.pieces[bisect_left(self.pieces, row.side, key=lambda piece: piece.last)])
         self.answers.recall(self.past, row)
         return self.past
 
@@ -340,7 +350,7 @@ class Stepper:
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
-        out |= {"sizes": self.p.feedback.scale.copy()}
+        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.kept()}
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -349,45 +359,8 @@ class Stepper:
             value[:] = kept[name]
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
+        self.events.resume(kept)
         self.enter(int(kept["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = kept[name]
         self.answers.resume(kept["sizes"])
-
-    # ------------------------------------------------------------------ what can go wrong
-
-    def _check_signals(self, t: float) -> None:
-        """Raise the ComputationError of an expression that has no value at t."""
-        for signal in self.signals:
-            if not isinstance(signal, Answer):
-                signal(t)
-        self.answers.check(t - self.t)
-
-    def _check_joints(self, row: Row) -> None:
-        """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
-        p, d = self._at_row(row), np.zeros(len(self.p.place))
-        evaluate(p.programs, row.side, self.w.amps)
-        to_full(p, row.z, self.w.amps, 0, d)
-        check_facing(self.facing, d, row.side)
-        bad = sliding_check(p.values.sliding, d) if len(p.sliding.multiplier) else -1
-        if bad >= 0:
-            raise [c for c in self.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
-
-    def _failure(self, outcome: int) -> ComputationError:
-        """Return what to say of a step that could not be made."""
-        h = float(self.s.numbers[STEP_SIZE])
-        at: dict[str, Any] = {"t": float(f"{self.t:.9g}"), "step": int(self.s.numbers[COUNT]) + 1,
-                              "dt": float(f"{h:.3g}")}
-        # steps end by round-off beside a time from which on there is no value
-        self._check_signals(self.t + max(h, 1e-6 * self.spec.t_end))
-        self._check_joints(self.here())
-        weights = self.p.weights
-        worst = int(np.argmax(np.where(np.isfinite(self.w.x), weights * np.abs(self.w.x), np.inf)))
-        if self.p.full[worst] < self.model.n_q:
-            at["coordinate"] = self.model.describe_coordinate(int(self.p.full[worst]))
-        reason = {NOT_FINITE: "the forces are no longer finite",
-                  SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
-        return ComputationError(
-            f"{reason}, however small the step", at=at, history=[float(x) for x in self.w.history if x != 0.0],
-            advice="looking at the last states: an element may be inverted, or the motion may have met a singular "
-                   "position; smaller steps before it, or a smaller tolerance, may pass it")

@@ -1,4 +1,4 @@
-"""What begins and ends during a motion: loads and springs with ``active``, against closed forms."""
+"""What begins and ends during a motion, at times and once conditions hold, against closed forms."""
 
 from __future__ import annotations
 
@@ -7,17 +7,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import ancf2d
+from ancf2d.case import load_case_text
+from ancf2d.errors import ComputationError
+from ancf2d.model.build import build_model
+from ancf2d.solvers import stepping
+from ancf2d.solvers.dynamic import solve_dynamic
 
 # a point of mass 1 that moves along x alone, as good as free
 BODY = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
         "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 1, "rhoI": 0}, "element": {"type": "rigid"}}
 
 
-def run(t_end: float = 2.0, method: str = "radau5", **more: Any) -> Any:
+def run(t_end: float = 2.0, method: str = "radau5", element: Any = None, **more: Any) -> Any:
     return ancf2d.solve({
-        "bodies": {"bar": BODY},
+        "bodies": {"bar": {**BODY, "element": element or BODY["element"]}},
         "boundary_conditions": [{"type": "roller", "at": "bar@0", "fixed": "y"},
                                 {"type": "roller", "at": "bar@1", "fixed": "y"}],
         "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-8, "method": method, "estimate": False},
@@ -100,3 +106,146 @@ def test_what_begins_is_checked() -> None:
             run(loads=[{**load, "active": active}])
     with pytest.raises(ancf2d.CaseError, match="only with dynamic"):
         run(loads=[{**load, "active": {"to": 1}}], solver={"type": "static"}, output={})
+
+
+SPRING = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": 9, "length": 1}
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum", "DOP853"])
+def test_a_latch_lets_go_where_a_probe_has_come(method: str) -> None:
+    """x = 0.2/3 sin(3 t) up to x = 0.05, then straight on."""
+    half = {**SPRING, "stiffness": 4.5, "active": {"until": "end.ux > 0.05"}}
+    solved = run(method=method, springs=[{**half, "name": "latch"}, half], initial={"velocity": [0.2, 0]})
+    t1 = math.asin(0.75) / 3
+    second = method in ("generalized_alpha", "energy_momentum")
+    event, other = solved.summary["events"]
+    assert (event["what"], other["what"]) == ("latch ends", "springs.1 ends")
+    assert event["t"] == other["t"]
+    assert event["t"] == pytest.approx(t1, abs=2e-6 if second else 1e-8)
+    t = solved.course_t
+    expected = np.where(t < t1, 0.2 / 3 * np.sin(3 * t), 0.05 + 0.2 * math.cos(3 * t1) * (t - t1))
+    assert solved.course["end"]["ux"] == pytest.approx(expected, abs=2e-6 if second else 1e-7)
+    assert solved.summary["energy_drift"] < 1e-6
+
+
+@pytest.mark.parametrize("method", ["radau5", "LSODA"])
+def test_a_load_acts_between_two_conditions(method: str) -> None:
+    """x'' = 2 from x = 0.1 (v = 1) on until v = 2."""
+    body = {"type": "cable", "count": 1} if method == "LSODA" else {"type": "rigid"}
+    solved = run(method=method, element=body, loads=[{
+        "name": "push", "type": "distributed", "on": "bar", "value": [2, 0],
+        "active": {"after": "end.ux >= 0.1", "until": "end.vx >= goal"}}],
+                 parameters={"goal": 2.0}, initial={"velocity": [1, 0]})
+    assert [e["what"] for e in solved.summary["events"]] == ["push begins", "push ends"]
+    assert [e["t"] for e in solved.summary["events"]] == pytest.approx([0.1, 0.6], abs=1e-8)
+    t = solved.course_t
+    during, after = np.clip(t - 0.1, 0, 0.5), np.clip(t - 0.6, 0, None)
+    assert solved.course["end"]["ux"] == pytest.approx(t + during**2 + after, abs=1e-7)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
+def test_the_order_is_kept_over_ten_conditions() -> None:
+    """Five pulses between places: x'' = -30 x + f, each piece a sine about f/30, joined where x reaches a place."""
+    places = [0.05 + 0.06 * k for k in range(10)]
+    pulses = [{"type": "force", "at": "bar@0", "value": [3, 0],
+               "active": {"after": f"end.ux > {places[2 * k]}", "until": f"end.ux > {places[2 * k + 1]}"}}
+              for k in range(5)]
+    w, t, x, v = math.sqrt(30), 0.0, 0.0, 5.0
+    for k, place in enumerate(places):
+        rest = 0.1 * (k % 2)
+
+        def course(s: float, rest: float = rest, x: float = x, v: float = v) -> float:
+            return rest + (x - rest) * math.cos(w * s) + v / w * math.sin(w * s)
+
+        s = brentq(lambda s, place=place: course(s) - place, 0.0, 0.1, xtol=1e-15)
+        t, x, v = t + s, place, -w * (x - rest) * math.sin(w * s) + v * math.cos(w * s)
+    t_end = 0.4
+    exact = x * math.cos(w * (t_end - t)) + v / w * math.sin(w * (t_end - t))
+
+    def end(dt: float) -> Any:
+        return run(loads=pulses, springs=[{**SPRING, "stiffness": 30}], initial={"velocity": [5, 0]},
+                   solver={"type": "dynamic", "t_end": t_end, "dt": dt, "estimate": False, "method": "radau5"})
+    coarse, fine = end(0.2), end(0.1)
+    assert len(fine.summary["events"]) == 10
+    assert fine.summary["events"][-1]["t"] == pytest.approx(t, abs=1e-7)
+    errors = [abs(float(s.probes["end"]["ux"]) - exact) for s in (coarse, fine)]
+    assert math.log2(errors[0] / errors[1]) > 4.3
+
+
+def test_what_comes_to_hold_at_one_time_is_one_event() -> None:
+    """Two conditions that differ by round-off: both loads begin in the same instant, and cancel."""
+    solved = run(loads=[{"type": "force", "at": "bar@0", "value": [5, 0], "active": {"after": "end.ux > 0.3"}},
+                        {"type": "force", "at": "bar@1", "value": [-5, 0], "active": {"after": "3*end.ux > 0.9"}}],
+                 initial={"velocity": [1, 0]})
+    one, other = solved.summary["events"]
+    assert one["t"] == other["t"] == pytest.approx(0.3, abs=1e-14)
+    assert solved.course["end"]["ux"] == pytest.approx(solved.course_t, abs=1e-13)
+
+
+@pytest.mark.parametrize("method", ["radau5", "RK45"])
+def test_a_motion_ends_once_a_condition_holds(method: str) -> None:
+    solved = run(method=method, springs=[SPRING], initial={"velocity": [0.2, 0]}, solver={
+        "type": "dynamic", "t_end": 2, "tolerance": 1e-9, "method": method, "until": "end.vx < 0"})
+    assert solved.summary["t"] == pytest.approx(math.pi / 6, abs=1e-9)
+    assert solved.course_t[-1] == solved.summary["t"]
+    assert solved.summary["events"] == [{"t": solved.summary["t"], "what": "the motion ends: end.vx < 0"}]
+    assert abs(float(solved.probes["end"]["vx"])) < 1e-12
+
+
+CASE = """\
+bodies:
+  bar:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {EA: 1, kGA: 1, EI: 1, rhoA: 1, rhoI: 0}
+    element: {type: rigid}
+boundary_conditions:
+  - {type: roller, at: bar@0, fixed: y}
+  - {type: roller, at: bar@1, fixed: y}
+springs:
+  - {type: translational, between: [[-1, 0], bar@0], stiffness: 40, active: {until: hold > 0.55}}
+loads:
+  - {type: force, at: bar@0, value: [1, 0], active: {after: end.vx < 0}}
+  - {type: force, at: bar@0, value: [2, 0], active: {after: hold > 0.5}, amplitude: {type: expression, value: 1 + hold}}
+controllers:
+  hold: {type: state, rate: {z: end.ux}, initial: {z: 0.49}, output: z}
+initial: {velocity: [0.5, 0]}
+solver: {type: dynamic, t_end: 1.5, dt: 0.01, estimate: true}
+output: {interval: 0.05, probes: {end: bar@1}}
+"""
+
+
+def test_a_motion_goes_on_across_events_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(stepping, "LOG_ROWS", 7)
+
+    def states(kept: Any = None) -> list[Any]:
+        model = build_model(load_case_text(CASE))
+        return list(solve_dynamic(model, model.case.solver, kept))
+
+    whole = states()
+    events = whole[-1].report["events"]
+    assert len(events) == 3
+    for event in events:
+        behind = next(k for k, s in enumerate(whole) if s.t > event["t"] and s.checkpoint is not None)
+        for k in (behind - 1, behind):
+            if whole[k].checkpoint is None:
+                continue
+            rest = states(whole[k].checkpoint)
+            assert [s.t for s in rest] == [s.t for s in whole[k + 1:]]
+            assert all(a.d.tobytes() == b.d.tobytes() for a, b in zip(rest, whole[k + 1:], strict=True))
+            for name in ("events", "energy_drift", "accuracy"):
+                assert rest[-1].report[name] == whole[-1].report[name]
+
+
+def test_conditions_are_checked() -> None:
+    load = {"type": "force", "at": "bar@0", "value": [1, 0]}
+    for active, says in (({"after": "end.ux"}, "compares nothing"), ({"after": "ux > 1"}, "'ux' is unknown"),
+                         ({"from": 1, "after": "t > 1"}, "from and after are both given"),
+                         ({"to": 1, "until": "t > 1"}, "to and until are both given")):
+        with pytest.raises(ancf2d.CaseError, match=says):
+            run(loads=[{**load, "active": active}])
+    with pytest.raises(ComputationError, match="has no value"):
+        run(loads=[{**load, "active": {"after": "sqrt(0.5 - end.ux) < 0.1 if t > 1.5 else sqrt(0.5 - end.ux) > 9"}}],
+            initial={"velocity": [1, 0]})
+    with pytest.raises(ComputationError, match="ends where it begins"):
+        run(solver={"type": "dynamic", "t_end": 1, "until": "end.ux < 1"})

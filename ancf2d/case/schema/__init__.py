@@ -4,7 +4,8 @@ A further solver or amplitude is one more dataclass with a ``tag`` (what ``type`
 module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions`` and in plugins, which register them.
 """
 
-from .amplitudes import Active, Amplitude, Constant, Expression, Ramp, Sine, Table, Windowed, amplitude_of
+from .active import Active, Gated, Latch, Windowed, amplitude_of
+from .amplitudes import Amplitude, Constant, Expression, Ramp, Sine, Table
 from .body import (
     AreaSection,
     Body,
@@ -51,10 +52,10 @@ from .solvers import (
 __all__ = [
     "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
     "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid",
-    "FrequencyResponse", "Geometry", "Goal", "GroundPoint", "Initial", "Layers", "LimitPoints", "Line", "LinePiece",
-    "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output", "PathGeometry", "Pid",
-    "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile", "ProfileExpression", "ProfileTable",
-    "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective", "Sine", "SmallMotions", "Solver",
-    "Spline", "StateController", "StateSpace", "Static", "SteadyRotation", "Stiffness", "StressStrain", "Table",
-    "Transport", "Units", "Windowed", "amplitude_of", "register",
+    "FrequencyResponse", "Gated", "Geometry", "Goal", "GroundPoint", "Initial", "Latch", "Layers", "LimitPoints",
+    "Line", "LinePiece", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output",
+    "PathGeometry", "Pid", "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile",
+    "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective",
+    "Sine", "SmallMotions", "Solver", "Spline", "StateController", "StateSpace", "Static", "SteadyRotation",
+    "Stiffness", "StressStrain", "Table", "Transport", "Units", "Windowed", "amplitude_of", "register",
 ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,8 +13,7 @@ from ..declare import key, record
 from ..kinds import Flag, ListOf, Number, Text
 from ..nodes import Mark, Node, Scalar
 from ..programs import Assembler, Function
-from ..syntax import Comparison, ExpressionError, Time, Tree, formula, quantities_of, syntax
-from ..syntax import Constant as Literal
+from ..syntax import ExpressionError, Tree, formula, quantities_of, syntax
 
 SCALE_DOC = "Factor by which the amplitude is multiplied"
 
@@ -109,70 +107,6 @@ class Sine(Function):
     def emit(self, out: Assembler) -> None:
         """Put it on the stack, without its scale."""
         out.emit(jets.SINE, 1, 2 * math.pi * self.frequency, self.phase)
-
-
-@record
-class Active:
-    """When something acts: from a time on, until another, or between the two."""
-
-    from_: float | None = key(Number("s"), "When it begins (default: at the start)", default=None, example=0.5)
-    to: float | None = key(Number("s"), "When it ends (default: never)", default=None, example=1)
-
-    def check(self) -> Iterator[Issue]:
-        """Yield a time that is none."""
-        if self.from_ is None and self.to is None:
-            yield Issue((), "{}: nothing is given", "from, to or both")
-        elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
-            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
-
-    @property
-    def times(self) -> tuple[float, float]:
-        """Where it begins and ends, infinite where it does not."""
-        return -math.inf if self.from_ is None else self.from_, math.inf if self.to is None else self.to
-
-    def at(self, t: float) -> bool:
-        """Whether it acts at t: where it begins it does, where it ends not any more."""
-        begin, end = self.times
-        return begin <= t < end
-
-
-ACTIVE_DOC = "When it acts (dynamic; default: always)"
-
-
-@dataclass(frozen=True)
-class Windowed(Function):
-    """Another amplitude from a time on until another, zero outside."""
-
-    inner: Any
-    begin: float
-    end: float
-
-    @property
-    def t(self) -> tuple[float, ...]:
-        """The times at which it begins and ends."""
-        return tuple(x for x in (self.begin, self.end) if math.isfinite(x))
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """What a motion has to tell for the other amplitude to have a value."""
-        return tuple(self.inner.quantities)
-
-    def emit(self, out: Assembler) -> None:
-        """Put it on the stack."""
-        out.tree(Comparison(Literal(self.begin), (("<=", Time()), ("<", Literal(self.end)))))
-        otherwise = out.emit(jets.BRANCH, -1)
-        self.inner.emit(out)
-        out.emit(jets.SCALE, 0, self.inner.scale, 0.0)
-        done = out.emit(jets.JUMP, -1)
-        out.land([otherwise])
-        out.emit(jets.NUMBER, 1, 0.0)
-        out.land([done])
-
-
-def amplitude_of(load: Any) -> Any:
-    """Return the amplitude that a load follows, zero while it does not act; None where it always acts and has none."""
-    active = getattr(load, "active", None)
-    return load.amplitude if active is None else Windowed(load.amplitude or Constant(), *active.times)
 
 
 class ExpressionText(Text):

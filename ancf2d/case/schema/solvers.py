@@ -9,6 +9,7 @@ from ..binder import Issue
 from ..declare import key, record
 from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, ProbeQuantity, Sign
 from ..records import ByKeys, Record
+from .active import Condition
 
 # of the whole motion: shorter steps are lost beside the time that they are added to
 SHORTEST = 1e-12
@@ -219,6 +220,8 @@ class Dynamic:
                       "as long as it converges", default="reuse")
     estimate: bool = key(Flag(), "Estimate the error by additional runs with steps of 2 dt and 4 dt, or with "
                          "10 and 100 times the tolerance", default=True)
+    until: str | None = key(Condition(), "The motion ends once this holds (default: at t_end)", default=None,
+                            example="tip.y < 0")
 
     @property
     def local_error(self) -> float:

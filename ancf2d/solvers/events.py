@@ -1,0 +1,175 @@
+"""What begins and ends during a motion: at times, and once conditions hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..case import Gated, Latch
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..interactions.moving import MovingPatch
+from ..kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
+from ..kernels.lowlevel.records import Record
+from ..model.breakpoints import Break, Piece
+from ..model.point_patch import PointPatch
+from ..model.timing import Answer
+
+# what a case has that may begin and end, and how messages say that it does
+SECTIONS = ("boundary_conditions", "joints", "springs", "loads")
+WORDS = ("begins", "ends")
+
+
+class Events:
+    """What begins and ends in a motion (``stepping.Stepper``), and the conditions that it waits for.
+
+    Each motion has latches of its own; those of the model, which Python evaluates loads and springs with, are those of
+    the motion looked at last (``show``).
+    """
+
+    def __init__(self, motion: Any) -> None:
+        self.motion, self.model = motion, motion.model
+        model, signals = motion.model, motion.signals
+        self.conditions = model.feedback.conditions
+        self.latches = [copy(latch) for latch in model.latches]
+        self._own = {id(latch): own for latch, own in zip(model.latches, self.latches, strict=True)}
+        self.timed = _timed(model.interactions.points)
+        self.gates = [("signals", k, s.amplitude.latch) for k, s in enumerate(signals)
+                      if isinstance(s.amplitude, Gated) and not isinstance(s, Answer)]
+        self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
+                       if isinstance(a.amplitude, Gated)]
+        self.cuts: list[float] = []
+
+    def __bool__(self) -> bool:
+        """Whether anything begins or ends."""
+        return bool(self.timed or self.gates)
+
+    def acts(self, window: Any, t: float) -> bool:
+        """Whether something acts at t, as this motion has found; ``window`` None is always."""
+        own = self._own.get(id(window), window)
+        return own is None or bool(own.at(t))
+
+    def breaks(self, t_end: float) -> list[Break]:
+        """Return the times in (0, t_end] at which something begins or ends that are known beforehand."""
+        patches = (p for p in self.model.interactions.points if isinstance(p, MovingPatch))
+        windows = [*(window for _, window in self.timed), *(p.active for p in patches), *self.latches]
+        times = {t for window in windows if window is not None for t in window.times if 0.0 < t <= t_end}
+        return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
+
+    def enter(self, p: Record, piece: Piece) -> None:
+        """Let act what does in a piece of the motion, and wait for what may follow."""
+        t = 0.5 * (piece.first + piece.stop)
+        for k, window in self.timed:
+            p.points.on[k] = self.acts(window, t)
+        for which, k, latch in self.gates:
+            programs = p.programs if which == "signals" else p.feedback.programs
+            programs.data[programs.arg[programs.first[k]]] = float(self.acts(latch, t))
+        for k, waiting in enumerate(self.conditions):
+            own = self._own.get(id(waiting.latch))
+            begun = own is None or waiting.which == "after" or own.begin <= t
+            asked = begun and (own is None or own.waiting() == waiting.which)
+            p.feedback.watched[k] = WAITING if asked else PASSED
+
+    def show(self) -> None:
+        """Let the model's latches be those of this motion."""
+        for latch, own in zip(self.model.latches, self.latches, strict=True):
+            latch.begin, latch.end = own.begin, own.end
+
+    # ------------------------------------------------------------------ conditions that come to hold
+
+    def holds(self) -> bool:
+        """Mark the conditions that hold where the motion is, and return whether there are any."""
+        if not self.conditions:
+            return False
+        motion = self.motion
+        found = holding(motion.p, motion.w, motion.s.z, motion.s.v, motion.t)
+        if found == NO_VALUE:
+            motion.answers.check(0.0)
+        return bool(found != NONE)
+
+    def begin(self) -> None:
+        """Let begin and end what does at t = 0."""
+        while self.holds():
+            self.happen()
+            if self.motion.done:
+                raise ComputationError("the motion ends where it begins", at={"t": 0.0},
+                                       advice="a condition solver.until that does not hold at t = 0")
+            self.motion.enter(0)
+            self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
+
+    def happen(self) -> int:
+        """Let begin and end what the marked conditions tell, at once; return the piece of the motion that follows."""
+        motion, t = self.motion, self.motion.t
+        marked = [c for k, c in enumerate(self.conditions) if motion.p.feedback.watched[k] == HOLDS]
+        for waiting in marked:
+            own = self._own.get(id(waiting.latch))
+            if own is None:
+                motion.spec = replace(motion.spec, t_end=t)
+            elif waiting.which == "after":
+                own.begin = t
+            else:
+                own.end = t
+        i, pieces = motion.piece, motion.pieces
+        if motion.done:
+            pieces[i:] = [pieces[i]._replace(stop=t)]
+            return i
+        if t >= pieces[i].stop:
+            return i + 1
+        return i + 1 if self.cut(i, t) else i
+
+    def cut(self, i: int, t: float) -> bool:
+        """Cut a piece of the motion in two at t, where it does not begin there; return whether it was cut."""
+        piece, pieces = self.motion.pieces[i], self.motion.pieces
+        if t <= piece.first:
+            return False
+        pieces[i:i + 1] = [Piece(piece.first, math.nextafter(t, -math.inf), t), Piece(t, piece.last, piece.stop)]
+        self.cuts.append(t)
+        return True
+
+    # ------------------------------------------------------------------ what is told and kept
+
+    def told(self) -> list[dict[str, Any]]:
+        """Return what has begun and ended, in order, by what a case calls it."""
+        out: list[dict[str, Any]] = []
+        case, t_end = self.model.case, self.motion.spec.t_end
+        for section in SECTIONS:
+            for k, item in enumerate(getattr(case, section)):
+                active = getattr(item, "active", None)
+                window = self._own.get(id(self.model.timing.window(active)), active)
+                begin, end = (math.inf, math.inf) if window is None else window.times
+                happened = [begin, end] if begin < min(end, t_end) or begin == end else []
+                for t, what in zip(happened, WORDS, strict=False):
+                    if (t > 0.0 or (t == 0.0 and isinstance(window, Latch))) and t <= t_end:
+                        out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
+        out.sort(key=lambda event: event["t"])
+        if t_end < case.solver.t_end:
+            out.append({"t": t_end, "what": f"the motion ends: {case.solver.until}"})
+        return out
+
+    def kept(self) -> dict[str, Array]:
+        """Return what the motion goes on from."""
+        return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
+                "cuts": np.array(self.cuts)}
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
+            latch.begin, latch.end = begin, end
+        pieces = self.motion.pieces
+        for t in kept["cuts"].tolist():
+            self.cut(next(i for i, piece in enumerate(pieces) if t < piece.stop), t)
+
+
+def _timed(patches: Iterable[Any]) -> list[tuple[int, Any]]:
+    """Return the place among the point laws of what begins or ends, and what tells when."""
+    out, at = [], 0
+    for patch in patches:
+        if isinstance(patch, PointPatch) and patch.active is not None:
+            out.append((at, patch.active))
+        at += len(patch.items().p0)
+    return out
