@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from ..case import LoadedCase
 from ..errors import ComputationError, ResultsError
 from ..results import Results, Table, open_results
 from ..study.run import Outcome, describe_goal, quantity
+from ..study.sensitivity import sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,6 +153,15 @@ class Solution:
         """The value of the case's goal, None if it has no goal."""
         goal = self.case.case.goal
         return None if goal is None else quantity(goal, self.summary)
+
+    def gradient(self, paths: Sequence[str]) -> Array:
+        """Return the derivatives (n,) of the goal to the numbers of the case at some paths, by ``sensitivity``.
+
+        A plain function of arrays for optimisers and for frameworks that differentiate programs. Raises CaseError and
+        ComputationError.
+        """
+        slopes = {row.path: row.derivative for row in sensitivity(self.case, paths).rows}
+        return np.array([slopes[path] for path in paths])
 
     # ------------------------------------------------------------------ states
 

@@ -19,6 +19,8 @@ from ..study.digests import inputs_of
 from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file
+from ..study.sensitivity import Sensitivity
+from ..study.sensitivity import sensitivity as differentiate
 from ..study.variants import Variant, parse_variants
 from .solution import Convergence, Solution, Temporary
 
@@ -103,6 +105,20 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
             raise CaseError(str(error)) from None
     found = refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
     return Convergence(**vars(found))
+
+
+def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrides = ()) -> Sensitivity:
+    """Return the derivatives of a case's goal to numbers of the case, the most influential first.
+
+    ``to`` are paths such as ``["bodies.beam.section.height", "loads.0.value.1"]``; without any, every number that can
+    vary is taken. ``rows`` have path, value, derivative, elasticity, the estimate of the derivative's error, and how
+    it was found: equilibria, frequencies and buckling factors are differentiated exactly, all else by differences of
+    runs.
+
+    Raises CaseError if the case has no goal or a path leads to no number that can vary, ComputationError if the case
+    cannot be solved.
+    """
+    return differentiate(load(case, overrides), (to,) if isinstance(to, str) else to)
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:

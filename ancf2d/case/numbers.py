@@ -57,12 +57,17 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
 def variables_of(loaded: LoadedCase) -> list[Variable]:
     """Return the numbers of a case that its results may depend on smoothly, and points inside of bodies, in order.
 
-    Whole numbers such as counts of elements are among them: they cannot be told from others before they are varied.
+    Numbers of meshes are left out. Other whole numbers are among them: only varying tells them from the rest.
     """
     root = loaded.source.root
     found = [] if not isinstance(root, MapNode) else [
         v for name, entry in root.entries.items() if name not in APART for v in _below(entry.node, name, None)]
-    return [v for v in found if not v.body or 0.0 < v.value < 1.0]
+    return [v for v in found if (0.0 < v.value < 1.0 if v.body else not _of_mesh(v.path))]
+
+
+def _of_mesh(path: str) -> bool:
+    parts = path.split(".")
+    return parts[0] == "bodies" and parts[2:3] == ["element"] and parts[3:] not in (["mass"], ["inertia"])
 
 
 def _near(loaded: LoadedCase, path: str) -> str:

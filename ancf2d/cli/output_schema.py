@@ -130,6 +130,17 @@ def _sweep() -> Schema:
                    status=TEXT, folder=TEXT, output=_is("string", "the file of all rows"), rows=_list(row))
 
 
+def _sensitivity() -> Schema:
+    row = _object("a number of the case", path=TEXT, value=NUMBER, derivative=NUMBER,
+                  elasticity=_is("number?", "relative change of the goal by a relative change of the number"),
+                  error=_is("number", "estimate of the error of the derivative"),
+                  influence=_is("number", "change of the goal where the number changes by its own size"),
+                  method=_is("string", "exact, or differences of runs and why"))
+    return _object("derivatives of the goal, the most influential first", {"output": TEXT, **_FAILED}, case=TEXT,
+                   title=TEXT, status=TEXT, of=TEXT, goal=NUMBER, rows=_list(row), warnings=_WARNINGS,
+                   skipped=_named(TEXT, "why a number has no derivative"))
+
+
 def _info() -> Schema:
     body = _object("a body", element=TEXT, formulation=TEXT, elements=WHOLE, nodes=WHOLE)
     return _object("a result file", _FAILED, file=TEXT, bytes=WHOLE, title=TEXT, case=TEXT, solver=TEXT, status=TEXT,
@@ -172,8 +183,9 @@ def _export() -> Schema:
 
 
 # what each command with --json prints where it succeeds
-OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff, "sweep": _sweep,
-           "info": _info, "compare": _compare, "export": _export, "elements": _elements, "audit": _audit}
+OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff,
+           "sensitivity": _sensitivity, "sweep": _sweep, "info": _info, "compare": _compare, "export": _export,
+           "elements": _elements, "audit": _audit}
 
 
 def output_schema(command: str) -> Schema:

@@ -76,7 +76,7 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
               "(difference).")
 @click.option("--first", metavar="N", type=click.IntRange(1), help="First mode to draw (modes).")
 @click.option("--count", metavar="N", type=click.IntRange(1),
-              help="Number of modes or instants to draw (modes, snapshots).")
+              help="Number of modes, instants or bars to draw (modes, snapshots, tornado).")
 @click.option("--size", metavar="W,H", callback=_size, help="Width and height of the figure in inches.")
 @click.option("--font-size", metavar="PT", type=click.FloatRange(1, 100), help="Size of the letters in points. "
               "[default: 10]")

@@ -25,6 +25,7 @@ from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
 from ancf2d.plot.style import Look, plain_ticks, style
 from ancf2d.plot.sweep import HISTOGRAM, SHARES, SWEEP
+from ancf2d.plot.tornado import TORNADO
 from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
@@ -32,7 +33,7 @@ from ancf2d.results import Results
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS,
     BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF, SWEEP,
-    HISTOGRAM, SHARES)}
+    HISTOGRAM, SHARES, TORNADO)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -55,7 +56,7 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, BODE):
+    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, BODE):
         if not kind.missing(results):
             return kind.name
     if not MODES.missing(results):

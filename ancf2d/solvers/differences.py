@@ -29,17 +29,18 @@ class Quotient:
     h: float
 
 
-def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0) -> Quotient:
+def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0,
+               middle: Array | None = None) -> Quotient:
     """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
 
     Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
     of lower order tell that f is not smooth over them. What f raises on both sides is raised. Values are compared with
     each other through ``weights`` (m,); ``unknown`` is how far they are known, so weighted, beside round-off of their
-    own.
+    own. Where ``middle``, f(0), is given, half of what f' jumps by there is part of the error.
     """
     best: Quotient | None = None
     for _ in range(TRIES):
-        found = _at(f, h)
+        found = _at(f, h, middle)
         if best is None or _worst(found, weights, unknown) < _worst(best, weights, unknown):
             best = found
         if _worst(best, weights, 0.0) <= SMOOTH**2:
@@ -56,7 +57,7 @@ def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
     return (float(np.max(w * found.error, initial=0.0)) + unknown / found.h) / largest if largest > 0.0 else 0.0
 
 
-def _at(f: Callable[[float], Array], h: float) -> Quotient:
+def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient:
     try:
         below = [f(-h), f(-2 * h)]
     except CaseError:
@@ -65,7 +66,12 @@ def _at(f: Callable[[float], Array], h: float) -> Quotient:
         above = [f(h), f(2 * h)]
     except CaseError:
         return _one_sided(f, -h, below)
-    return central(above, below, h)
+    found = central(above, below, h)
+    if middle is not None:
+        # of a kink the second difference is proportional to h, else to its square
+        near, far = (above[k] + below[k] - 2 * middle for k in (0, 1))
+        found.error += np.abs(4 * near - far) / (4 * h)
+    return found
 
 
 def central(above: list[Array], below: list[Array], h: float) -> Quotient:

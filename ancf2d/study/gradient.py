@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -60,7 +59,7 @@ def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Se
                 progress: Progress | None = None) -> Derivatives:
     """Return what ``gradient`` does with what is known of it."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
-    study = _Study(loaded, watch, progress or Progress())
+    study = Study(loaded, watch, progress or Progress())
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
     columns, errors = (np.array(rows).reshape(shape).T for rows in ([q.value for q, _ in found],
@@ -102,12 +101,16 @@ class _ChangedError(Exception):
     """The unknowns of a model beside the first one stand for something else."""
 
 
-class _Study:
+class Study:
     """A case solved once, what is watched of it, and how that changes with its numbers."""
 
-    def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress) -> None:
-        self.loaded, self.watch, self.progress = _tight(for_study(loaded)), watch, progress
+    def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
+                 warn: Callable[[str], None] = lambda text: None) -> None:
+        self.loaded, self.watch = _tight(for_study(loaded)), watch
+        # what is to be said of the case is said once, not of each run beside it
+        self.progress = replace(progress, warn=warn)
         self.model, states = self._run(None, 0.0)
+        self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         self.responses, self.reason = self._responses(states)
 
@@ -138,7 +141,7 @@ class _Study:
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
         """Return the derivative to a number, and how it was found."""
-        size, reason = _size(variable, self.model.extent), self.reason
+        size, reason = size_of(variable, self.model.extent), self.reason
         if self.responses:
             with suppress(_ChangedError):
                 return self._responded(variable, STEP * size), "exact"
@@ -161,7 +164,7 @@ class _Study:
             states = [s for one, slope in zip(self.responses, slopes, strict=True)
                       for s in one.states(at(step), step * slope.value)]
             return self.watch(at(step), states)
-        found = derivative(watched, min(slope.h for slope in slopes))
+        found = derivative(watched, min(slope.h for slope in slopes), middle=self.values)
         share = max(_share(slope) for slope in slopes)
         return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
 
@@ -177,7 +180,7 @@ class _Study:
                 raise ComputationError(f"the mesh changes with {variable.path}: there is no derivative at "
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")
             return self.watch(model, states)
-        return derivative(run, h)
+        return derivative(run, h, middle=self.values)
 
 
 def _share(found: Quotient) -> float:
@@ -203,7 +206,7 @@ def varied(loaded: LoadedCase, variable: Variable, h: float) -> LoadedCase:
     return load_case_text(loaded.text, loaded.source.file, options, vocabulary(), os.path.dirname(loaded.source.file))
 
 
-def _size(variable: Variable, extent: float) -> float:
+def size_of(variable: Variable, extent: float) -> float:
     """Return what changes of a number are small beside: its value, that of its list, the model's size."""
     return abs(variable.value) or variable.beside or extent
 
@@ -218,8 +221,3 @@ def numbering_of(model: Model) -> tuple[Any, ...]:
     """Return what two models have in common whose unknowns stand for the same."""
     num = model.numbering
     return mesh_of(model), num.free.tobytes(), num.dependent.tobytes(), num.n_multipliers
-
-
-def relative(derivative: float, value: float, goal: float) -> float | None:
-    """Return the elasticity: the relative change of a goal by a relative change of a number, None where either is 0."""
-    return derivative * value / goal if value and goal and math.isfinite(goal) else None

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 import ancf2d
 from ancf2d.case.numbers import Variable, variable_at, variables_of
-from ancf2d.errors import CaseError
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers.differences import derivative
 from ancf2d.study.gradient import gradient
 
@@ -63,3 +65,174 @@ def test_differences_of_smooth_functions():
 
     assert derivative(half, 1e-3).value == pytest.approx([3.0, 1.0, 0.0], abs=1e-8)
     assert derivative(lambda h: np.array([np.sin(300 * h)]), 1e-2).value == pytest.approx([300.0], rel=1e-7)
+
+
+def differences_of_solves(case, path, h, read):
+    """Return d read/d p by whole solves at p +- h and p +- 2 h: a difference of fourth order."""
+    variable = variable_at(case, path)
+
+    def at(k):
+        return read(ancf2d.solve(case, [variable.override(variable.value + k * h)], states=False))
+    return (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * h)
+
+
+def assert_exact(case, overrides, steps, rel=1e-6):
+    """Assert that derivatives are found without runs, and are those of converged solves, for each path and step."""
+    loaded = ancf2d.load(case, overrides)
+    study = ancf2d.sensitivity(loaded, list(steps))
+    assert study.goal == pytest.approx(ancf2d.solve(loaded, states=False).value, rel=1e-9)
+    for row in study.rows:
+        assert row.method == "exact", row.path
+        expected = differences_of_solves(loaded, row.path, steps[row.path], lambda s: s.value)
+        # what hardly depends on a number is known beside the goal itself
+        floor = 1e-8 * abs(study.goal / (row.value or 1.0))
+        assert row.derivative == pytest.approx(expected, rel=rel, abs=floor), row.path
+        assert abs(row.derivative - expected) <= 10 * row.error + 1e-6 * abs(expected) + floor
+
+
+FRAME = """
+parameters: {w: -30}
+bodies:
+  post:
+    geometry: {type: arc, center: [1, 0], radius: 1, from: 3.141592653589793, to: 1.5707963267948966}
+    section: {height: "0.03*(1 - 0.2*s)", width: 0.03}
+    material: {E: 2e11, nu: 0.3, rho: 7800, alpha: 1.2e-5}
+    element: {type: vallejo, count: 4}
+  beam:
+    geometry: {type: line, start: [1, 1], end: [2.2, 1.1]}
+    section: {EA: 1.2e8, kGA: 4e7, EI: 2000, rhoA: 3, rhoI: 1e-3}
+    element: {type: reissner3, count: 3}
+boundary_conditions:
+  - {name: foot, type: clamp, at: post@0}
+  - {name: edge, type: roller, at: beam@1, normal: [0.1, 1]}
+  - {name: hinge, type: pin, at: beam@0}
+springs:
+  - {name: tie, type: translational, between: [post@1, beam@0.2], stiffness: 9e3, length: 0.1}
+  - {name: stay, type: translational, between: [post@0.3, [-0.4, 1.2]], stiffness: 2e4, length: 0.6, damping: 5}
+  - {name: coil, type: rotational, between: [beam@0, beam@1], stiffness: 400, angle: 0.05}
+masses:
+  - {name: lump, at: post@0.5, mass: 4, inertia: 0.1}
+loads:
+  - {name: pull, type: force, at: beam@0.4, value: [200, -600]}
+  - {name: push, type: follower_force, at: post@0.7, value: [50, -300]}
+  - {name: twist, type: moment, at: post@1, value: 60}
+  - {name: snow, type: distributed, on: beam, value: [0, "w*(1 + s)"]}
+  - {name: heat, type: temperature, on: post, value: 30, gradient: 100}
+  - {type: gravity, name: weight, value: [0, -9.81]}
+solver: {type: static}
+goal: {probe: knee, quantity: uy}
+output: {probes: {knee: post@1, mid: beam@0.55}}
+"""
+# numbers of every kind, and the steps of the solves that they are compared with
+KINDS = {"bodies.post.geometry.radius": 1e-4, "bodies.post.geometry.from": 1e-4, "bodies.post.section.width": 3e-6,
+         "bodies.post.material.E": 2e8, "bodies.post.material.rho": 10.0, "bodies.post.material.alpha": 1e-8,
+         "bodies.beam.section.EI": 2.0, "bodies.beam.section.EA": 1e5, "bodies.beam.geometry.end.0": 1e-4,
+         "boundary_conditions.edge.normal.0": 1e-4, "springs.stay.stiffness": 20.0, "springs.stay.length": 1e-4,
+         "springs.stay.between.1.0": 1e-4, "springs.coil.stiffness": 1.0, "springs.coil.angle": 1e-4,
+         "springs.tie.between.1": 1e-4,
+         "masses.lump.mass": 0.01, "loads.pull.value.1": 1.0, "loads.pull.at": 1e-4, "loads.push.value.0": 1.0,
+         "loads.twist.value": 0.1, "parameters.w": 0.1, "loads.heat.value": 0.1, "loads.heat.gradient": 0.1,
+         "loads.weight.value.1": 0.01}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["linear_static", "static"])
+def test_every_kind_of_number(solver):
+    """dz/dp = -K^-1 dR/dp beside whole solves: lengths, angles, profiles, materials, springs, loads, positions."""
+    assert_exact(FRAME, ["solver.type=linear_static"] if solver == "linear_static" else ["solver.tolerance=1e-12"],
+                 KINDS)
+
+
+STRUT = {
+    "bodies": {"strut": {"geometry": {"type": "line", "start": [0, 0], "end": [3, 0]},
+                         "section": {"EA": 1e9, "kGA": 1e9, "EI": 200.0, "rhoA": 2.0, "rhoI": 1e-9},
+                         "element": {"type": "reissner3", "count": 12}}},
+    "boundary_conditions": [{"type": "clamp", "at": "strut@0"}],
+    "loads": [{"name": "push", "type": "force", "at": "strut@1", "value": [-2, 0]}],
+    "masses": [{"at": "strut@1", "mass": 1e-9}],
+    "output": {"probes": {"tip": "strut@1"}},
+}
+
+
+def test_euler_column():
+    """mu P = pi^2 EI/(4 L^2) (Euler): the factor goes with EI, L^-2 and P^-1."""
+    case = {**STRUT, "solver": {"type": "buckling", "modes": 2}, "goal": {"load_factor": 1}}
+    study = ancf2d.sensitivity(case, ["bodies.strut.section.EI", "bodies.strut.geometry.end.0", "loads.push.value.0"])
+    assert {row.method for row in study.rows} == {"exact"}
+    assert study.goal == pytest.approx(np.pi**2 * 200.0 / (4 * 3.0**2) / 2.0, rel=1e-5)
+    found = {row.path: row.elasticity for row in study.rows}
+    assert found == pytest.approx({"bodies.strut.section.EI": 1.0, "bodies.strut.geometry.end.0": -2.0,
+                                   "loads.push.value.0": -1.0}, abs=1e-5)
+
+
+def test_cantilever_frequency():
+    """omega = 1.8751^2 sqrt(EI/(rhoA L^4)): powers 1/2, -1/2, -2; a small tip mass m adds -omega 2 m/(rhoA L)."""
+    case = {**STRUT, "solver": {"type": "eigen", "modes": 2}, "goal": {"kind": "bending", "number": 1}}
+    study = ancf2d.sensitivity(case, ["bodies.strut.section.EI", "bodies.strut.section.rhoA", "masses.0.mass",
+                                      "bodies.strut.geometry.end.0"])
+    omega = 1.8751040687**2 * np.sqrt(200.0 / (2.0 * 3.0**4))
+    assert study.goal == pytest.approx(omega, rel=1e-5)
+    found = {row.path: row for row in study.rows}
+    assert {row.method for row in study.rows} == {"exact"}
+    assert [found[f"bodies.strut.{key}"].elasticity for key in ("section.EI", "section.rhoA", "geometry.end.0")
+            ] == pytest.approx([0.5, -0.5, -2.0], abs=1e-4)
+    assert found["masses.0.mass"].derivative == pytest.approx(-0.5 * omega * 4.0 / (2.0 * 3.0), rel=1e-4)
+
+
+def test_equal_frequencies_have_no_derivative():
+    """Two alike beams side by side: the lower of two equal frequencies has a kink where they differ."""
+    beam = STRUT["bodies"]["strut"]
+    twin = {**beam, "geometry": {"type": "line", "start": [0, 1], "end": [3, 1]}}
+    case = {**STRUT, "bodies": {"strut": beam, "twin": twin}, "solver": {"type": "eigen", "modes": 4},
+            "boundary_conditions": [{"type": "clamp", "at": "strut@0"}, {"type": "clamp", "at": "twin@0"}],
+            "masses": [], "goal": {"kind": "bending", "number": 1}}
+    with pytest.raises(ComputationError, match="one of several that are equal"):
+        ancf2d.sensitivity(case, "bodies.twin.section.EI")
+
+
+def elastica(alpha2):
+    """Return u/L, the tip deflection of an inextensible cantilever under a dead end load P, alpha2 = P L^2/EI.
+
+    K(k) - F(phi, k) = alpha, k sin(phi) = 1/sqrt(2), u/L = 1 - 2 (E(k) - E(phi, k))/alpha (Bisshopp & Drucker 1945).
+    """
+    alpha = np.sqrt(alpha2)
+
+    def phi(m):
+        return np.arcsin(1 / np.sqrt(2 * m))
+    m = brentq(lambda m: ellipk(m) - ellipkinc(phi(m), m) - alpha, 0.5 + 1e-12, 1 - 1e-12, xtol=1e-15, rtol=1e-15)
+    return 1 - 2 * (ellipe(m) - ellipeinc(phi(m), m)) / alpha
+
+
+def test_elastica():
+    """d|u_y|/dP of the elastica, P L^2/EI = 4, to 1e-6."""
+    L, EI, P = 3.0, 200.0, 4 * 200.0 / 9.0
+    section = {"EA": 1e10, "kGA": 1e10, "EI": EI, "rhoA": 2.0, "rhoI": 1e-9}
+    case = {**STRUT, "bodies": {"strut": {**STRUT["bodies"]["strut"], "section": section,
+                                          "element": {"type": "reissner3", "count": 32}}},
+            "loads": [{"name": "push", "type": "force", "at": "strut@1", "value": [0, -P]}],
+            "solver": {"type": "static"}, "goal": {"probe": "tip", "quantity": "uy"}}
+    (row,) = ancf2d.sensitivity(case, "loads.push.value.1").rows
+    h = 1e-3
+    slope = (8 * (elastica(4 + h) - elastica(4 - h)) - (elastica(4 + 2 * h) - elastica(4 - 2 * h))) / (12 * h)
+    assert row.method == "exact"
+    assert row.derivative == pytest.approx(L * slope * L**2 / EI, rel=1e-6)
+
+
+def test_motion_by_differences_of_runs():
+    """A mass on a spring moves by u (cos(w t) - 1), w = sqrt(k/m), told as differences."""
+    case = {"bodies": {"mass": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"height": 0.1, "width": 0.1}, "element": {"type": "rigid", "mass": 2.0,
+                                                                                      "inertia": 1.0}}},
+            "springs": [{"name": "k", "type": "translational", "between": ["mass@0", [-1, 0]], "stiffness": 50.0,
+                         "length": 0.8}],
+            "boundary_conditions": [{"type": "roller", "at": "mass@0", "fixed": "y"},
+                                    {"type": "roller", "at": "mass@1", "fixed": "y"}],
+            "solver": {"type": "dynamic", "t_end": 1.0, "tolerance": 1e-9},
+            "goal": {"probe": "mass", "quantity": "ux"}, "output": {"probes": {"mass": "mass@0"}}}
+    study = ancf2d.sensitivity(case, ["springs.k.stiffness", "springs.k.length"])
+    found, w, u = {row.path: row for row in study.rows}, 5.0, 0.2
+    assert study.goal == pytest.approx(u * (np.cos(w) - 1), rel=1e-6)
+    assert all(row.method.startswith("differences of runs") for row in study.rows)
+    slope = -u * np.sin(w) / (2 * np.sqrt(50.0 * 2.0))
+    assert found["springs.k.stiffness"].derivative == pytest.approx(slope, rel=1e-4)
+    assert found["springs.k.length"].derivative == pytest.approx(1 - np.cos(w), rel=1e-5)

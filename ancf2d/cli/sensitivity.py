@@ -1,0 +1,79 @@
+"""``ancf2d sensitivity``: how the goal of a case depends on its numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from .options import case_argument, debug_option, examples, force_option, json_option, quiet_option, set_option
+from .session import Bar, Session
+from .text import command_line, many, number, table
+
+if TYPE_CHECKING:
+    from ..study.sensitivity import Sensitivity
+
+
+@click.command(epilog=examples("ancf2d sensitivity beam.yaml",
+                               "ancf2d sensitivity beam.yaml --to bodies.beam.section.height --to loads.0.value.1",
+                               "ancf2d sensitivity beam.yaml -o influence.h5"))
+@case_argument
+@click.option("--to", "paths", multiple=True, metavar="PATH",
+              help="A number of the case, e.g. bodies.beam.section.height, loads.0.value.1 or parameters.kp, or a "
+              "point BODY@S, whose S is varied. May be given several times. Default: every number that can vary.")
+@click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
+@set_option
+@force_option
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, paths: tuple[str, ...], output: str | None,
+            overrides: tuple[str, ...], force: bool) -> int:
+    """Differentiate the goal of a case with respect to its numbers.
+
+    Prints value, derivative and elasticity (the relative change of the goal by a relative change of the number), the
+    most influential number first. Equilibria, frequencies and buckling factors are differentiated exactly, without
+    further solves; all else by differences of runs.
+    """
+    session.subject = {"case": case}
+    from ..results import check_output
+    from ..study.digests import inputs_of
+    from ..study.record import Progress
+    from ..study.run import load
+    from ..study.sensitivity import sensitivity, write_sensitivity
+
+    loaded = load(case, overrides)
+    check_output(output, force, *inputs_of(loaded))
+    with Bar("differentiating", session.shows_progress) as bar:
+        study = sensitivity(loaded, paths, Progress(compiling=session.note_once), bar.follow)
+    for text in study.warnings:
+        session.warn(text)
+    result = study.as_json()
+    if output is not None:
+        write_sensitivity(study, loaded, output, session.command_line, force=force)
+        result["output"] = output
+    session.print_json(result)
+    session.out(report(study))
+    if output is not None:
+        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
+    return 0
+
+
+def report(study: Sensitivity) -> str:
+    """Return a study as people read it: the goal, a row for each number, then what has no derivative."""
+    from ..case.units import with_unit
+
+    head = ["number", "value", "derivative", "error", "elasticity"]
+    rows = [[row.path, number(row.value), number(row.derivative, 9), f"{row.error:.0e}",
+             number(row.elasticity, 4)] for row in study.rows]
+    lines = [study.title] if study.title else []
+    lines += [f"{with_unit(study.described, study.labels)} = {number(study.goal, 10)}", ""]
+    lines += table([head, *rows]) if rows else ["no number of the case can vary"]
+    methods = sorted({row.method for row in study.rows} - {"exact"})
+    for method in methods:
+        some = [row.path for row in study.rows if row.method == method]
+        lines += ["", f"{method}: {'all' if len(some) == len(study.rows) else ', '.join(some)}"]
+    if study.skipped:
+        lines += ["", f"{many(len(study.skipped), 'number')} without a derivative: {', '.join(study.skipped)}"]
+    return "\n".join(lines)

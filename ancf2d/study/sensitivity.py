@@ -1,0 +1,125 @@
+"""How the goal of a case depends on its numbers: a table, sorted by influence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..case import LoadedCase
+from ..case.numbers import Variable, variable_at, variables_of
+from ..errors import UNSOLVED, CaseError, verdict
+from ..results import Column, ResultWriter
+from .accuracy.control import is_pursued, solve_to_accuracy
+from .convergence import goal_units
+from .forecast import Done
+from .gradient import GoalValues, Quotient, Study, size_of
+from .record import Progress
+from .run import describe_goal, result_header
+
+TABLE = "sensitivity"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number of the case, the derivative of the goal to it, and the estimate of the derivative's error.
+
+    ``elasticity``: the relative change of the goal by a relative change of the number, None where either is 0.
+    ``influence``: the change of the goal where the number changes by its own size, that of its list or of the model
+    where it is 0. ``method`` tells how the derivative was found.
+    """
+
+    path: str
+    value: float
+    derivative: float
+    elasticity: float | None
+    error: float
+    influence: float
+    method: str
+
+
+@dataclass
+class Sensitivity:
+    """The derivatives of a case's goal, the most influential first; ``skipped``: numbers without one, and why."""
+
+    case: str
+    title: str
+    described: str
+    goal: float
+    rows: list[Row]
+    labels: tuple[str, str, str]
+    skipped: dict[str, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that ``--json`` prints."""
+        return {"case": self.case, "title": self.title, "status": "converged", "of": self.described, "goal": self.goal,
+                "rows": [dict(vars(row)) for row in self.rows], "skipped": self.skipped, "warnings": self.warnings}
+
+
+def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progress | None = None,
+                done: Done = lambda share, left: None) -> Sensitivity:
+    """Return the derivatives of a case's goal to the numbers at ``paths``, without any to all that can vary.
+
+    A case that leaves the mesh to be chosen is solved to its accuracy first, and differentiated on that mesh. Raises
+    CaseError where the case has no goal, or a path leads to no number that can vary; ComputationError.
+    """
+    goal = loaded.case.goal
+    if goal is None:
+        raise CaseError(loaded.source.problem((), "the case has no goal, so there is nothing to differentiate",
+                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    variables = [variable_at(loaded, path) for path in dict.fromkeys(paths)] or variables_of(loaded)
+    progress = progress or Progress()
+    warnings: list[str] = []
+    study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append)
+    value, rows, skipped = float(study.values[0]), [], dict[str, str]()
+    for k, variable in enumerate(variables):
+        done(k / len(variables), None)
+        try:
+            found, method = study.differentiate(variable)
+        except UNSOLVED as error:
+            if paths:
+                raise
+            skipped[variable.path] = verdict(error)[1]
+            continue
+        rows.append(_row(variable, value, found, method, study.model.extent))
+    rows.sort(key=lambda row: -row.influence)
+    return Sensitivity(loaded.source.file, loaded.case.title, describe_goal(goal), value, rows,
+                       loaded.case.units.labels, skipped, warnings)
+
+
+def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
+    """Return a case with the mesh that its accuracy asks for, itself where it has one."""
+    if not is_pursued(loaded):
+        return loaded
+    found = solve_to_accuracy(loaded, progress=progress).outcome.model.loaded
+    return loaded if found is None else found
+
+
+def _row(variable: Variable, goal: float, found: Quotient, method: str, extent: float) -> Row:
+    slope = float(found.value[0])
+    # no negative zero
+    elasticity = slope * variable.value / goal + 0.0 if variable.value and goal else None
+    return Row(variable.path, variable.value, slope, elasticity, float(found.error[0]),
+               abs(slope) * size_of(variable, extent), method)
+
+
+def write_sensitivity(study: Sensitivity, loaded: LoadedCase, path: str, command: str = "", *,
+                      force: bool = False) -> Path:
+    """Write the rows as table ``sensitivity``; return where. Raises ResultsError."""
+    names = ("path", "value", "derivative", "elasticity", "error", "influence", "method")
+    columns = (Column("value", "1", "the number, in units of the case"), Column("path", "none", "place in the case"),
+               Column("derivative", "1", f"of {study.described} by the number, in units of the case"),
+               Column("elasticity", "1", "relative change of the goal by a relative change of the number"),
+               Column("error", "1", "estimate of the error of the derivative"),
+               Column("influence", goal_units(loaded), "change of the goal where the number changes by its own size"),
+               Column("method", "none", "how the derivative was found"))
+    table = {name: [math.nan if (v := getattr(row, name)) is None else v for row in study.rows] for name in names}
+    attrs = {"goal": study.described, "goal_value": study.goal}
+    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
+        writer.table(TABLE, table, attrs)
+        return writer.finish({k: v for k, v in study.as_json().items() if k != "rows"}, "converged")
