@@ -14,6 +14,11 @@ import pytest
 
 from ancf2d.study.pool import THREADS
 
+# files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
+FIRST = ("docs/test_documents", "cli/test_cli_first_run", "cli/test_cli_resume", "robustness/test_endurance",
+         "robustness/test_beside_own_equations", "scripts/test_paper_report", "results/test_results_resume",
+         "api/test_api", "cli/test_cli_sweep", "verification/test_verification_cases", "cli/test_cli_examples")
+
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
     os.environ.setdefault(_name, "1")
@@ -25,6 +30,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # compiling makes hundreds of thousands of objects of which few are garbage: looking for it takes a tenth of the time
 gc.set_threshold(100_000, 50, 1000)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest."""
+    place = {f"{name}.py": k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(f"{item.path.parent.name}/{item.path.name}", len(FIRST)))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -42,6 +53,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Run the tests of a file in one process: they share kernels, models and solutions."""
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
 
 

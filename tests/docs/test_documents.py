@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import io
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -73,11 +76,17 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(command: str) -> tuple[int, str, str]:
-    """Return exit code, stdout and stderr of a command; one of ancf2d runs in this process, which has its imports."""
+    """Return exit code, stdout and stderr; ancf2d and scripts run in this process, which has their imports."""
     words = shlex.split(command)
-    if words[0] == "ancf2d" and not set("|<>&;$*`") & set(command):
-        found = CliRunner().invoke(main, words[1:])
-        return found.exit_code, found.stdout, found.stderr
+    if not set("|<>&;$*`") & set(command):
+        if words[0] == "ancf2d":
+            found = CliRunner().invoke(main, words[1:])
+            return found.exit_code, found.stdout, found.stderr
+        if words[0] == "python" and len(words) == 2:
+            out, err = io.StringIO(), io.StringIO()
+            with redirect_stdout(out), redirect_stderr(err):
+                runpy.run_path(words[1], run_name="__main__")
+            return 0, out.getvalue(), err.getvalue()
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=300, check=False)
     return done.returncode, done.stdout, done.stderr
 
