@@ -19,7 +19,7 @@ from .records import walk
 from .schema import Case, Layers, LimitPoints, Point, Stiffness
 
 STATIC = ("linear_static", "static")
-PATHS = (*STATIC, "dynamic")
+PATHS = (*STATIC, "quasi_static", "dynamic")
 SMALL = ("eigen", "frequency_response", "state_space")
 # top-level keys and output keys -> the solvers they are for
 _SECTIONS: dict[Path, tuple[str, ...]] = {
@@ -28,10 +28,10 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("steady_rotation",): ("static", *SMALL),
     ("transport",): (*SMALL, "buckling", "dynamic"),
     ("fluid",): (*SMALL, "buckling", "dynamic"),
-    ("contacts",): ("static", "dynamic", *SMALL),
+    ("contacts",): ("static", "quasi_static", "dynamic", *SMALL),
     ("controllers",): ("dynamic",),
     ("output", "interval"): ("dynamic",),
-    ("output", "every"): ("static", "dynamic"),
+    ("output", "every"): ("static", "quasi_static", "dynamic"),
 }
 # what a goal names -> the solvers that can answer
 _GOALS = {"probe": (*PATHS, "state_space"), "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .binder import INVALID, Path, dotted
+from .binder import INVALID, Path, dotted, listed
 from .schema import Layers
 
-# solvers that know the elastic part of a law alone, and fields that are those of a linear one
-LINEAR = ("linear_static", "buckling")
+# solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
+KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
+RELAXING = ("linear_static", "static", "quasi_static", "buckling")
 FIELDS = ("stress", "strain", "energy")
 
 
@@ -28,17 +29,18 @@ def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
 
 def check_materials(checker: Any) -> None:
     """Check that solvers and fields know the laws of the materials."""
-    case = checker.case
+    case, said = checker.case, False
     for path, material in materials_of(case):
-        if material in (None, INVALID) or path in checker.failed or not material.fibres:
+        if material in (None, INVALID) or path in checker.failed or not material.remembers:
             continue
-        key = (*path, "yield" if material.yield_ is not None else "stress_strain")
-        if checker.solver in LINEAR:
-            checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, which is linear", "solver "
-                         "static")
-        fields = case.output.fields if case.output is not INVALID else ()
-        for k, name in enumerate(fields if fields is not INVALID else ()):
-            if name in FIELDS:
-                checker.fail(("output", "fields", k), f"output.fields: {name} is not known of a material that yields "
-                             "or follows a curve", "N, Q, M")
-        return
+        name = next(key for key in ("yield", "stress_strain", "viscoelastic") if getattr(
+            material, key + "_" * (key == "yield")))
+        key, allowed = (*path, name), RELAXING if name == "viscoelastic" else KNOWING
+        if checker.solver not in allowed:
+            checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
+        fields = case.output.fields if case.output is not INVALID and not said else ()
+        for k, field in enumerate(fields if fields is not INVALID else ()):
+            if field in FIELDS:
+                checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that yields, "
+                             "follows a curve or relaxes", "N, Q, M")
+        said = True

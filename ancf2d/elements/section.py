@@ -43,7 +43,8 @@ class Section:
     width stands for the section where a formulation integrates over the body. Each is a number, or, of a section
     that varies, an array (stations,) at the stations that were asked for. Of ``layers``, ES [N m] couples stretch
     and bending (N = EA eps - ES kappa, M = EI kappa - ES eps), and rhoS [kg] is the first moment of the mass.
-    ``laws`` are those of its fibres (``fibres.Uniaxial``) layer by layer, empty where all are elastic.
+    ``laws`` are those of its fibres (``fibres.Uniaxial``) layer by layer, empty where all are elastic; ``maxwell`` are
+    (modulus beside E, relaxation time [s]) of a material that relaxes.
     """
 
     height: float
@@ -61,6 +62,7 @@ class Section:
     rhoS: float = 0.0
     layers: tuple[Layer, ...] = ()
     laws: tuple[Any, ...] = ()
+    maxwell: tuple[tuple[float, float], ...] = ()
 
     @property
     def mu_k(self) -> float:
@@ -101,7 +103,7 @@ class Section:
 
 
 # the constants that may vary along a body; layers do not
-CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws"))
+CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws", "maxwell"))
 
 
 def laminate(width: float, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:

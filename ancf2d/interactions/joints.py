@@ -96,7 +96,7 @@ def same_kind(a: PointRef, b: PointRef) -> bool:
     """Whether bodies can share all coordinates of a node: same type and form, section and material the same there."""
     pa, pb = a.mesh.plan, b.mesh.plan
     return (not pa.rigid and pa.element == pb.element and pa.formulation is pb.formulation
-            and pa.section.laws == pb.section.laws
+            and (pa.section.laws, pa.section.maxwell) == (pb.section.laws, pb.section.maxwell)
             and len(_stiffness(a)) == len(_stiffness(b))
             and all(math.isclose(va, vb, rel_tol=ALIKE) for va, vb in zip(_stiffness(a), _stiffness(b), strict=True)))
 

@@ -19,6 +19,7 @@ from ..case import (
     LoadFactor,
     MovingPoint,
     Point,
+    QuasiStatic,
     SmallMotions,
     Static,
 )
@@ -57,7 +58,7 @@ def timing_of(case: Case) -> Timing:
     scaled = isinstance(case.solver, Buckling) and not case.flows
     if scaled or (isinstance(case.solver, Static) and case.solver.method != "newton"):
         return PathTiming()
-    return TimeTiming() if isinstance(case.solver, Dynamic) else Timing()
+    return TimeTiming() if isinstance(case.solver, Dynamic | QuasiStatic) else Timing()
 
 
 def must_be_held(case: Case) -> bool:
@@ -65,7 +66,7 @@ def must_be_held(case: Case) -> bool:
     if isinstance(case.solver, SmallMotions):
         # at frequency 0 the response is an equilibrium
         return case.solver.about == "static" or 0.0 in getattr(case.solver, "hz", ())
-    return isinstance(case.solver, LinearStatic | Static | Buckling)
+    return isinstance(case.solver, LinearStatic | Static | QuasiStatic | Buckling)
 
 
 def weighs(case: Case) -> bool:
@@ -79,7 +80,7 @@ def weighs(case: Case) -> bool:
 def course_of(case: Case) -> tuple[float, float]:
     """Return the load factors or times that a case goes through, as (lowest, highest)."""
     solver = case.solver
-    if isinstance(solver, Dynamic):
+    if isinstance(solver, Dynamic | QuasiStatic):
         return 0.0, solver.t_end
     end = solver.until.value if isinstance(solver, Static) and isinstance(solver.until, LoadFactor) else 1.0
     return min(0.0, end), max(0.0, end)

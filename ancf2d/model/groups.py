@@ -89,17 +89,20 @@ def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
     law = Law(law_address(point), point.fields, point.strains, point.references, point.state, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    strains, memory = _natural(pool, natural, parts), _memory(law, parts, len(pool.dofs))
+    strains, memory = _natural(pool, natural, parts), _memory(law, point.timed, parts, len(pool.dofs))
     return Record(Group(law, strains, memory, np.ascontiguousarray(pool.cls, dtype=np.int64),
                         np.ascontiguousarray(pool.turn), np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
 
 
-def _memory(law: Law, parts: int, elements: int) -> Memory:
-    """Return what elements remember that have not been strained yet."""
+def _memory(law: Law, timed: bool, parts: int, elements: int) -> Memory:
+    """Return what elements remember that have not been strained yet; a timed law has had all time since."""
     if not law.state:
         return no_memory()
     stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
-    return Memory(np.arange(elements), np.zeros((elements, stations, points * law.state)))
+    states = np.zeros((elements, stations, points * law.state))
+    if timed:
+        states[:, :, law.state - 1::law.state] = np.inf
+    return Memory(np.arange(elements), states)
 
 
 def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:

@@ -163,6 +163,18 @@ class Model:
         """What elements whose laws have a memory remember of the last accepted state, which solvers write to."""
         return self._groups[1]
 
+    def set_step(self, h: float) -> None:
+        """Set the time [s] since the last accepted state, of laws that relax: infinite where all has relaxed."""
+        for pool, group in zip(self.pools, self.groups, strict=True):
+            law = pool.plan.formulation.law
+            if law.timed:
+                group.values.memory.states[:, :, law.state - 1::law.state] = h
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether any body has a law of time."""
+        return any(m.plan.formulation.law.timed for m in self.meshes.values())
+
     @property
     def remembers(self) -> list[str]:
         """The bodies whose formulation has a memory, so that their forces depend on the way to a state."""

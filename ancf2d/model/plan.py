@@ -34,7 +34,7 @@ from .axis import AxisError
 from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
-from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_fibres
+from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_memory
 
 MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
 SHORT = 0.1  # angle by which an element of a rigid curved body turns about [rad]
@@ -274,7 +274,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
-    formulation, rule = with_fibres(spec.quadrature, formulation, section, rule)
+    formulation, rule = with_memory(spec.quadrature, formulation, section, rule)
     smooth = knots(body.geometry)
     return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count,
                     tuple(s for s in acting if s not in smooth), spec.preset, varying, tuple(s for s, _ in breaks),

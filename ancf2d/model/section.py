@@ -12,6 +12,7 @@ from ..case import Body, Layers, Material, Rectangle, Stiffness
 from ..elements.definition import ElementType
 from ..elements.fibres import FIBRES, Uniaxial, curve, fibres_of, hardening, linear
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
+from ..elements.maxwell import relaxing
 from ..elements.section import Layer, Section, laminate, timoshenko
 from ..elements.shape import Array, gauss
 from .curve import Piece
@@ -55,7 +56,7 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
     laws = _laws_of(body, element, formulation)
 
     def resolve(given: Any) -> Section:
-        return replace(_resolved(given, element, formulation, k), laws=laws)
+        return replace(_resolved(given, element, formulation, k), laws=laws, maxwell=_terms_of(body))
 
     varying = VaryingSection(body, resolve) if _varies(body) else None
     section = resolve(body) if varying is None else varying.mean
@@ -82,6 +83,12 @@ def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tupl
     return tuple(_law(m) for m in materials if m is not None)
 
 
+def _terms_of(body: Body) -> tuple[tuple[float, float], ...]:
+    """Return modulus and time of each Maxwell term of a body's material; layers have the same ones."""
+    material = body.section.layers[0].material if isinstance(body.section, Layers) else body.material
+    return tuple((term.modulus, term.time) for term in material.viscoelastic) if material is not None else ()
+
+
 def _law(material: Material) -> Uniaxial:
     E: Any = material.E
     if material.stress_strain is not None:
@@ -92,13 +99,13 @@ def _law(material: Material) -> Uniaxial:
     return hardening(E, material.yield_, hard.isotropic if hard else 0.0, hard.kinematic if hard else 0.0)
 
 
-def with_fibres(quadrature: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
-    """Return formulation and rule of a section, with fibres where it has laws of its own: as many as points across.
+def with_memory(quadrature: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
+    """Return formulation and rule of a section: one that relaxes, or with as many fibres as there are points across.
 
     ``quadrature`` is what the case says of it. Raises SectionError where they are too few to bend.
     """
     if not section.laws:
-        return formulation, rule
+        return relaxing(formulation, len(section.maxwell)), rule
     if quadrature in (None, "exact"):
         rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
     if rule.normal[1] < 2:

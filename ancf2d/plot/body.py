@@ -111,7 +111,7 @@ def check_state(results: Results, state: int) -> None:
 def when(results: Results, state: int) -> str:
     """Return the time or load factor of a state in words."""
     t = results.t[state]
-    return f"t = {t:.6g} {results.units.time}" if results.solver == "dynamic" else f"load factor {t:.6g}"
+    return f"t = {t:.6g} {results.units.time}" if results.over_time else f"load factor {t:.6g}"
 
 
 def magnified(factor: float) -> str:

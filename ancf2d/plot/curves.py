@@ -102,7 +102,7 @@ def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
 
 
 def _t_axis(results: Results) -> tuple[str, str]:
-    if results.solver == "dynamic":
+    if results.over_time:
         return "time", results.units.time
     return "load factor", "1"
 
@@ -147,8 +147,8 @@ def _no_probes(results: Results) -> str:
 
 
 def _no_load(results: Results) -> str:
-    if results.solver == "dynamic":
-        return "it is a dynamic run, without a load factor"
+    if results.over_time:
+        return "its states are those of times, without a load factor"
     return _no_probes(results)
 
 

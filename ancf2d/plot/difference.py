@@ -81,11 +81,11 @@ def _comparable(a: Results, b: Results, state: int) -> None:
         raise ResultsError(f"{pair} have different bodies: {', '.join(a.bodies)} and {', '.join(b.bodies)}")
     if a.units.length != b.units.length:
         raise ResultsError(f"{pair} have different units of length: {a.units.length} and {b.units.length}")
-    if (a.solver == "dynamic") != (b.solver == "dynamic"):
+    if a.over_time != b.over_time:
         raise ResultsError(f"{pair} cannot be compared: one holds states over time, one over the load factor")
     t, u = float(a.t[state]), float(b.t[state])
     if abs(t - u) > SAME * max(abs(t), abs(u)):
-        what = "time" if a.solver == "dynamic" else "load factor"
+        what = "time" if a.over_time else "load factor"
         raise ResultsError(f"{pair} are not at the same {what} in state {state}: {t:.6g} and {u:.6g}")
 
 

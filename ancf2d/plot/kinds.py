@@ -61,7 +61,7 @@ def default_kind(results: Results) -> str:
             return kind.name
     if not MODES.missing(results):
         return MODES.name
-    for kind in (HISTORY, ENERGY) if results.solver == "dynamic" else ():
+    for kind in (HISTORY, ENERGY) if results.over_time else ():
         if not kind.missing(results):
             return kind.name
     if "limit_points" in results.summary and not LOAD_DEFLECTION.missing(results):

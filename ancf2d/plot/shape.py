@@ -331,7 +331,7 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
                                   obstacles_of(results, i, factor)))
     files = [s.label or s.results.path.name for s in sources]
     first = sources[0].results
-    axis = ("time", first.units.time) if first.solver == "dynamic" else ("load factor", "1")
+    axis = ("time", first.units.time) if first.over_time else ("load factor", "1")
     return Snapshots(common_title(sources), magnified(factor).lstrip(", "), first.units.length, moments, files, axis)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ancf2d.results.reader import open_results
+from ancf2d.results.records import OVER_TIME
 
 _UNFINISHED = {
     "running": "unfinished: the run is still going or was killed",
@@ -70,7 +71,7 @@ def describe_text(found: dict[str, Any]) -> str:
                  f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}"),
     ]
     if found["range"]:
-        moves = found["solver"] == "dynamic"
+        moves = found["solver"] in OVER_TIME
         rows.append(("time" if moves else "load factor", f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"
                      + f" {units['time']}" * moves))
     if found["checkpoint"] is not None:

@@ -15,7 +15,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_nodes
-from ancf2d.results.records import BodyRecord, FieldRecord, Units
+from ancf2d.results.records import OVER_TIME, BodyRecord, FieldRecord, Units
 from ancf2d.results.series import StateRows, Table, read_columns
 from ancf2d.results.shown import as_html, one_line, to_xarray
 
@@ -78,6 +78,11 @@ class Results:
     def solver(self) -> str:
         """The type of the solver."""
         return self._attr("solver")
+
+    @property
+    def over_time(self) -> bool:
+        """Whether the states are those of times, not of load factors."""
+        return self.solver in OVER_TIME
 
     @cached_property
     def units(self) -> Units:

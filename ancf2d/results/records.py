@@ -10,6 +10,8 @@ from ancf2d.errors import ResultsError
 
 FORMAT = "ancf2d-results"
 FORMAT_VERSION = 1
+# solvers whose states are those of times
+OVER_TIME = ("dynamic", "quasi_static")
 SECTION_KINDS = ("interpolated", "tangent", "theta")
 
 
@@ -141,7 +143,7 @@ _PROBE: dict[str, Column] = {c.name: c for c in (
 _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("t", "{T}", "time"), Column("dt", "{T}", "step size"),
     Column("step", "1", "number of the step", True),
-    Column("factor", "1", "load factor"),
+    Column("factor", "1", "load factor, or time"),
     Column("iterations", "1", "Newton iterations of the step", True),
     Column("residual", "1", "residual after the last iteration, relative to the forces' scale"),
     Column("increment", "1", "last Newton increment, relative to the coordinates' scale"),

@@ -36,7 +36,7 @@ def one_line(results: Any) -> str:
 def as_html(results: Any) -> str:
     """Return what is in the file as notebooks show it."""
     span = f"{results.t[0]:g} to {results.t[-1]:g}" if results.nt else ""
-    what = f"t [{results.units.time}]" if results.solver == "dynamic" else "load factor"
+    what = f"t [{results.units.time}]" if results.over_time else "load factor"
     rows = [("file", results.path.name), ("solver", f"{results.solver}, {results.status}"),
             ("states", f"{results.nt} states" + (f", {what} {span}" if span else ""))]
     rows += [("body", f"{name}: {len(b.dofs)} elements {b.element_type}") for name, b in results.bodies.items()]
@@ -75,7 +75,7 @@ def to_xarray(results: Any, states: bool = True) -> Dataset:
 
 
 def _t_units(results: Any) -> str:
-    return results.units.time if results.solver == "dynamic" else "1"
+    return results.units.time if results.over_time else "1"
 
 
 def _probe_variables(results: Any) -> Variables:

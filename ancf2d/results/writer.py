@@ -24,7 +24,7 @@ from ancf2d.results.checkpoint import (
 from ancf2d.results.growth import Growth
 from ancf2d.results.head import write_fields, write_head, write_mesh
 from ancf2d.results.journal import JournaledFile, recovered
-from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units, escape, known_column
+from ancf2d.results.records import OVER_TIME, BodyRecord, Column, FieldRecord, Units, escape, known_column
 from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
@@ -83,7 +83,7 @@ class ResultWriter:
 
     def _prepare(self, header: Mapping[str, Any], nq: int, columns: Sequence[Column]) -> None:
         self._units = Units(**{k: v for k, v in dict(header.get("units") or {}).items() if v})
-        self._dynamic = header.get("solver") == "dynamic"
+        self._dynamic = header.get("solver") in OVER_TIME
         self._nq, self._columns = nq, {column.name: column for column in columns}
         self._started = self._last_flush = time.monotonic()
         self._earlier, self._committed, self._open = 0.0, 0, False

@@ -15,6 +15,7 @@ from ..case import (
     FrequencyResponse,
     LinearStatic,
     LoadFactor,
+    QuasiStatic,
     StateSpace,
     Static,
 )
@@ -44,6 +45,12 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
     # newton ends at nothing but a load factor: the schema refuses the rest
     end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
     return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start)
+
+
+def _quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
+    from .quasi_static import solve_quasi_static
+
+    return solve_quasi_static(model, spec)
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
@@ -78,7 +85,7 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
 
 # a third argument: the checkpoint that a motion goes on from, the guess that statics begins with
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
-    LinearStatic: _linear, Static: _static, Eigen: _eigen,
+    LinearStatic: _linear, Static: _static, QuasiStatic: _quasi_static, Eigen: _eigen,
     FrequencyResponse: _frequency_response, StateSpace: _state_space, Buckling: _buckling, Dynamic: _dynamic,
 }
 

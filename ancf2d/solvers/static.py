@@ -29,8 +29,9 @@ from .newton import (
 )
 from .refine import refined
 from .state import State
+from .strides import Path, Stride
 from .system import System, Turned
-from .threads import largest, pieces
+from .threads import largest
 
 STEPS = 10
 # displacements are of no use where this share of them is not known
@@ -39,19 +40,6 @@ HOPELESS = 0.5
 # unless it moves less than this share of the model's extent
 JUMP = 8.0
 FAINT = 1e-6
-# shares of the way: the shortest step beside what was gone before, and the shortest first one
-SMALLEST_STEP = 2.0**-16
-SMALLEST_FIRST = 2.0**-50
-# what a step that meets a singular tangent is cut by beside halves, so that no later one meets it again
-ASIDE = 0.99
-# tries within one full step, or while the way gone doubles, before the path is given up
-MOST_TRIES = 60
-# a parabola through states is good for steps this much longer than the last one, a line for its square
-FARTHEST = 4.0
-# easy steps in a row before a cut step grows again
-PATIENCE = 2
-# an unstable state is cornered to this share of the way before it is taken for one that no branch bends away from
-CORNERED = 1e-4
 # a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
 NEXT = 1e-3
 
@@ -106,30 +94,6 @@ def _pretensioned(model: Model, d: Array) -> list[str]:
             "solver static for them"] if names else []
 
 
-@dataclass
-class _Path:
-    """The equilibrium path so far, for extrapolation."""
-
-    t: list[float]
-    d: list[Array]
-
-    def extrapolate(self, t: float) -> Array:
-        """Return the polynomial through the last states (at most quadratic) at t, of lower order for a long step."""
-        k = len(self.t)
-        ratio = (t - self.t[-1]) / (self.t[-1] - self.t[-2]) if k > 1 else 0.0
-        k = min(k, 3 if ratio <= FARTHEST else 2 if ratio <= FARTHEST**2 else 1)
-        ts, ds = self.t[-k:], self.d[-k:]
-        weights = [float(np.prod([(t - b) / (a - b) for b in ts if b != a])) for a in ts]
-        out = weights[0] * ds[0]
-        for part in pieces(len(out)):
-            for weight, d in zip(weights[1:], ds[1:], strict=True):
-                out[part] += weight * d[part]
-        return out
-
-    def push(self, t: float, d: Array) -> None:
-        self.t, self.d = [*self.t[-2:], t], [*self.d[-2:], d]
-
-
 def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
                  max_iterations: int | None = None, end: float = 1.0, start: Start | None = None) -> Iterator[State]:
     """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
@@ -146,14 +110,14 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     if near is not None:
         yield state_of(system, near, end, 1, 0, [])
         return
-    march = _March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
+    march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
     stops = [b.t / end for b in case_breaks(model.case, 0.0, end)] if model.remembers and end > 0.0 else []
     soft = end != 0.0 and slack(model)
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
         iterations, warnings = march.settle()
-        for state in march.go(_Load(0.0, 1.0), _Load(end, 1.0), stops) if end != 0.0 else [march.resting()]:
+        for state in march.go(Load(0.0, 1.0), Load(end, 1.0), stops) if end != 0.0 else [march.resting()]:
             if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
                 break
             state.history["iterations"] += iterations
@@ -165,7 +129,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     except ComputationError:
         if not (model.hangs or soft):
             raise
-    march.take(_Load(end, 1.0))
+    march.take(Load(end, 1.0))
     yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, not model.hangs)
 
 
@@ -185,83 +149,29 @@ def unscaled(model: Model, tolerance: float | None = None, max_iterations: int |
         yield from solve_static(model, None, tolerance, max_iterations, 0.0)
 
 
-class _Stride:
-    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones.
-
-    A step ends at each of ``stops``.
-    """
-
-    def __init__(self, longest: float, stops: Sequence[float]) -> None:
-        self.longest = self.h = longest
-        self.stops = stops
-        self.s, self.cutbacks, self.easy = 0.0, 0, PATIENCE
-        self.mark, self.tries = 0.0, 0
-        # the longest step that led to an unstable state, to go on with once that is taken for what it is
-        self.resume = 0.0
-
-    def target(self) -> float:
-        """Return the next s to try."""
-        self.tries += 1
-        farthest = self.s + self.h * (1 + 1e-9)
-        ahead = min((s for s in (*self.stops, 1.0) if s > self.s * (1 + 1e-12)), default=1.0)
-        return ahead if farthest >= ahead else self.s + self.h
-
-    def _cut(self, target: float) -> None:
-        # nothing is known yet of the load that a first step can carry: it is cut faster each time
-        self.h = (target - self.s) * 0.5 ** (1 if self.s > 0.0 else self.cutbacks + 1)
-        self.cutbacks, self.easy = self.cutbacks + 1, 0
-
-    def cut(self, target: float, aside: bool = False) -> bool:
-        """Take a shorter step after a failure; return whether that is worth a try.
-
-        ``aside``: one of which no multiples lead to the target, whose tangent is singular.
-        """
-        self._cut(target)
-        self.h *= ASIDE if aside else 1.0
-        smallest = SMALLEST_STEP * min(self.longest, self.s) if self.s > 0.0 else SMALLEST_FIRST
-        return self.h >= smallest and self.tries <= MOST_TRIES
-
-    def corner(self, target: float) -> bool:
-        """Take a shorter step towards an unstable state; return False where it is cornered already."""
-        nearest = CORNERED * self.s if self.s > 0.0 else SMALLEST_FIRST
-        self.resume = max(self.resume, self.h)
-        if target - self.s <= nearest * (1 + 1e-9) or self.tries > MOST_TRIES:
-            self.h = self.resume
-            return False
-        self._cut(target)
-        return True
-
-    def accept(self, target: float) -> None:
-        """Go on from a state that was found."""
-        self.s, self.cutbacks, self.easy = target, 0, self.easy + 1
-        if self.easy >= PATIENCE:
-            self.h = min(self.longest, 2 * self.h)
-        if target >= min(self.mark + self.longest * (1 - 1e-9), 2 * self.mark):
-            self.mark, self.tries = target, 0
-
-
 @dataclass(frozen=True)
-class _Load:
+class Load:
     """What a state is in balance with: the loads at a factor, and a share of what acts at factor 0 already."""
 
     factor: float
     share: float
 
-    def towards(self, other: _Load, s: float) -> _Load:
+    def towards(self, other: Load, s: float) -> Load:
         """Return what is between, at s from 0 to 1."""
-        return _Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
+        return Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
 
 
-class _March:
+class March:
     """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is where it stands."""
 
     def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
         self.system, self.model, self.longest = system, system.model, longest
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
-        self.negative, self.load = 0, _Load(0.0, 0.0)
+        self.negative, self.load = 0, Load(0.0, 0.0)
         # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
         self.held: Array | None = None
+        self.tightens = True
         self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
 
@@ -276,32 +186,42 @@ class _March:
         for spring in self.model.springs:
             spring.tighten(0.0)
         self.held = self.system.forces(self.d, 0.0).R
-        states = list(self.go(_Load(0.0, 0.0), _Load(0.0, 1.0)))
+        states = list(self.go(Load(0.0, 0.0), Load(0.0, 1.0)))
         return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
 
-    def resting(self) -> State:
-        """Return the state at factor 0."""
-        balance = self.system.assemble(self.d, 0.0)
-        R = balance.R
-        negative = self.system.factor({"factor": 0.0}).negative - self.model.numbering.n_multipliers
-        result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
-        return state_of(self.system, result, 0.0, 1, 0, [])
+    def jump(self, t: float) -> int:
+        """Go on to the equilibrium at t where loads or motions jump, with steps of its own; return iterations."""
+        self.d = self.model.displacements(self.d[self.model.numbering.where], t)
+        self.held, self.tightens = self.system.forces(self.d, t).R, False
+        return sum(int(s.history["iterations"]) for s in self.go(Load(t, 0.0), Load(t, 1.0)))
 
-    def take(self, load: _Load) -> None:
+    def stand(self, d: Array) -> None:
+        """Go on from an equilibrium (n_full,) that was found otherwise."""
+        self.d, self.turns, self.held = d, self.system.turns(), None
+
+    def resting(self, t: float = 0.0) -> State:
+        """Return the state where the march stands, at a factor or time t."""
+        balance = self.system.assemble(self.d, t)
+        R = balance.R
+        negative = self.system.factor({"factor": t}).negative - self.model.numbering.n_multipliers
+        result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
+        return state_of(self.system, result, t, 1, 0, [])
+
+    def take(self, load: Load) -> None:
         """Let a load act where the march stands."""
         self._set(load, self.turns)
 
-    def _set(self, load: _Load, turns: Turned) -> None:
+    def _set(self, load: Load, turns: Turned) -> None:
         """Let a load act, and count turns from a state on."""
         self.system.count_from(turns)
         if self.held is not None:
             self.system.held = (1.0 - load.share) * self.held
-            for spring in self.model.springs:
+            for spring in self.model.springs if self.tightens else ():
                 spring.tighten(load.share)
 
-    def go(self, begin: _Load, end: _Load, stops: Sequence[float] = ()) -> Iterator[State]:
+    def go(self, begin: Load, end: Load, stops: Sequence[float] = ()) -> Iterator[State]:
         """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way."""
-        path, stride, number, old = _Path([0.0], [self.d]), _Stride(self.longest, stops), 0, begin
+        path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, stops), 0, begin
         while stride.s < 1.0:
             target = stride.target()
             new = end if target == 1.0 else begin.towards(end, target)
@@ -327,11 +247,11 @@ class _March:
             self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
             # behind a stop nothing follows from what was before
             if target in stops:
-                path = _Path([], [])
+                path = Path([], [])
             path.push(target, result.d)
             stride.accept(target)
 
-    def _step(self, path: _Path, target: float, old: _Load, new: _Load) -> NewtonResult:
+    def _step(self, path: Path, target: float, old: Load, new: Load) -> NewtonResult:
         """Return the equilibrium at s = ``target``. Raises ComputationError where none follows from the last one."""
         model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
         self._set(new, self.turns)
@@ -355,7 +275,7 @@ class _March:
         if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
             raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")})
 
-    def _foretold(self, state: Turned, here: _Load, there: _Load) -> Array:
+    def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
         """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
         system, t, d = self.system, there.factor, state[0]
         self._set(there, state)
@@ -363,7 +283,7 @@ class _March:
         system.factor({"factor": float(f"{t:.6g}")})
         return -system.matrix.solve(R)
 
-    def _bends_away(self, path: _Path, result: NewtonResult, t_old: float) -> bool:
+    def _bends_away(self, path: Path, result: NewtonResult, t_old: float) -> bool:
         """Whether a stable path may bend away before an unstable state, which a shorter step would show."""
         if self.negative > 0 or result.negative_pivots <= 0:
             return False

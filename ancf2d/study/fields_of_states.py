@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Dynamic, LinearStatic, Static, Stiffness, load_case_text
+from ..case import Dynamic, LinearStatic, QuasiStatic, Static, Stiffness, load_case_text
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results
 from ..solvers.fields import FIELDS, FieldReader
@@ -85,7 +85,7 @@ class StatesWithFields(Results):
         t, turned = float(self.t[i]), self.turned(i)
         if turned is None:
             turned = model.turns.from_reference(d)
-        if isinstance(model.case.solver, LinearStatic | Static):
+        if isinstance(model.case.solver, LinearStatic | Static | QuasiStatic):
             return equilibrium_at(self._system, t, d, turned, isinstance(model.case.solver, LinearStatic))
         if self._motion is not None and self.holds("v"):
             v[:model.n_q] = self.v(i)
@@ -124,5 +124,5 @@ def _told(model: Model) -> list[str]:
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())
-    balanced = isinstance(model.case.solver, LinearStatic | Static | Dynamic) or not model.constraints
+    balanced = isinstance(model.case.solver, LinearStatic | Static | QuasiStatic | Dynamic) or not model.constraints
     return [f.name for f in FIELDS.values() if (solid if f.over else balanced)]

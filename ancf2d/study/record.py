@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..case import Case, Dynamic, Static
+from ..case import Case, Dynamic, QuasiStatic, Static
 from ..model.model import Model
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Clock:
 def run_end(case: Case) -> float:
     """Return the time or load factor that a run ends at; infinite for a path, which may pass its last one before."""
     solver = case.solver
-    if isinstance(solver, Dynamic):
+    if isinstance(solver, Dynamic | QuasiStatic):
         return solver.t_end
     if isinstance(solver, Static) and solver.method != "newton":
         return float("inf")

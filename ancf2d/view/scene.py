@@ -124,7 +124,7 @@ def _states(results: Results, stage: Stage, extent: float, budget: int, wanted: 
     moves = np.array([stage.points(results.e(int(i)), int(i)) - stage.start for i in chosen])
     t = results.t[chosen]
     shown: list[int | None] = [int(i) for i in chosen]
-    dynamic = results.solver == "dynamic"
+    dynamic = results.over_time
     if results.solver == "linear_static" and len(t) == 1:  # what lies between rest and a linear answer is known
         t, moves = np.array([0.0, t[0]]), np.concatenate([np.zeros_like(moves), moves])
         shown = [None, *shown]

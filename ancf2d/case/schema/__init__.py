@@ -30,7 +30,7 @@ from .case import (
 )
 from .controllers import Controller, Pid, StateController
 from .geometry import Arc, ArcPiece, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
-from .materials import Material, MaterialDamping, StressStrain
+from .materials import Material, MaterialDamping, MaxwellTerm, StressStrain
 from .output import Expected, Goal, Output, Units
 from .points import GroundPoint, MovingPoint, Point, Probe
 from .profiles import PointExpression, Profile, ProfileExpression, ProfileTable
@@ -43,6 +43,7 @@ from .solvers import (
     LinearStatic,
     LoadFactor,
     ProbeReaches,
+    QuasiStatic,
     SmallMotions,
     Solver,
     StateSpace,
@@ -53,9 +54,10 @@ __all__ = [
     "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
     "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid",
     "FrequencyResponse", "Gated", "Geometry", "Goal", "GroundPoint", "Initial", "Latch", "Layers", "LimitPoints",
-    "Line", "LinePiece", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MovingPoint", "Output",
-    "PathGeometry", "Pid", "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile",
-    "ProfileExpression", "ProfileTable", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section", "Selective",
-    "Sine", "SmallMotions", "Solver", "Spline", "StateController", "StateSpace", "Static", "SteadyRotation",
-    "Stiffness", "StressStrain", "Table", "Transport", "Units", "Windowed", "amplitude_of", "register",
+    "Line", "LinePiece", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MaxwellTerm", "MovingPoint",
+    "Output", "PathGeometry", "Pid", "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile",
+    "ProfileExpression", "ProfileTable", "QuasiStatic", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
+    "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateController", "StateSpace", "Static",
+    "SteadyRotation", "Stiffness", "StressStrain", "Table", "Transport", "Units", "Windowed", "amplitude_of",
+    "register",
 ]

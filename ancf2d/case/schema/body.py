@@ -72,6 +72,9 @@ class Layers:
             for name in ("E", "nu"):
                 if getattr(layer.material, name) is None:
                     yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material.{name} is missing")
+            if layer.material.viscoelastic != self.layers[0].material.viscoelastic:
+                yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material relaxes otherwise than the lowest "
+                            "layer", "the same viscoelastic in all layers")
             if not isinstance(layer.material.E, float | None) or not isinstance(layer.material.rho, float | None):
                 yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material varies along the body",
                             "numbers: materials of layers do not vary")

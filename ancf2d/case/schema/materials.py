@@ -69,6 +69,14 @@ class StressStrain:
 
 
 @record
+class MaxwellTerm:
+    """A spring with a dashpot, beside the long-time stiffness."""
+
+    modulus: float = key(Number("", gt=0), "Modulus of the spring, relative to E", example=0.5)
+    time: float = key(Number("s", gt=0), "Relaxation time", example=0.1)
+
+
+@record
 class Material:
     """An isotropic material, elastic unless it says more."""
 
@@ -88,10 +96,19 @@ class Material:
     stress_strain: StressStrain | None = key(Record(StressStrain), "Stress of the fibres along the axis as a curve, in "
                                              "place of yield and hardening; shear stays elastic", default=None)
 
+    viscoelastic: tuple[MaxwellTerm, ...] = key(
+        ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots beside E, the "
+        "long-time modulus; Poisson's ratio does not change", default=(), example=[{"modulus": 0.5, "time": 0.1}])
+
     @property
     def fibres(self) -> bool:
         """Whether its stress along the axis is another than E times strain, fibre by fibre."""
         return self.yield_ is not None or self.stress_strain is not None
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its stress is another than a constant stiffness times strain."""
+        return self.fibres or bool(self.viscoelastic)
 
     def check(self) -> Iterator[Issue]:
         """Yield laws that exclude each other, or need what is missing."""
@@ -100,6 +117,9 @@ class Material:
                         "curve tells the hardening")
         if self.stress_strain is not None and self.yield_ is not None:
             yield Issue(("yield",), "{}: yield and stress_strain exclude each other", "one of them")
+        if self.viscoelastic and self.fibres:
+            yield Issue(("viscoelastic",), "{}: fibres that yield or follow a curve do not relax", "viscoelastic, or "
+                        "yield or stress_strain")
         if self.fibres and self.E is not None and not isinstance(self.E, float | int):
             yield Issue(("E",), "{}.E varies along the body, but the curve of the material does not", "a number")
         elif self.stress_strain is not None and self.stress_strain.points and isinstance(self.E, float | int):

@@ -104,6 +104,18 @@ class Static:
 
 
 @record
+class QuasiStatic:
+    """Equilibrium over time without inertia, for creep, slow cycles and thermal histories."""
+
+    tag = "quasi_static"
+    t_end: float = key(Number("s", gt=0), "End of the time; it begins at 0 with the response that takes no time",
+                       example=100)
+    tolerance: float = key(Number("", gt=0, lt=1), "Error that a step may make, relative to the largest displacement; "
+                           "steps adapt to it", default=STEP_TOLERANCE)
+    max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
+
+
+@record
 class Eigen:
     """Natural frequencies, damping and modes."""
 
@@ -243,4 +255,4 @@ class Dynamic:
 
 # what is linearised about a state
 SmallMotions = Eigen | FrequencyResponse | StateSpace
-Solver = LinearStatic | Static | Eigen | FrequencyResponse | StateSpace | Buckling | Dynamic
+Solver = LinearStatic | Static | QuasiStatic | Eigen | FrequencyResponse | StateSpace | Buckling | Dynamic

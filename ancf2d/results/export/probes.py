@@ -14,7 +14,7 @@ BLOCK = 4096  # lines between two reports of progress
 
 def time_name(results: Results) -> str:
     """Return what states are counted by: ``t``, or ``factor`` where it is the load factor."""
-    return "t" if results.solver == "dynamic" else "factor"
+    return "t" if results.over_time else "factor"
 
 
 def write(results: Results, path: Path, done: Done) -> None:

@@ -1,0 +1,79 @@
+"""Generalised Maxwell material: springs with dashpots beside the elastic law of any formulation.
+
+With the long-time stiffness D, the stress is D (eps + sum_i g_i h_i), where h_i' + h_i/tau_i = eps': every strain
+relaxes alike, so that Poisson's ratio does not change. A step h in which the strains change linearly is exact,
+
+    h_i(t + h) = exp(-x) h_i(t) + (1 - exp(-x))/x (eps(t + h) - eps(t)),    x = h/tau_i
+
+(Taylor, Pister & Goudreau 1970; Simo & Hughes 1998, section 10.3). In no time the material answers with
+D (1 + sum_i g_i), after a long one with D. For kernels, -sum_i g_i h_i are internal strains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from .formulations.base import Formulation, PointLaw, Rule, Sampler
+from .shape import Array
+
+# modulus beside the long-time one, and relaxation time [s], of each spring with its dashpot
+Terms = tuple[tuple[float, float], ...]
+
+
+def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
+    """Fill the internal strains, h_i of each term, and the strains themselves; the last number is the time step.
+
+    The last reference values of a point are (g_i, tau_i) of each term, and their number.
+    """
+    n, last, clock = len(eps), len(ref) - 1, len(new) - 1
+    terms = int(ref[last, 0])
+    for i in range(n):
+        for l in range(lanes):
+            new[i, l], slope[i, i, l] = 0.0, 0.0
+    for k in range(terms):
+        g, tau = ref[last - 2 * (terms - k), 0], ref[last - 2 * (terms - k) + 1, 0]
+        for l in range(lanes):
+            x = old[clock, l] / tau
+            keeps, takes = np.exp(-x), -np.expm1(-x) / x if x > 0.0 else 1.0
+            for i in range(n):
+                at = (1 + k) * n + i
+                h = keeps * old[at, l] + takes * (eps[i, l] - old[clock - n + i, l])
+                new[at, l] = h
+                new[i, l] -= g * h
+                slope[i, i, l] -= g * takes
+    for i in range(n):
+        for l in range(lanes):
+            new[clock - n + i, l] = eps[i, l]
+    for l in range(lanes):
+        new[clock, l] = old[clock, l]
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """Samples a formulation whose material relaxes."""
+
+    base: Formulation
+
+    def __call__(self, sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
+        """Return (B, ref, D) as ``Formulation.sample`` does; each point of a station has all constants."""
+        B, ref, D = self.base.sample(sampler, rule)
+        terms = sampler.section.maxwell
+        points = B.shape[1] // self.base.law.fields
+        own = np.array([*(v for term in terms for v in term), len(terms)])
+        whole = np.concatenate([ref.reshape(len(ref), points, -1),
+                                np.broadcast_to(own, (len(ref), points, len(own)))], axis=2)
+        return B, whole.reshape(len(ref), -1), D
+
+
+@cache
+def relaxing(base: Formulation, terms: int) -> Formulation:
+    """Return a formulation whose material has so many terms; itself where it has none."""
+    if not terms:
+        return base
+    law = base.law
+    own = PointLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
+                   quadratic=law.quadratic, state=(2 + terms) * law.strains + 1, internal=internal, timed=True)
+    return replace(base, law=own, sample=_Sample(base), stress=None)

@@ -1,0 +1,181 @@
+"""Equilibrium over time, without inertia: creep, relaxation, slow cycles and thermal histories."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+
+from ..case import QuasiStatic
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..model.breakpoints import case_breaks
+from ..model.model import Model
+from .contact import memory, recall
+from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton, state_of
+from .state import State
+from .static import STEPS, March
+from .strides import Path
+from .system import System, Turned
+
+# shares of the whole time: the first step, the longest one, and one that is too short to go on
+FIRST, LONGEST, SHORTEST = 1e-6, 1e-2, 1e-12
+# of the tolerance of a step: how well its equilibrium is found
+CLOSE = 1e-4
+# bounds of the factor from one step to the next, and the share of the longest step that the error allows
+LEAST, MOST, SAFE = 0.2, 3.0, 0.9
+# the errors of all steps fall with this power of their length
+ORDER = 2
+
+
+@dataclass
+class _Kept:
+    """What a step begins from again after it has been refused."""
+
+    states: Array
+    contacts: list[Array]
+    turns: Turned
+
+
+class Course:
+    """Goes through equilibria over time; ``d`` (n_full,) is the one at ``t``."""
+
+    def __init__(self, model: Model, spec: QuasiStatic) -> None:
+        self.model, self.spec, self.system = model, spec, System(model)
+        self.close = min(TOLERANCE, CLOSE * spec.tolerance)
+        self.iterations = spec.max_iterations or MAX_ITERATIONS
+        self.march = March(self.system, 1.0 / STEPS, self.close, self.iterations)
+        self.t, self.number, self.refused = 0.0, 0, 0
+        # where amplitudes had their last corner
+        self.begin = 0.0
+        self.size = 0.0
+        self.path = Path([0.0], [self.march.d])
+
+    def states(self) -> Iterator[State]:
+        """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step."""
+        end = self.spec.t_end
+        self.model.set_step(0.0)
+        iterations, warnings = self.march.settle()
+        self.system.held = None
+        yield self._at_rest(iterations, warnings)
+        h = FIRST * end
+        for b in case_breaks(self.model.case, 0.0, end):
+            h = yield from self._go(b.before if b.order == 0 else b.t, h)
+            if b.order == 0:
+                yield self._jump(b.t)
+            self.path, self.begin, h = Path([self.t], [self.march.d]), self.t, FIRST * end
+        yield from self._go(end, h)
+
+    def _at_rest(self, iterations: int, warnings: list[str]) -> State:
+        """Return the state at t, where the march stands."""
+        state = self.march.resting(self.t)
+        self._count(state.d)
+        state.history.update(step=self.number, iterations=iterations)
+        state.warnings = warnings + state.warnings
+        self.path = Path([self.t], [self.march.d])
+        return state
+
+    def _count(self, d: Array) -> None:
+        self.number += 1
+        self.size = max(self.size, self.system.norm(d[self.model.numbering.where]))
+
+    def _jump(self, t: float) -> State:
+        """Return the equilibrium behind a jump of the loads or motions at t, which takes no time."""
+        self.t = t
+        self.model.set_step(0.0)
+        found = self.march.jump(t)
+        self.system.held = None
+        return self._at_rest(found, [])
+
+    def _go(self, stop: float, h: float) -> Generator[State, None, float]:
+        """Yield the states of steps up to a time; return the length of the next step."""
+        end = self.spec.t_end
+        while self.t < stop:
+            left = stop - self.t
+            step = left if left < 1.1 * min(h, LONGEST * end) else min(h, LONGEST * end)
+            kept = self._keep()
+            try:
+                result, error = self._tried(step)
+            except ComputationError as failure:
+                self._restore(kept)
+                h, self.refused = 0.5 * step, self.refused + 1
+                if h < SHORTEST * end:
+                    raise self._stuck(failure) from failure
+                continue
+            # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
+            share = step / (self.t + step - self.begin)
+            allowed = self.spec.tolerance * share * max(self.size, self.system.norm(
+                result.d[self.model.numbering.where]))
+            grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
+            if error > allowed and step > SHORTEST * end:
+                self._restore(kept)
+                h, self.refused = max(LEAST, grows) * step, self.refused + 1
+                continue
+            yield self._accept(result, stop if step == left else self.t + step)
+            # a step that was cut to end at the stop says little of the next
+            h = max(h if step < h else 0.0, min(MOST, max(LEAST, grows)) * step)
+        return h
+
+    def _tried(self, h: float) -> tuple[NewtonResult, float]:
+        """Return the equilibrium after a time h, and the error of the displacements [m] by a step of twice the length.
+
+        Where the way does not matter there is no such error.
+        """
+        if not self.model.remembers:
+            return self._solve(self.t, h, self.path), 0.0
+        whole = self._solve(self.t, h, self.path)
+        middle = self.t + 0.5 * h
+        half = self._solve(self.t, 0.5 * h, self.path)
+        self.system.accept(half.d, middle)
+        path = Path([*self.path.t], [*self.path.d])
+        path.push(middle, half.d.copy())
+        result = self._solve(middle, 0.5 * h, path)
+        return result, self.system.distance(whole.d, result.d) / (2.0**ORDER - 1.0)
+
+    def _solve(self, t: float, h: float, path: Path) -> NewtonResult:
+        self.model.set_step(h)
+        alone = len(path.t) == 1
+        result = newton(self.system, path.extrapolate(t + h).copy(), t if alone else t + h, t + h, self.close,
+                        self.iterations)
+        check_sound(self.model, result.d, path.d[-1], t + h)
+        return result
+
+    def _accept(self, result: NewtonResult, t: float) -> State:
+        self.t = t
+        self._count(result.d)
+        state = state_of(self.system, result, t, self.number - 1, 0, [])
+        self.system.accept(result.d, t)
+        # what is asked for next is asked at this moment
+        self.model.set_step(0.0)
+        self.march.stand(result.d)
+        self.path.push(t, result.d)
+        return state
+
+    def _keep(self) -> _Kept:
+        return _Kept(self.model.states.copy(), memory(self.model), self.system.turns())
+
+    def _restore(self, kept: _Kept) -> None:
+        self.model.states[:] = kept.states
+        recall(self.model, kept.contacts)
+        self.system.count_from(kept.turns)
+
+    def _stuck(self, error: ComputationError) -> ComputationError:
+        f = error.failure
+        return ComputationError(f"no equilibrium was found beyond t = {self.t:.6g}: {f.reason}",
+                                at={"step": self.number, "t": float(f"{self.t:.6g}")}, history=f.history,
+                                advice=f.advice or "a limit of the load is likely, beyond which only a motion goes on "
+                                                   "(solver dynamic); else supports that leave no mechanism")
+
+
+def solve_quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
+    """Yield the equilibrium at t = 0 and at the end of each step up to t_end.
+
+    Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
+    corners, and behind their jumps there is a response that takes no time. Raises ComputationError where no equilibrium
+    follows on the last one.
+    """
+    if model.hangs:
+        raise ComputationError("only gravity holds the model, which has no equilibrium to start from",
+                               at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
+    for state in (course := Course(model, spec)).states():
+        state.last = course.t >= spec.t_end
+        yield state

@@ -1,0 +1,130 @@
+"""Materials that relax, in equilibria over time, beside closed forms of linear viscoelasticity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.model.build import build_model
+from ancf2d.solvers.post import reactions
+
+E, SIZE, LENGTH = 2e6, 0.02, 1.0
+ZENER = ((0.5, 0.1),)
+PRONY = ((0.3, 1e-3), (0.25, 1e-2), (0.4, 0.1), (0.2, 1.0), (0.5, 10.0))
+# a force that moves the end by so little that the model is linear
+FORCE = 1e-7
+TYPES = [("reissner3", None), ("cable", None), ("vallejo", "structural"), ("2d3n-nu", "continuum"),
+         ("kerkkanen", "enhanced")]
+
+
+def material(terms: tuple[tuple[float, float], ...]) -> dict[str, Any]:
+    """Return a rubber with terms (modulus, time)."""
+    known = [{"modulus": g, "time": tau} for g, tau in terms]
+    return {"E": E, "nu": 0.3, "rho": 1000, **({"viscoelastic": known} if known else {})}
+
+
+def beam(kind: tuple[str, str | None], terms: tuple[tuple[float, float], ...], t_end: float, tolerance: float = 1e-6,
+         **scene: Any) -> Any:
+    """Return the case of a clamped beam over time."""
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]), "material": material(terms),
+            "section": {"height": SIZE, "width": SIZE}}
+    bc = [{"type": "clamp", "at": "beam@0"}, *scene.pop("bc", [])]
+    return h.load({"beam": body}, {"type": "quasi_static", "t_end": t_end, "tolerance": tolerance}, bc=bc,
+                  output={"probes": {"tip": "beam@1"}}, **scene)
+
+
+def creep(t: np.ndarray, terms: tuple[tuple[float, float], ...]) -> np.ndarray:
+    """Return the strain under a stress that is E from t = 0 on.
+
+    With s = e + sum g h = 1, h_i' = e' - h_i/tau_i is a linear system for h (n,): (I + 1 g^T) h' = -h/tau.
+    """
+    g, tau = (np.array(v) for v in zip(*terms, strict=True))
+    rate = -np.linalg.solve(np.eye(len(g)) + np.outer(np.ones(len(g)), g), np.diag(1.0 / tau))
+    w, V = np.linalg.eig(rate)
+    first = np.linalg.solve(V, np.full(len(g), 1.0 / (1.0 + g.sum())))
+    return np.real(1.0 - np.exp(np.outer(t, w)) @ ((g @ V) * first))
+
+
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
+    """The instantaneous response at t = 0, then 1 - g/(1 + g) exp(-t/((1 + g) tau)), of bending and shear alike."""
+    load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
+    done = ancf2d.solve(beam(kind, ZENER, 0.5, loads=load))
+    t, u = done.course_t, done.course["tip"]["uy"]
+    assert t[0] == 0.0
+    assert t[-1] == 0.5
+    g, tau = ZENER[0]
+    exact = 1.0 - g / (1.0 + g) * np.exp(-t / ((1.0 + g) * tau))
+    np.testing.assert_allclose(exact, creep(t, ZENER), rtol=1e-12)
+    whole = ancf2d.solve(beam(kind, (), 1.0, loads=load)).course["tip"]["uy"][-1]
+    np.testing.assert_allclose(u / whole, exact, atol=2e-6)
+
+
+def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
+    load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
+    whole = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load)).course["tip"]["uy"][-1]
+    for tolerance in (1e-4, 1e-5):
+        done = ancf2d.solve(beam(TYPES[0], PRONY, 100.0, tolerance, loads=load))
+        error = np.abs(done.course["tip"]["uy"] / whole - creep(done.course_t, PRONY)).max()
+        assert 1e-3 * tolerance < error < tolerance
+
+
+def test_a_stretched_bar_relaxes_exactly() -> None:
+    """Strains that do not change make no error: F = E A e (1 + sum g exp(-t/tau))."""
+    held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": 1e-6, "uy": 0, "angle": 0}]
+    case = beam(TYPES[0], PRONY, 20.0, bc=held)
+    found = h.Solution(build_model(case))
+    t = np.array([s.t for s in found.states])
+    force = [reactions(found.model, s)["end"]["fx"] for s in found.states]
+    exact = E * SIZE**2 * 1e-6 * (1.0 + sum(g * np.exp(-t / tau) for g, tau in PRONY))
+    np.testing.assert_allclose(force, exact, rtol=1e-9)
+
+
+def test_a_ramp_of_strain_is_exact_and_a_jump_takes_no_time() -> None:
+    """F/(E A) = e + sum g e' tau (1 - exp(-t/tau)) along a ramp of any step; behind a jump 1 + sum g of it."""
+    ramp = {"type": "expression", "value": "(1e-6*t) if t < 0.2 else 3e-7"}
+    held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": ramp, "uy": 0, "angle": 0}]
+    found = h.Solution(build_model(beam(TYPES[0], ZENER, 0.4, 1e-3, bc=held)))
+    t = np.array([s.t for s in found.states])
+    force = np.array([reactions(found.model, s)["end"]["fx"] for s in found.states]) / (E * SIZE**2)
+    (g, tau), before = ZENER[0], t < 0.2
+    np.testing.assert_allclose(force[before], 1e-6 * (t + g * tau * -np.expm1(-t / tau))[before], atol=1e-15)
+    behind, start = t[~before] - 0.2, 1e-6 * g * tau * -np.expm1(-0.2 / tau) + g * 1e-7
+    np.testing.assert_allclose(force[~before], 3e-7 + start * np.exp(-behind / tau), atol=1e-15)
+
+
+def test_statics_are_those_of_the_long_time() -> None:
+    load = [{"type": "force", "at": "beam@1", "value": [0, 0.05]}]
+    ends = [h.cantilever(h.element("reissner3", 2), load, length=LENGTH, section={"height": SIZE, "width": SIZE},
+                         material=material(terms)).u("beam@1") for terms in ((), PRONY)]
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-9)
+
+
+def test_an_elastic_arch_follows_its_load_over_time() -> None:
+    """Without memory, the states are those of statics at the load of each moment."""
+    sine = {"type": "sine", "frequency": 0.25}
+    load = [{"type": "force", "at": "beam@1", "value": [0, 0.05], "amplitude": sine}]
+    done = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load))
+    alone = h.cantilever(h.element("reissner3", 2), [{"type": "force", "at": "beam@1", "value": [0, 0.05]}],
+                         length=LENGTH, section={"height": SIZE, "width": SIZE}, material=material(()))
+    assert done.course["tip"]["uy"][-1] == pytest.approx(alone.u("beam@1")[1], rel=1e-8)
+    assert len(done.course_t) > 90
+
+
+def test_yield_is_a_matter_of_the_way_not_of_the_steps() -> None:
+    """A cycle of a sine between two corners: errors of steps over its peaks stay below the tolerance."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1),
+            "section": {"height": SIZE, "width": SIZE},
+            "material": {"E": 2e11, "nu": 0.3, "yield": 2e8, "hardening": {"kinematic": 2e10}}}
+    most = 3e-3
+    move = {"type": "sine", "frequency": 1.0, "scale": most * LENGTH}
+    found = h.Solution(build_model(h.load({"rod": body}, {"type": "quasi_static", "t_end": 1.25, "tolerance": 1e-6},
+        bc=[{"type": "clamp", "at": "rod@0"},
+            {"type": "prescribed", "at": "rod@1", "name": "end", "ux": move, "uy": 0, "angle": 0}])))
+    force = reactions(found.model, found.state)["end"]["fx"] / SIZE**2
+    slope = 2e11 * 2e10 / 2.2e11
+    assert force == pytest.approx(2e8 + slope * (most - 1e-3), rel=1e-4)
