@@ -86,7 +86,7 @@ def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tupl
 def _terms_of(body: Body) -> tuple[tuple[float, float], ...]:
     """Return modulus and time of each Maxwell term of a body's material; layers have the same ones."""
     material = body.section.layers[0].material if isinstance(body.section, Layers) else body.material
-    return tuple((term.modulus, term.time) for term in material.viscoelastic) if material is not None else ()
+    return tuple((term.modulus, term.time) for term in (material.viscoelastic or ())) if material is not None else ()
 
 
 def _law(material: Material) -> Uniaxial:

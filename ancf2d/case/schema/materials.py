@@ -96,9 +96,9 @@ class Material:
     stress_strain: StressStrain | None = key(Record(StressStrain), "Stress of the fibres along the axis as a curve, in "
                                              "place of yield and hardening; shear stays elastic", default=None)
 
-    viscoelastic: tuple[MaxwellTerm, ...] = key(
+    viscoelastic: tuple[MaxwellTerm, ...] | None = key(
         ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots beside E, the "
-        "long-time modulus; Poisson's ratio does not change", default=(), example=[{"modulus": 0.5, "time": 0.1}])
+        "long-time modulus; Poisson's ratio does not change", default=None, example=[{"modulus": 0.5, "time": 0.1}])
 
     @property
     def fibres(self) -> bool:
