@@ -137,9 +137,12 @@ def check_contacts(checker: Any) -> None:
 def _check_contact(checker: Any, path: Path, contact: Any) -> None:
     """Check one contact."""
     case = checker.case
-    if checker.solver != "dynamic" and contact.friction and contact.law is None:
-        checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with solver "
-                     f"{checker.solver}", "law: {stiffness, damping}")
+    method = getattr(checker.case.solver, "method", "newton")
+    if contact.friction and contact.law is None and (
+            checker.solver not in ("static", "dynamic") or (checker.solver == "static" and method != "newton")):
+        what = f"method {method}" if checker.solver == "static" else f"solver {checker.solver}"
+        checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with {what}",
+                     "law: {stiffness, damping}")
     between = contact.between or ()
     for k, name in enumerate(between):
         known = (*case.bodies, *case.obstacles)

@@ -36,7 +36,9 @@ from .contact_geometry import (
     ROW,
     SECTION,
     SHAPE,
+    SLIDES,
     STICK,
+    STICKS,
     STIFFNESS,
     TERMS,
     TOUCH,
@@ -130,6 +132,15 @@ def drag(par, way, pressed):  # type: ignore[no-untyped-def]
     if abs(force) <= most:
         return force, False
     return (most if force > 0.0 else -most), True
+
+
+def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
+    """Return the force of friction along s after a slip, and whether it slides, by force or as whoever solves says."""
+    if mem[SLIDES] == 0.0:
+        return drag(par, way, pressed)
+    if mem[SLIDES] == STICKS:
+        return -par[STICK] * way, False
+    return mem[SLIDES] * par[FRICTION] * pressed, True
 
 
 def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
@@ -251,14 +262,14 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             H[p, q] *= -force
         H[p, m] = H[m, p] = work[ROW + p]
     f[m] = g
-    if par[FRICTION] == 0.0 or force <= 0.0 or mem[FREE] > 0.0:
+    if par[FRICTION] == 0.0 or mem[FREE] == 1.0 or (force <= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
     way = slip(par, s, mem[ANCHOR])
-    held, slides = drag(par, way, force)
+    held, slides = dragged(par, mem, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     power = 0.0
     if slides:
-        sign = 1.0 if way > 0.0 else -1.0
+        sign = 1.0 if held < 0.0 else -1.0
         for p in range(m):
             # the limit grows with the force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
@@ -303,7 +314,7 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     g, _, _, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
     if pressed < 0.0:
         pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
-    held, slides = drag(par, slip(par, s, mem[ANCHOR]), pressed)
+    held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
     if slides:
         mem[ANCHOR] = s + held / par[STICK]
 
@@ -320,12 +331,12 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
         z = least(par, p0, u, mem, np.zeros(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
-    elif mem[FREE] == 0.0 and par[FRICTION] > 0.0:
-        _settle(par, p0, u, mem, par[HOME], max(-u[len(u) - 1], 0.0))
+    elif mem[FREE] != -1.0 and mem[HELD] != OPEN and par[FRICTION] > 0.0:
+        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == 0.0 else mem[PLACE], max(-u[len(u) - 1], 0.0))
 
 
 HELPERS = (count_of, take, offset, seen, corner, side_of, feature_at, gap_at, along, stand, least, facing, is_back,
-           spread, spread_both, normal, bent, bent_free, slip, drag, fields_of, rub)
+           spread, spread_both, normal, bent, bent_free, slip, drag, dragged, fields_of, rub)
 COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant,
                      helpers=(*HELPERS, limit_slopes, _settle, compliant), memory=True)
 HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard,

@@ -48,7 +48,7 @@ from .repeated import drop_repeated, linear_row
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 # of what may overlap, beside the extent of a model
-OVERLAP = 1e-9
+OVERLAP = 1e-6
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
 RAPID, AT_LEAST = 1e3, 1e-3
 

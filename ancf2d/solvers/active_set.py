@@ -19,11 +19,11 @@ import numpy as np
 
 from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
 from ..elements.shape import Array
+from .friction import hold, rub, stand
 
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPoint
     from ..model.interactions import ContactTable
-    from ..model.model import Model
     from .system import System
 
 # penetration that counts as none, beside the extent of the scene
@@ -43,23 +43,22 @@ GROWN = 3
 HELD_ALREADY = 1e-10
 
 
-def begin(model: Model, d: Array, t: float) -> None:
+def begin(system: System, d: Array, t: float) -> None:
     """Close the points of contact that touch in the first state d (n_full,), and open the others."""
-    for one in model.contact_tables:
+    if system.accepted is None:
+        system.accepted = d.copy(), t
+    for one in system.model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
             gap, faces = gaps(one, d, t)
             for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
                 point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
+            if one.pair.item.friction:
+                hold(one, range(len(one.points)), d, (d, t), t)
 
 
 def gaps(one: ContactTable, d: Array, t: float) -> tuple[Array, Any]:
     """Return the gap (m,) of each point where it stands, and whether its face is the one that touches."""
-    from ..kernels.contact import contact_gaps
-
-    table, amps = one.at(t)
-    n = len(table.forces)
-    gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
-    contact_gaps(table, d, amps, gap, along, faces)
+    gap, _, faces = stand(one, d, t)
     return gap, faces
 
 
@@ -165,12 +164,13 @@ def exchange(system: System, d: Array, t: float) -> tuple[int, float]:
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
+    turned = sum(rub(one, d, t, system.accepted or (d, t)) for one in hard if one.pair.item.friction)
     if worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
-        return 0, worst
+        return turned, worst
     # first the points at home, as those between follow from them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home)]
-    return _settle(system, d, t, spots, limit), worst
+    return turned + _settle(system, d, t, spots, limit), worst
 
 
 class _Response:
@@ -258,6 +258,8 @@ def _settle(system: System, d: Array, t: float, spots: list[_Spot], limit: float
     point that pulls most opens, or else the deepest one closes.
     """
     tried, found = spots, None
+    # what closes has slid since then
+    accepted = system.accepted or (d.copy(), t)
     for more in range(GROWN + 1):
         response = _Response(system, d, t, tried)
         found = None if response.unstable and more < GROWN else response.settled(limit)
@@ -277,7 +279,9 @@ def _settle(system: System, d: Array, t: float, spots: list[_Spot], limit: float
             _open(s.point, d)
     for k, s in enumerate(tried):
         if closed[k] and not s.held:
-            _close(s, found[k], d)
+            j = _close(s, found[k], d)
+            if s.one.pair.item.friction:
+                hold(s.one, [j], d, accepted, t)
     return sum(now != s.held for now, s in zip(closed, spots, strict=True))
 
 
@@ -305,17 +309,19 @@ def _open(point: ContactPoint, d: Array) -> None:
         point.mem[FREE] = -1.0
 
 
-def _close(s: _Spot, force: float, d: Array) -> None:
-    """Close a point with its force; one between those at home is any of its element that is not in use.
+def _close(s: _Spot, force: float, d: Array) -> int:
+    """Close a point with its force, and return its number; between those at home any of its element not in use does.
 
     Where all are, that with the least force moves.
     """
-    point = s.point
-    if s.one.pair.spots[s.k].free:
-        found = [s.one.points[j] for j in _beside(s.one, s.k)]
-        point = min(found, key=lambda p: 0.0 if p.mem[HELD] <= 0.0 else -d[p.multiplier])
+    k, points = s.k, s.one.points
+    if s.one.pair.spots[k].free:
+        k = min(_beside(s.one, k), key=lambda j: 0.0 if points[j].mem[HELD] <= 0.0 else -d[points[j].multiplier])
+    point = points[k]
+    if s.one.pair.spots[k].free:
         point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = _stands(point, s.place, s.feature)
     point.mem[HELD], d[point.multiplier] = 1.0, -force
+    return k
 
 
 def lemke(M: Array, q: Array) -> Array | None:

@@ -62,7 +62,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     if not any(pair.hard for pair in system.model.contacts):
         return _newton(system, d, t_old, t, tolerance, max_iterations)
     kept, iterations = memory(system.model), 0
-    begin(system.model, d, t_old)
+    begin(system, d, t_old)
     try:
         for _ in range(ROUNDS):
             result = _newton(system, d, t_old, t, tolerance, max_iterations)

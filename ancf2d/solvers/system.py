@@ -63,6 +63,8 @@ class System:
         self.evaluations = 0
         # forces (n_unknowns,) that hold a state in balance beside the loads
         self.held: Array | None = None
+        # the last accepted state (n_full,) with its load factor, from which bodies slide along obstacles
+        self.accepted: tuple[Array, float] | None = None
         self._dead: tuple[float, Array] | None = None
         self._counted: Turned = np.zeros(len(n.place)), np.zeros(len(model.meshes))
 
@@ -139,6 +141,11 @@ class System:
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
+        if any(pair.hard and pair.item.friction for pair in self.model.contacts):
+            # what sticks is held as well as its position is known
+            for batch in self.model.interactions.held:
+                K = np.abs(batch.matrices(d, t)[2])
+                np.add.at(out, batch.dofs, self.model.extent * K[:, :, :-1].sum(axis=2))
         # constraints hold no better than positions are known
         scales = np.array([c.scale for c in self.model.constraints])
         out[self.model.n_q:] += scales
@@ -177,6 +184,7 @@ class System:
     def accept(self, d: Array, t: float) -> None:
         """Let laws that have a memory remember the state d (n_full,) at t: a step has been accepted there."""
         if self.model.contacts:
+            self.accepted = d.copy(), t
             for batch in (*self.model.interactions.springs, *self.model.interactions.held):
                 batch.accept(d, t)
         if self.model.remembers:

@@ -24,11 +24,11 @@ STIFF = {"EA": 1e6, "EI": 1.0, "kGA": 1e6, "rhoA": 1.0, "rhoI": 1e-6}
 CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
 
 
-def strip(count, friction=0.0, **scene):
+def strip(count, friction=0.0, solver="static", **scene):
     """Return the model of a thin strip from 0 to 1 along x that touches with its axis."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", count), STIFF)}
-    return helpers.build(bodies, contacts=[{"name": "touch", "between": ["beam", "solid"], "side": "axis",
-                                            "friction": friction}], **scene)
+    touch = {"name": "touch", "between": ["beam", "solid"], "side": "axis", "friction": friction}
+    return helpers.build(bodies, solver, contacts=[touch], **scene)
 
 
 def check_balance(solution, dead):
@@ -170,9 +170,61 @@ def test_a_file_tells_where_an_obstacle_that_moves_is(tmp_path: Path) -> None:
             assert math.atan2(spoke[1], spoke[0]) == pytest.approx(factor, abs=1e-12)
 
 
-def test_friction_without_a_law_is_refused() -> None:
-    with pytest.raises(CaseError, match="friction needs a law of contact"):
-        strip(4, 0.2, bc=[CLAMP], obstacles={"solid": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}})
+def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path() -> None:
+    """A heavy strip is pushed over the floor and back: a spring bears what Coulomb's friction does not, either way."""
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
+    weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
+    push = {"type": "table", "t": [0.2, 0.6, 1], "value": [0, 1, -1]}
+    model = helpers.build(
+        bodies, contacts=[{"between": ["beam", "floor"], "side": "axis", "friction": 0.3}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["beam@1", [2, 0]], "stiffness": 100}],
+        loads=[{"type": "gravity", "value": [0, -10], "amplitude": weight},
+               {"type": "force", "at": "beam@1", "value": [-4, 0], "amplitude": push}])
+    coords, weights = helpers.point_ref(model.meshes["beam"], 1.0).position()[0]
+    for state in solve(model):
+        (report,) = contact_report(model, state)
+        u = float(weights @ state.d[coords])
+        assert report["force"][1] == pytest.approx(10.0 * min(state.t / 0.2, 1.0), rel=1e-9)
+        assert abs(report["force"][0]) <= 0.3 * 10.0 * (1.0 + 1e-8)
+        # sideways, what acts is in balance
+        acts = 0.0 if state.t < 0.2 else -4.0 * (1.0 - abs(state.t - 0.6) / 0.2 if state.t > 0.6 else
+                                                  (state.t - 0.2) / 0.4)
+        assert report["force"][0] == pytest.approx(100.0 * u - acts, abs=1e-8)
+        if state.t == pytest.approx(0.6):
+            assert u == pytest.approx(-0.01, rel=1e-6)
+        if 0.6 < state.t < 0.95:
+            # sticks on the way back, but for its own strain
+            assert -0.01 < u < -0.0095
+    assert u == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "mu"), [("rigid", 0.5), ("reissner3", 0.5), ("reissner3", 0.2)])
+def test_a_block_on_an_incline_sticks_or_slides(kind: str, mu: float) -> None:
+    """It slides where the slope is steeper than friction bears, until a spring bears the rest."""
+    slope, size, mass, k = 0.3, 9.81, 8.0, 100.0
+    block = {"geometry": helpers.line(0.4, start=(0, 0.1)), "element": {"type": kind, "count": 2},
+             "section": {"height": 0.2, "width": 0.1}, "material": {"E": 1e8, "nu": 0.3, "rho": 1000}}
+    if kind == "rigid":
+        block["element"] = {"type": "rigid"}
+    solution = helpers.Solution(helpers.build(
+        {"block": block}, contacts=[{"between": ["block", "slope"], "friction": mu}],
+        obstacles={"slope": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["block@0", [-1, 0.1]], "stiffness": k}],
+        loads=[{"type": "gravity", "value": [size * math.sin(slope), -size * math.cos(slope)]}]))
+    (report,) = contact_report(solution.model, solution.state)
+    pressed, pulled = mass * size * math.cos(slope), mass * size * math.sin(slope)
+    held = min(mu * pressed, pulled)
+    assert report["force"] == pytest.approx([-held, pressed], rel=1e-4)
+    assert solution.u("block@0")[0] == pytest.approx((pulled - held) / k, rel=1e-4, abs=1e-5)
+
+
+def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() -> None:
+    for solver in ({"type": "eigen", "modes": 1}, {"type": "static", "method": "arc_length",
+                                                   "until": {"load_factor": 1}}):
+        with pytest.raises(CaseError, match="friction needs a law of contact"):
+            strip(4, 0.2, bc=[CLAMP], obstacles={"solid": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+                  solver=solver)
 
 
 def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep() -> None:
