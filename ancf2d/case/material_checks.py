@@ -10,7 +10,9 @@ from .schema import Layers
 
 # solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
-RELAXING = ("linear_static", "static", "quasi_static", "buckling")
+RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling")
+# loads whose forces are those of strains, which relax too
+STRAINING = ("eigenstrain", "temperature", "tendon")
 FIELDS = ("stress", "strain", "energy")
 
 
@@ -43,4 +45,23 @@ def check_materials(checker: Any) -> None:
             if field in FIELDS:
                 checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that yields, "
                              "follows a curve or relaxes", "N, Q, M")
+        if material.viscoelastic and checker.solver == "frequency_response" and not said:
+            _check_inputs(checker)
         said = True
+
+
+def _check_inputs(checker: Any) -> None:
+    """Check that what oscillates is a force, and that no section forces are asked for, which would relax too."""
+    case = checker.case
+    if INVALID in (case.loads, case.boundary_conditions, case.output) or case.output.fields is INVALID:
+        return
+    strains = {load.name for load in case.loads if load is not INVALID and load.tag in STRAINING}
+    moves = {support.name for support in case.boundary_conditions if support is not INVALID and support.motions}
+    for k, name in enumerate(case.inputs):
+        if name in strains | moves:
+            checker.fail(("solver", "inputs", k), f"solver.inputs: {name} cannot oscillate beside a viscoelastic "
+                         "material, whose forces would follow it with a delay", "a force")
+    for k, field in enumerate(case.output.fields):
+        if field in ("N", "Q", "M"):
+            checker.fail(("output", "fields", k), f"output.fields: the response of {field} is not known of a "
+                         "viscoelastic material", "probes alone")

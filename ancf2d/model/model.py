@@ -171,6 +171,11 @@ class Model:
                 group.values.memory.states[:, :, law.state - 1::law.state] = h
 
     @property
+    def maxwell(self) -> list[tuple[tuple[float, float], ...]]:
+        """The Maxwell terms of materials that relax, each set of them once."""
+        return [terms for terms in dict.fromkeys(m.plan.section.maxwell for m in self.meshes.values()) if terms]
+
+    @property
     def relaxes(self) -> bool:
         """Whether any body has a law of time."""
         return any(m.plan.formulation.law.timed for m in self.meshes.values())

@@ -72,7 +72,7 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
     The error is beside the largest displacement of a probe at the same frequency, of section forces beside the
     largest of these; None where each frequency is solved.
     """
-    if problem.n >= LARGE and len(hz) >= MANY:
+    if problem.n >= LARGE and len(hz) >= MANY and not problem.small.relaxing:
         found = _Reduced(problem, inputs, probes).settled(np.array(hz))
         if found is not None:
             return found
@@ -89,7 +89,8 @@ def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequen
     space = np.geomspace if spec.scale == "log" else np.linspace
     grid, reduced = np.union1d(hz, space(hz[0], hz[-1], SEARCHED)[1:-1]), _Reduced(problem, inputs, probes)
     place = _Placing(problem, probes, spec)
-    for _ in range(ROUNDS):
+    # the matrix of a material that relaxes is no quadratic polynomial of s, which a small space could keep
+    for _ in range(0 if problem.small.relaxing else ROUNDS):
         found = reduced.settled(grid)
         if found is None:
             break
@@ -98,7 +99,7 @@ def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequen
             return hz.tolist(), *found
         grid = hz
     solved = _Solved(problem, inputs, probes)
-    hz = place(solved, hz, reduced.poles())
+    hz = place(solved, hz, np.zeros(0, dtype=complex) if problem.small.relaxing else reduced.poles())
     return hz.tolist(), solved(hz), None
 
 
@@ -324,7 +325,7 @@ def _refined(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Co
     for _ in range(MOST):
         parts = [np.ascontiguousarray(part) for part in (z.real, z.imag)]
         K, C, M = (act(parts[0]) + 1j * act(parts[1]) for act in (problem.stiffness, problem.damping, problem.mass))
-        more = np.asarray(factors.solve(f - K - s * C - s * s * M))
+        more = np.asarray(factors.solve(f - K - s * C - s * s * M - problem.relaxed(s, z)))
         size = float(np.linalg.norm(problem.weights * more) / (np.linalg.norm(problem.weights * z) or 1.0))
         if not size < 0.5 * last:
             break

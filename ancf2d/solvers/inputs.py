@@ -214,7 +214,25 @@ class Quadratic:
 
     def matrix(self, s: complex) -> csc_array:
         """Return K + s C + s^2 M."""
-        return (self.K + s * self.C + (s * s) * self.M).tocsc()
+        out = self.K + s * self.C + (s * s) * self.M
+        for one in self.small.relaxing if self.damped else ():
+            out = out + one.factor(s) * one.V
+        return out.tocsc()
+
+    def slope(self, s: complex, x: Complex) -> Complex:
+        """Return the derivative of ``matrix`` by s, times x (n,)."""
+        out = self.C @ x + 2.0 * s * (self.M @ x)
+        for one in self.small.relaxing if self.damped else ():
+            out = out + one.slope(s) * (one.V @ x)
+        return np.asarray(out)
+
+    def relaxed(self, s: complex, x: Complex) -> Complex:
+        """Return what materials that relax add to K x (n,), by way of the strains."""
+        out = np.zeros(len(x), dtype=complex)
+        for one in self.small.relaxing if self.damped else ():
+            real, imag = (one.stiffness(np.ascontiguousarray(part)) for part in (x.real, x.imag))
+            out += one.factor(s) * (real + 1j * imag)
+        return out
 
     def factors(self, s: float) -> Factors | SymmetricFactors:
         """Return the factors of K + s C + s^2 M, symmetric ones where they are and can be."""

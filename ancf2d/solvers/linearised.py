@@ -128,6 +128,11 @@ class Linearised:
         return num.reduce(self.rates.viscous_forces(self.base.state.d, v))
 
     @cached_property
+    def relaxing(self) -> list[Relaxing]:
+        """What materials that relax add to K, those with the same terms together."""
+        return [Relaxing(self.model, self.base.state.d, terms) for terms in self.model.maxwell]
+
+    @cached_property
     def plain(self) -> csc_array:
         """What else takes out energy (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
         return self.rates.plain_damping(self.base.state.d, self.M if self.rates.alpha else None)
@@ -161,6 +166,41 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
         raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": solver},
                                advice="fewer supports or joints")
     return Linearised(base_state(model, "static" if model.case.steady_rotation is not None else about))
+
+
+class Relaxing:
+    """What materials with the same Maxwell terms add to K of motions exp(s t): their own stiffness times a factor of s.
+
+    ``V`` (n, n) is that stiffness at the long-time modulus, of the strains alone.
+    """
+
+    def __init__(self, model: Model, d: Array, terms: tuple[tuple[float, float], ...]) -> None:
+        self.model, self.d, self.terms = model, d, terms
+        self.groups = [group for pool, group in zip(model.pools, model.groups, strict=True)
+                       if pool.plan.section.maxwell == terms]
+        self.V = _by_columns(model, self._forces)
+
+    def factor(self, s: complex) -> complex:
+        """Return sum g s tau/(1 + s tau)."""
+        return sum((g * s * tau / (1.0 + s * tau) for g, tau in self.terms), 0j)
+
+    def slope(self, s: complex) -> complex:
+        """Return the derivative of the factor by s."""
+        return sum((g * tau / (1.0 + s * tau) ** 2 for g, tau in self.terms), 0j)
+
+    def _forces(self, v: Array) -> Array:
+        out = np.zeros(len(v))
+        self.model.set_natural(None)
+        for group in self.groups:
+            viscous_force(group, 1.0, self.d, v, out)
+        return out
+
+    def stiffness(self, x: Array) -> Array:
+        """Return V x (n,) by way of the strains."""
+        num = self.model.numbering
+        v = np.zeros(len(num.place))
+        num.expand(x, v)
+        return num.reduce(self._forces(v))
 
 
 class RateForces:

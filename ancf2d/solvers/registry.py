@@ -105,6 +105,8 @@ def left_out(case: Case) -> list[str]:
         return []
     dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
                if body.material is not None and body.material.damping is not None]
+    dampers += [f"bodies.{name}.material.viscoelastic" for name, body in case.bodies.items()
+                if body.material is not None and body.material.viscoelastic]
     dampers += [f"springs.{i}.damping" if hasattr(spring, "damping") else f"springs.{i}"
                 for i, spring in enumerate(case.springs) if spring.damped]
     dampers += ["damping"] if case.damping is not None else []

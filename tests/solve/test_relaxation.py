@@ -10,6 +10,7 @@ import pytest
 
 import ancf2d
 from ancf2d.model.build import build_model
+from ancf2d.model.points import dot, point_ref
 from ancf2d.solvers.post import reactions
 
 E, SIZE, LENGTH = 2e6, 0.02, 1.0
@@ -128,3 +129,44 @@ def test_yield_is_a_matter_of_the_way_not_of_the_steps() -> None:
     force = reactions(found.model, found.state)["end"]["fx"] / SIZE**2
     slope = 2e11 * 2e10 / 2.2e11
     assert force == pytest.approx(2e8 + slope * (most - 1e-3), rel=1e-4)
+
+
+def complex_modulus(s: complex, terms: tuple[tuple[float, float], ...]) -> complex:
+    """Return E(s)/E = 1 + sum g s tau/(1 + s tau)."""
+    return 1.0 + sum(g * s * tau / (1.0 + s * tau) for g, tau in terms)
+
+
+@pytest.mark.parametrize("terms", [ZENER, PRONY, ((2.0, 1e-2), (0.1, 1e-3))], ids=["zener", "prony", "strong"])
+def test_receptances_have_the_complex_modulus(terms: tuple[tuple[float, float], ...]) -> None:
+    """Of a beam of one material, H(omega) = sum_k phi_k^2/(omega_k^2 E(i omega)/E - omega^2) over its elastic modes."""
+    shake = [{"type": "force", "at": "beam@1", "value": [0, 1.0], "name": "shaker"}]
+    hz = [0.1, 1.0, 2.5, 10.0, 40.0]
+    body = {"geometry": h.line(LENGTH), "element": h.element("cable", 2), "material": material(terms),
+            "section": {"height": SIZE, "width": SIZE}}
+    scene = {"bc": [{"type": "clamp", "at": "beam@0"}], "loads": shake, "output": {"probes": {"tip": "beam@1"}}}
+    done = ancf2d.solve(h.load({"beam": body}, {"type": "frequency_response", "inputs": ["shaker"],
+                                                "frequencies": hz}, **scene))
+    found = done.summary["response"]["shaker"]["tip"]["uy"]
+    elastic = {**body, "material": material(())}
+    modes = ancf2d.solve(h.load({"beam": elastic}, {"type": "eigen", "modes": 8}, bc=scene["bc"]))
+    model = build_model(h.load({"beam": elastic}, {"type": "eigen", "modes": 8}, bc=scene["bc"]))
+    across = point_ref(model.meshes["beam"], 1.0).position()[1]
+    phi = np.array([dot(across, shape) for shape in modes.arrays["modes/shapes"]])
+    omega = np.array([f["omega"] for f in modes.summary["frequencies"]])
+    for f, re, im in zip(hz, found["re"], found["im"], strict=True):
+        w = 2 * np.pi * f
+        exact = np.sum(phi**2 / (omega**2 * complex_modulus(1j * w, terms) - w**2))
+        assert abs(complex(re, im) / exact - 1.0) < 1e-7
+
+
+def test_modes_are_those_of_the_complex_modulus() -> None:
+    """s^2 + omega^2 E(s)/E = 0 for each elastic omega."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 4), "material": material(PRONY),
+            "section": {"height": SIZE, "width": SIZE}}
+    found, elastic = (ancf2d.solve(h.load({"beam": {**body, "material": m}}, {"type": "eigen", "modes": 4},
+                                          bc=[{"type": "clamp", "at": "beam@0"}])).summary["frequencies"]
+                      for m in (material(PRONY), material(())))
+    assert len(found) == 4
+    for mode, free in zip(found, elastic, strict=True):
+        s = complex(mode["growth"], mode["omega"])
+        assert abs(s**2 + free["omega"] ** 2 * complex_modulus(s, PRONY)) < 1e-8 * abs(s) ** 2
