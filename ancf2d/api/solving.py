@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text
-from ..case.axes import Axis
+from ..case.axes import Axis, read_bounds
 from ..errors import CaseError
 from ..results import check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
@@ -16,6 +16,8 @@ from ..study.accuracy.pursuit import Target
 from ..study.convergence import Steps
 from ..study.convergence import convergence as refine
 from ..study.digests import inputs_of
+from ..study.optimise import METHODS, Optimum, problem_of
+from ..study.optimise import optimise as improve
 from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file
@@ -119,6 +121,25 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
     cannot be solved.
     """
     return differentiate(load(case, overrides), (to,) if isinstance(to, str) else to)
+
+
+def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: str,
+             subject_to: str | Sequence[str] = (), overrides: Overrides = (), *, method: str = "slsqp",
+             iterations: int = 100) -> Optimum:
+    """Find the values of some numbers of a case that are best, by SciPy's optimisers and exact derivatives.
+
+    ``vary`` has the bounds of each number by its path; ``minimise`` and ``subject_to`` are expressions as
+    ``ancf2d optimise`` has them, such as ``"mass"`` and ``["max(stress) <= 200e6"]``. ``method`` is slsqp or
+    trust-constr. The optimum has ``rows`` (path, value, ...), ``minimum``, ``constraints``, and ``found``, False where
+    the optimiser did not converge or the constraints cannot be met.
+
+    Raises CaseError for a wrong case, path or expression, ComputationError where a case on the way cannot be solved.
+    """
+    if method not in METHODS:
+        raise CaseError(f"there is no method '{method}'; there are {', '.join(METHODS)}")
+    bounds = read_bounds([f"{path}={float(low)!r}:{float(high)!r}" for path, (low, high) in vary.items()])
+    wanted = [subject_to] if isinstance(subject_to, str) else list(subject_to)
+    return improve(problem_of(load(case, overrides), bounds, minimise, wanted), method, iterations)
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:

@@ -187,3 +187,41 @@ def _distribution(text: str) -> Distribution:
     if not (math.isfinite(a) and math.isfinite(b)) or (b <= a if kind == "uniform" else b <= 0.0):
         raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not possible", expected=right))
     return Distribution(path, kind, (a, b), text)
+
+
+# ---------------------------------------------------------------------------- bounds
+
+VARY = "--vary "
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A path whose number is looked for between ``low`` and ``high``; ``text`` is the option as given."""
+
+    path: str
+    low: float
+    high: float
+    text: str
+
+
+def read_bounds(options: Sequence[str]) -> list[Bounds]:
+    """Return what ``PATH=low:high`` options say. Raises CaseError with all problems."""
+    problems: list[Problem] = []
+    found: list[Bounds] = []
+    for text in options:
+        path, _, ends = text.partition("=")
+        values = [resolve(v.strip()) for v in ends.split(":")]
+        right = len(values) == 2 and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+        if not (path.strip() and right):
+            problems.append(_start(text, VARY).problem("not PATH=LOW:HIGH",
+                                                       expected="for example bodies.beam.material.E=1e9:1e11"))
+            continue
+        one = Bounds(path.strip(), float(values[0]), float(values[1]), text)
+        if not (math.isfinite(one.low) and math.isfinite(one.high) and one.low < one.high):
+            problems.append(_start(text, VARY).problem(f"{ends} is no range", expected="two numbers, the lower first"))
+        if any(one.path == other.path for other in found):
+            problems.append(_start(text, VARY).problem(f"{quoted(one.path)} is varied twice"))
+        found.append(one)
+    if problems:
+        raise CaseError(problems)
+    return found

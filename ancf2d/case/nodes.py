@@ -181,7 +181,7 @@ def quoted(text: str) -> str:
     return f"'{shorten(text)}'"
 
 
-_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
 class Source:
@@ -221,4 +221,4 @@ class Source:
 
 def line_breaks(text: str) -> list[str]:
     """Return the lines of a text, broken where YAML breaks them."""
-    return _BREAK.split(text)
+    return LINE_BREAK.split(text)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ..errors import CaseError, Problem
+from .binder import Vocabulary
 from .compose import compose
 from .emit import number_text
-from .load import LoadedCase
-from .nodes import ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
+from .load import LoadedCase, load_case_text
+from .nodes import LINE_BREAK, ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
 from .overrides import index_of
 
 # what no run depends on, or only through its discretisation
@@ -123,3 +125,44 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
         found = _variable(path, node, parent)
         if found is not None:
             yield found
+
+
+def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocabulary) -> tuple[str, bool]:
+    """Return a case's text with other numbers at some paths, and whether it is the text of the file otherwise.
+
+    Comments and layout stay. Where the file does not have one of the numbers, or the case has overrides, the whole case
+    is written with its defaults instead. Raises CaseError where that is no case.
+    """
+    directory = os.path.dirname(loaded.source.file)
+    sets = [variable_at(loaded, path).override(value) for path, value in values.items()]
+    whole = load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *sets), vocabulary, directory).completed
+    changed = None if loaded.overrides else _replaced(loaded.text, values)
+    if changed is not None:
+        try:
+            if load_case_text(changed, loaded.source.file, (), vocabulary, directory).completed == whole:
+                return changed, True
+        except CaseError:
+            pass
+    return whole, False
+
+
+def _replaced(text: str, values: Mapping[str, float]) -> str | None:
+    """Return a text with other numbers in their places, None where one of them has none."""
+    text = text.removeprefix("\ufeff")
+    origin = Origin("text", line_breaks(text))
+    root, starts, places = compose(text, origin, problems=[]), [0], list[tuple[int, int, str]]()
+    starts += [found.end() for found in LINE_BREAK.finditer(text)]
+    for path, value in values.items():
+        found = _found(root, path)
+        variable = None if found is None else _variable(path, *found)
+        if found is None or variable is None or not isinstance(found[0], Scalar):
+            return None
+        node = found[0]
+        at, old = starts[node.mark.line - 1] + node.mark.column - 1, node.text if node.plain else f'"{node.text}"'
+        if not text.startswith(old, at):
+            return None
+        new = variable.override(value).partition("=")[2]
+        places.append((at, at + len(old), new if node.plain else f'"{new}"'))
+    for begin, end, new in sorted(places, reverse=True):
+        text = text[:begin] + new + text[end:]
+    return text

@@ -26,6 +26,7 @@ COMMANDS = {
     "convergence": "Refine the mesh: errors, observed orders, limits.",
     "tradeoff": "Measure error against cost; recommend settings.",
     "sensitivity": "Differentiate the goal by the numbers of a case.",
+    "optimise": "Find the best values of some numbers of a case.",
     "sweep": "Run many variants of one case; print one table.",
     "plot": "Draw result files.",
     "view": "Show a result in the browser.",
@@ -39,8 +40,8 @@ COMMANDS = {
     "completion": "Print the shell code that completes commands and options.",
 }
 # those that read cases (also from results) or element types, and so what plugins declare
-EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sensitivity", "sweep", "plot", "elements", "audit",
-              "schema")
+EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sensitivity", "optimise", "sweep", "plot", "elements",
+              "audit", "schema")
 
 
 class App(click.Group):

@@ -141,6 +141,16 @@ def _sensitivity() -> Schema:
                    skipped=_named(TEXT, "why a number has no derivative"))
 
 
+def _optimise() -> Schema:
+    row = _object("a number of the case", path=TEXT, value=NUMBER, start=NUMBER, low=NUMBER, high=NUMBER,
+                  at_bound=_is("string?", "low or high"))
+    constraint = _object("a constraint", constraint=TEXT, excess=_is("number", "at most 0 where it is met"), met=FLAG,
+                         active=FLAG)
+    return _object("an optimum", {"history": TEXT, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, minimise=TEXT,
+                   rows=_list(row), minimum=NUMBER, constraints=_list(constraint), evaluations=WHOLE, gradients=WHOLE,
+                   message=_is("string", "how the optimiser ended"), output=TEXT, warnings=_WARNINGS)
+
+
 def _info() -> Schema:
     body = _object("a body", element=TEXT, formulation=TEXT, elements=WHOLE, nodes=WHOLE)
     return _object("a result file", _FAILED, file=TEXT, bytes=WHOLE, title=TEXT, case=TEXT, solver=TEXT, status=TEXT,
@@ -184,7 +194,8 @@ def _export() -> Schema:
 
 # what each command with --json prints where it succeeds
 OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff,
-           "sensitivity": _sensitivity, "sweep": _sweep, "info": _info, "compare": _compare, "export": _export,
+           "sensitivity": _sensitivity, "optimise": _optimise,
+           "sweep": _sweep, "info": _info, "compare": _compare, "export": _export,
            "elements": _elements, "audit": _audit}
 
 

@@ -19,6 +19,7 @@ from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, PHASE, STEPS, TRAJECTORY
+from ancf2d.plot.optimisation import OPTIMISATION
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
@@ -33,7 +34,7 @@ from ancf2d.results import Results
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS,
     BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF, SWEEP,
-    HISTOGRAM, SHARES, TORNADO)}
+    HISTOGRAM, SHARES, TORNADO, OPTIMISATION)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -56,7 +57,7 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, BODE):
+    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, OPTIMISATION, BODE):
         if not kind.missing(results):
             return kind.name
     if not MODES.missing(results):

@@ -17,9 +17,9 @@ from ancf2d.results.records import FORMAT
 # what every file of a format with room for it says of its program: metadata of figures, a comment of pages and texts
 MARK = "ancf2d-output"
 # how the formats that carry it begin: HDF5, PNG, PDF, PostScript, GIF, JPEG, TIFF, WebP, MP4 and AVIF, SVG, HTML, JSON,
-# the reference of cases, archives of NumPy, MATLAB
+# the reference of cases, cases with other numbers, archives of NumPy, MATLAB
 _FORMATS = re.compile(rb"\x89HDF|\x89PNG|%PDF|%!PS|GIF8|\xff\xd8\xff|II\*\0|MM\0\*|RIFF|....ftyp|<\?xml|<!doctype html|"
-                      rb"\{|# Case files|PK\x03\x04|MATLAB 5", re.DOTALL)
+                      rb"\{|# Case files|# ancf2d|PK\x03\x04|MATLAB 5", re.DOTALL)
 _MARKS = (MARK.encode(), FORMAT.encode())
 _ENDS = 1 << 16  # bytes at either end of a file that are looked through
 _LONGEST_HEADER = 1 << 24

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -50,16 +50,18 @@ FIELDS: dict[str, Field] = {f.name: f for f in (
 )}
 
 
-def field_problems(model: Model) -> list[Problem]:
-    """Return why fields that a case asks for cannot be told of its bodies."""
+def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Problem]:
+    """Return why fields, those that a case asks for unless they are named, cannot be told of its bodies."""
     case, source = model.case, None if model.loaded is None else model.loaded.source
-    over = [k for k, name in enumerate(case.output.fields) if FIELDS[name].over]
+    wanted = case.output.fields if names is None else names
+    over = [k for k, name in enumerate(wanted) if FIELDS[name].over]
     bodies = [name for name, body in case.bodies.items()
               if isinstance(body.section, Stiffness) and not model.meshes[name].plan.rigid]
     if source is None or not over or not bodies:
         return []
     what, expected = f"the section of body '{bodies[0]}' is given by its stiffnesses alone", "N, Q, M"
-    return [source.problem(("output", "fields", k), f"output.fields: {case.output.fields[k]} is not known: {what}",
+    return [source.problem(("output", "fields", k) if names is None else ("bodies", bodies[0], "section"),
+                           ("output.fields: " if names is None else "") + f"{wanted[k]} is not known: {what}",
                            expected + ", or a section with height and width") for k in over]
 
 
@@ -74,10 +76,10 @@ class BodyFields:
 
 
 class FieldReader:
-    """Reads the fields that a case asks for from states."""
+    """Reads the fields that a case asks for, or that are named, from states."""
 
-    def __init__(self, model: Model) -> None:
-        chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields)]
+    def __init__(self, model: Model, names: Sequence[str] | None = None) -> None:
+        chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields if names is None else names)]
         self.bodies: list[BodyFields] = []
         self._readers: list[tuple[BodyFields, Callable[[State], dict[Field, Array]]]] = []
         for name, mesh in model.meshes.items() if chosen else ():

@@ -26,7 +26,8 @@ STEP, STEP_OF_RUNS = 4e-4, 2e-3
 # equilibria of states that are compared with each other, relative to the displacements
 TIGHT = 1e-12
 
-# what is differentiated: numbers (m,) of the states that a model goes through
+# what is differentiated: numbers (m,) of the states that a model goes through. It may have ``goals``, those that it
+# reads of modes and load factors, and ``whole``, which is False where it reads the last state alone
 Watch = Callable[[Model, Sequence[Any]], Array]
 
 
@@ -72,6 +73,7 @@ class GoalValues:
     """The values of goals, of the last state of a run, as a function of model and states."""
 
     goals: tuple[Goal, ...]
+    whole = False
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values. Raises ComputationError where the solver does not compute one."""
@@ -83,12 +85,14 @@ class GoalValues:
         return np.array(found, dtype=float)
 
 
-def last_summary(model: Model, states: Sequence[Any], reacts: bool = True) -> dict[str, Any]:
-    """Return what goals are of, at the last state of a run."""
+def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False) -> dict[str, Any]:
+    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for."""
     from ..solvers.post import Observer, energies, reactions
 
     state = states[-1]
-    out: dict[str, Any] = {"probes": Observer(model).observe(state)}
+    observer = Observer(model)
+    observer.forces |= forces
+    out: dict[str, Any] = {"probes": observer.observe(state)}
     out["energy"] = dict(state.history) if isinstance(model.case.solver, Dynamic) else energies(model, state)
     if reacts:
         out["reactions"] = reactions(model, state)
@@ -127,16 +131,17 @@ class Study:
         """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
         from ..solvers.variation import response, why_not
 
-        reason, goals = why_not(self.model), getattr(self.watch, "goals", None)
-        if not reason and any(g.limit_point is not None for g in goals or ()):
+        reason, goals = why_not(self.model), getattr(self.watch, "goals", ())
+        whole = getattr(self.watch, "whole", True) and len(states) > 1
+        if not reason and any(g.limit_point is not None for g in goals):
             reason = "a limit point is a state along the path"
-        if not reason and goals is None and (self.model.contacts or any(s.report for s in states)):
+        if not reason and whole and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
-        modes = [(g.kind, g.number) for g in goals or () if g.kind is not None and g.number is not None]
-        factors = [g.load_factor for g in goals or () if g.load_factor is not None]
-        kept = states[-1:] if goals is not None else states
+        modes = [(g.kind, g.number) for g in goals if g.kind is not None and g.number is not None]
+        factors = [g.load_factor for g in goals if g.load_factor is not None]
+        kept = states if whole else states[-1:]
         return [response(self.model, [state], modes, factors) for state in kept], ""
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:

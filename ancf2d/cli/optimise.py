@@ -1,0 +1,126 @@
+"""``ancf2d optimise``: the best values of some numbers of a case."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from .failures import FAILED
+from .options import (
+    case_argument,
+    case_stem,
+    debug_option,
+    examples,
+    force_option,
+    json_option,
+    quiet_option,
+    set_option,
+)
+from .session import Bar, Session
+from .text import command_line, many, number, say, table
+
+if TYPE_CHECKING:
+    from ..case import LoadedCase
+    from ..study.optimise import Optimum
+
+
+@click.command(epilog=examples(
+    "ancf2d optimise beam.yaml --vary bodies.beam.section.height=0.02:0.2 --minimise mass "
+    '--subject-to "mid.uy >= -2e-3"',
+    'ancf2d optimise bridge.yaml --vary parameters.h=0.01:0.1 --minimise "max(stress)" --subject-to "mass <= 12"',
+    "ancf2d optimise arm.yaml --vary parameters.kp=1:50 --vary parameters.kd=0.1:5 "
+    '--minimise "max((arm.theta - 1)^2)"'))
+@case_argument
+@click.option("--vary", "vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
+              help="A number of the case and its bounds. May be given several times; the search starts from the case's "
+              "values.")
+@click.option("--minimise", required=True, metavar="EXPRESSION",
+              help="What is to become as small as possible: an expression over goal, mass, strain_energy, parameters, "
+              "PROBE.QUANTITY and SUPPORT.fx, fy or m (of the last state), and max(...) and min(...) of such an "
+              "expression over all states, or of a field over all bodies, e.g. max(stress).")
+@click.option("--subject-to", "constraints", multiple=True, metavar='"EXPRESSION <= C"',
+              help="A constraint on such expressions, with <=, >= or ==. May be given several times.")
+@click.option("--method", type=click.Choice(["slsqp", "trust-constr"]), default="slsqp", show_default=True,
+              help="Optimiser of SciPy.")
+@click.option("--iterations", type=click.IntRange(min=1), default=100, show_default=True, metavar="N",
+              help="Most iterations of the optimiser.")
+@click.option("-o", "--output", type=click.Path(), metavar="BEST.yaml",
+              help="Case with the best values; default: the case's name with -best, in the working directory.")
+@click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all tries to a result file.")
+@set_option
+@force_option
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, constraints: tuple[str, ...],
+            method: str, iterations: int, output: str | None, history: str | None, overrides: tuple[str, ...],
+            force: bool) -> int:
+    """Find the values of some numbers of a case that are best.
+
+    Writes the case with them. Derivatives are those of the command sensitivity. Exits with 1 if the optimiser does not
+    converge, or no values within the bounds meet all constraints; the case then has the last values that were tried.
+    """
+    session.subject = {"case": case}
+    from ..case.axes import read_bounds
+    from ..results import check_output
+    from ..study.digests import inputs_of
+    from ..study.optimise import optimise, problem_of, write_optimisation
+    from ..study.record import Progress
+    from ..study.run import load
+
+    bounds, loaded = read_bounds(vary), load(case, overrides)
+    place = output if output is not None else f"{case_stem(case)}-best.yaml"
+    for path in (place, history):
+        check_output(path, force, *inputs_of(loaded))
+    problem = problem_of(loaded, bounds, minimise, constraints)
+    with Bar("optimising", session.shows_progress) as bar:
+        found = optimise(problem, method, iterations, Progress(compiling=session.note_once),
+                         lambda point: bar.update(0.0, f"{minimise} = {number(point.value)}", 0.0))
+    for text in found.warnings:
+        session.warn(text)
+    kept = _write_best(found, loaded, place, force, session.command_line)
+    result = {**found.as_json(), "output": place}
+    if history is not None:
+        write_optimisation(found, loaded, history, session.command_line, force=force)
+        result["history"] = history
+    session.print_json(result)
+    session.out(report(found))
+    session.out(f"\nwrote {place}{'' if kept else ' (with defaults, without comments)'}; next: "
+                + command_line("run", place))
+    if history is not None:
+        session.out(f"results in {history}; next: {command_line('plot', history)}")
+    if not found.found:
+        say(f"error: {found.message}", err=True)
+        return FAILED
+    return 0
+
+
+def _write_best(found: Optimum, loaded: LoadedCase, place: str, force: bool, how: str) -> bool:
+    """Write the case with the best values; return whether it has the comments of the first one."""
+    from ..case.numbers import text_with
+    from ..results.target import MARK, replacing
+    from ..study.run import vocabulary
+
+    text, kept = text_with(loaded, {row["path"]: row["value"] for row in found.rows}, vocabulary())
+    lines = [line for line in text.splitlines(keepends=True) if not line.startswith(f"# {MARK}")]
+    with replacing(place, force) as private:
+        private.write_text(f"# {MARK}: {how}\n" + "".join(lines), encoding="utf-8")
+    return kept
+
+
+def report(found: Optimum) -> str:
+    """Return an optimum as people read it: the numbers, what was minimised, the constraints."""
+    bound = {"low": "at the lower bound", "high": "at the upper bound", None: ""}
+    rows = [["number", "start", "best", ""]] + [
+        [row["path"], number(row["start"]), number(row["value"], 9), bound[row["at_bound"]]] for row in found.rows]
+    lines = [found.title, ""] if found.title else []
+    lines += [*table(rows, left=(0, 3)), ""]
+    first = found.history[0].value
+    lines.append(f"{found.measure} = {number(found.minimum, 9)}, {number(first, 9)} at the start")
+    for one in found.constraints:
+        state = "active" if one["met"] and one["active"] else "met" if one["met"] else "not met"
+        lines.append(f"{one['constraint']}: {state}")
+    lines.append(f"{many(found.evaluations, 'evaluation')}, {many(found.gradients, 'gradient')}")
+    return "\n".join(lines)

@@ -1,0 +1,201 @@
+"""Expressions over what a run finds, such as ``mass``, ``goal``, ``tip.uy``, ``wall.fx`` and ``max(stress)``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..case import Dynamic, Goal, LoadedCase
+from ..case.nodes import Mark, Origin
+from ..case.series import series
+from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Tree, named_in, renamed, syntax
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError
+from ..model.model import Model
+from ..solvers.fields import FIELDS, FieldReader, field_problems
+from .gradient import last_summary
+from .run import describe_goal, quantity
+
+GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
+QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
+SECTION = ("N", "Q", "M")
+REACTIONS = ("fx", "fy", "m")
+_EXTREME = re.compile(r"(?<![\w.])(max|min)\s*\(")
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest or smallest of an expression over all states, or of a field over all bodies of the last one."""
+
+    largest: bool
+    tree: Tree | None
+    field: str = ""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One expression: its text, its tree, and the extremes that stand in the tree under names of their own."""
+
+    text: str
+    tree: Tree
+    extremes: dict[str, Extreme]
+
+
+class Vocabulary:
+    """The names that expressions over a case's results may use."""
+
+    def __init__(self, loaded: LoadedCase) -> None:
+        case = loaded.case
+        rates = QUANTITIES if isinstance(case.solver, Dynamic) else QUANTITIES[:5]
+        self.probes = tuple(case.output.probes)
+        found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
+        supports = [s.name for s in case.boundary_conditions if s.name]
+        found += [f"{name}.{q}" for name in (*supports, *case.obstacles) for q in REACTIONS]
+        self.quantities = (*found, MASS, ENERGY, *((GOAL,) if case.goal is not None else ()))
+        self.fields = tuple(FIELDS)
+
+    def names(self, more: Sequence[str] = ()) -> Names:
+        """Return what names mean; parameters are numbers of each run."""
+        return Names("", {}, (*self.quantities, *more), self.probes)
+
+
+def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence[str] = ()) -> Measure:
+    """Return the expression in an option of the command line. Raises CaseError with its place."""
+    extremes: dict[str, Extreme] = {}
+    rest, more = text, tuple(parameters)
+    try:
+        while (found := _EXTREME.search(rest)) is not None:
+            end = _closed(rest, found.end() - 1)
+            inside = rest[found.end():end]
+            # as long as what it stands for, so that columns stay what they are
+            name = f"e{len(extremes)}".ljust(end + 1 - found.start(), "_")
+            extremes[name] = _extreme(found[1] == "max", inside, found.end(), words, more)
+            rest = rest[:found.start()] + name + rest[end + 1:]
+        tree = syntax(rest, words.names((*more, *extremes)))
+    except ExpressionError as error:
+        shown = f"{option} {text}"
+        mark = Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 2 + error.column)
+        raise CaseError(mark.problem(_said(str(error), words), near=error.near)) from None
+    return Measure(text, tree, extremes)
+
+
+def _said(message: str, words: Vocabulary) -> str:
+    """Return what is wrong with a name without those that nobody can write."""
+    head, known, _ = message.partition("; known names are ")
+    return f"{head}; there are {', '.join(words.quantities)}, max(...) and min(...)" if known else message
+
+
+def _closed(text: str, at: int) -> int:
+    depth = 0
+    for k in range(at, len(text)):
+        depth += {"(": 1, ")": -1}.get(text[k], 0)
+        if depth == 0:
+            return k
+    raise ExpressionError("')' is missing", len(text))
+
+
+def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: Sequence[str]) -> Extreme:
+    if inside.strip() in words.fields:
+        return Extreme(largest, None, inside.strip())
+    try:
+        if _EXTREME.search(inside):
+            raise ExpressionError("max and min cannot stand in each other", 0)
+        return Extreme(largest, syntax(inside, words.names(more)))
+    except ExpressionError as error:
+        raise ExpressionError(str(error), column + error.column, error.near) from None
+
+
+def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
+    """Return what a constraint ``LEFT <= RIGHT`` (or >=, ==) wants to be at most, or just, 0; RIGHT; and which it is.
+
+    Raises CaseError where it compares nothing, or more than two expressions.
+    """
+    tree = measure.tree
+    if not (isinstance(tree, Comparison) and len(tree.rest) == 1 and tree.rest[0][0] != "!="):
+        shown = f"{option} {measure.text}"
+        mark = Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 2)
+        raise CaseError(mark.problem("no constraint", expected='for example "max(stress) <= 200e6"'))
+    op, right = tree.rest[0]
+    left = tree.first
+    parts = (left, right) if op in ("<=", "<", "==") else (right, left)
+    difference = replace(measure, tree=Chain(parts[0], (("-", parts[1]),)))
+    return difference, replace(measure, tree=right), "==" if op == "==" else "<="
+
+
+class Measures:
+    """The values of expressions, as a function of a model and the states of its run."""
+
+    def __init__(self, measures: Sequence[Measure], goal: Goal | None) -> None:
+        self.measures = tuple(measures)
+        self.names = {name for m in measures for tree in (m.tree, *(e.tree for e in m.extremes.values() if e.tree))
+                      for name in named_in(tree)}
+        self.goals = (goal,) if goal is not None and GOAL in self.names else ()
+        self.whole = any(e.tree is not None for m in measures for e in m.extremes.values())
+        self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
+        self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
+
+    def __call__(self, model: Model, states: Sequence[Any]) -> Array:
+        """Return the values (measures,). Raises ComputationError where the solver does not compute one."""
+        course = [self._told(model, states[:k + 1]) for k in range(0 if self.whole else len(states) - 1, len(states))]
+        found = []
+        for measure in self.measures:
+            meaning = dict(course[-1])
+            for name, extreme in measure.extremes.items():
+                values = self._field(model, states[-1], extreme.field) if extreme.tree is None else \
+                    np.array([_value(extreme.tree, told) for told in course])
+                meaning[name] = float(values.max() if extreme.largest else values.min())
+            found.append(_value(measure.tree, meaning))
+            if not np.isfinite(found[-1]):
+                raise ComputationError(f"'{measure.text}' has no value here", at={"value": found[-1]},
+                                       advice="names of what the solver computes, and functions within their range")
+        return np.array(found)
+
+    def _told(self, model: Model, states: Sequence[Any]) -> dict[str, float]:
+        """Return what the names mean at the last of some states."""
+        reacts = any(name.rpartition(".")[2] in REACTIONS for name in self.names)
+        reacts |= any(g.reaction is not None for g in self.goals)
+        summary = last_summary(model, states, reacts, self.forces)
+        found = {f"{name}.{q}": float(v) for part in ("probes", "reactions") for name, row in
+                 summary.get(part, {}).items() for q, v in row.items()}
+        found.update(model.case.parameters)
+        if MASS in self.names:
+            found[MASS] = mass_of(model)
+        if ENERGY in self.names:
+            found[ENERGY] = float(summary["energy"]["strain"])
+        for goal in self.goals:
+            value = quantity(goal, summary)
+            if value is None:
+                raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
+            found[GOAL] = value
+        return found
+
+    @staticmethod
+    def _field(model: Model, state: Any, name: str) -> Array:
+        """Return all values of a field; of stresses the equivalent one of von Mises."""
+        problems = field_problems(model, (name,))
+        if problems:
+            raise CaseError(problems)
+        values = list(FieldReader(model, (name,)).read(state).values())
+        if name == "stress":
+            values = [np.sqrt(np.maximum(v[..., 0]**2 - v[..., 0] * v[..., 1] + v[..., 1]**2 + 3 * v[..., 2]**2, 0.0))
+                      for v in values]
+        return np.concatenate([np.ravel(v) for v in values]) if values else np.zeros(1)
+
+
+def _value(tree: Tree, meaning: dict[str, float]) -> float:
+    meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
+    return float(series(renamed(tree, meant), np.zeros(1), 0)[0, 0])
+
+
+def mass_of(model: Model) -> float:
+    """Return the mass [F T^2/L] of bodies and point masses: a^T M a of a unit translation a."""
+    from ..solvers.linear import full_mass
+
+    a = np.zeros(model.n_q)
+    for mesh in model.meshes.values():
+        a[mesh.first_dof:mesh.first_dof + mesh.n_dofs][mesh.kinds == 0] = 1.0
+    return float(a @ (full_mass(model) @ a))

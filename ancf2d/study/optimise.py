@@ -1,0 +1,271 @@
+"""The best values of some numbers of a case: SciPy's optimisers with the derivatives of ``gradient``."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..case import LoadedCase, load_case_text
+from ..case.axes import Bounds
+from ..case.numbers import Variable, variable_at
+from ..elements.shape import Array
+from ..errors import ComputationError
+from ..results import Column, ResultWriter
+from ..solvers.differences import Quotient
+from .gradient import Study
+from .measures import Measures, Vocabulary, bounded, read_measure
+from .record import Progress
+from .run import result_header
+from .sensitivity import on_its_mesh
+
+METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
+TABLE = "optimisation"
+# relative change of the minimum at which it is found, and what a constraint may be missed by beside its size
+TOLERANCE, MET = 1e-9, 1e-6
+# share of the range of a number within which it is at its bound
+AT_BOUND = 1e-6
+
+
+@dataclass
+class Point:
+    """Values of the numbers that have been tried: what is minimised, and how far constraints are missed there."""
+
+    x: Array
+    value: float
+    missed: float
+
+
+@dataclass
+class Optimum:
+    """The best values that were found: ``rows`` by number, ``constraints``, and the ``history`` of all tries."""
+
+    case: str
+    title: str
+    measure: str
+    rows: list[dict[str, Any]]
+    minimum: float
+    constraints: list[dict[str, Any]]
+    evaluations: int
+    gradients: int
+    found: bool
+    message: str
+    history: list[Point]
+    warnings: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that ``--json`` prints."""
+        out: dict[str, Any] = {
+            "case": self.case, "title": self.title, "status": "converged" if self.found else "failed",
+            "minimise": self.measure, "rows": self.rows, "minimum": self.minimum, "constraints": self.constraints,
+            "evaluations": self.evaluations, "gradients": self.gradients, "message": self.message,
+            "warnings": self.warnings}
+        if not self.found:
+            out["reason"] = self.message
+        return out
+
+
+@dataclass
+class Problem:
+    """What is to be minimised over which numbers, under which constraints (each with <= or ==)."""
+
+    loaded: LoadedCase
+    variables: list[Variable]
+    bounds: list[Bounds]
+    measures: Measures
+    kinds: list[str]
+    texts: list[str]
+
+
+def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, constraints: Sequence[str]) -> Problem:
+    """Return the problem that options of the command line describe. Raises CaseError."""
+    words, parameters = Vocabulary(loaded), list(loaded.case.parameters)
+    read = [bounded(read_measure(text, "--subject-to", words, parameters), "--subject-to") for text in constraints]
+    kinds = [kind for _, _, kind in read]
+    # the sides that constraints compare with tell what is large
+    measures = [read_measure(minimise, "--minimise", words, parameters), *(m for m, _, _ in read),
+                *(side for _, side, _ in read)]
+    variables = [variable_at(loaded, one.path) for one in bounds]
+    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal), kinds, list(constraints))
+
+
+class _Search:
+    """Evaluates a problem at shares y of the ranges of its numbers, each place once."""
+
+    def __init__(self, problem: Problem, progress: Progress, tell: Callable[[Point], None]) -> None:
+        self.problem, self.progress, self.tell = problem, progress, tell
+        self.loaded = on_its_mesh(problem.loaded, progress)
+        self.low = np.array([b.low for b in problem.bounds])
+        self.range = np.array([b.high - b.low for b in problem.bounds])
+        self.history: list[Point] = []
+        self.warnings: dict[bytes, list[str]] = {}
+        self.gradients = 0
+        self._last: tuple[bytes, Study] | None = None
+        self._known: dict[bytes, Array] = {}
+        self._slopes: dict[bytes, Array] = {}
+        start = np.array([v.value for v in problem.variables])
+        self.start = np.clip((start - self.low) / self.range, 0.0, 1.0)
+        self.sizes = self._sizes()
+
+    def _sizes(self) -> Array:
+        """Return what values are divided by: that at the start, of constraints the larger of their sides there."""
+        n, found = len(self.problem.kinds), np.abs(self.values(self.start))
+        values = np.append(found[0], np.maximum(found[1:n + 1], found[n + 1:]))
+        return np.where(values > 0.0, values, 1.0)
+
+    def x(self, y: Array) -> Array:
+        """Return the numbers at shares y of their ranges."""
+        return np.clip(self.low + self.range * y, self.low, self.low + self.range)
+
+    def sets(self, y: Array) -> list[str]:
+        """Return the ``PATH=VALUE`` overrides."""
+        return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
+
+    def _study(self, y: Array) -> Study:
+        """Return the case solved at y. Raises ComputationError that says where."""
+        key = y.tobytes()
+        if self._last is None or self._last[0] != key:
+            loaded = self.loaded
+            here = load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *self.sets(y)), _vocabulary(),
+                                  str(Path(loaded.source.file).parent))
+            try:
+                self.warnings[key] = []
+                study = Study(here, self.problem.measures, self.progress, self.warnings[key].append)
+            except ComputationError as error:
+                f = error.failure
+                raise ComputationError(f"the case cannot be solved with {', '.join(self.sets(y))}: {f.reason}", at=f.at,
+                                       history=f.history, advice="narrower bounds, or more load steps") from error
+            self._last = key, study
+        return self._last[1]
+
+    def values(self, y: Array) -> Array:
+        """Return what is minimised and the constraints at y."""
+        key = y.tobytes()
+        if key not in self._known:
+            self._known[key] = found = self._study(y).values
+            self.history.append(Point(self.x(y), float(found[0]), float(np.max(self._excess(found), initial=0.0))))
+            self.tell(self.history[-1])
+        return self._known[key]
+
+    def _excess(self, values: Array) -> Array:
+        """Return by how much each constraint is missed (constraints,)."""
+        own = values[1:len(self.problem.kinds) + 1]
+        return np.array([abs(v) if kind == "==" else max(v, 0.0)
+                         for v, kind in zip(own.tolist(), self.problem.kinds, strict=True)])
+
+    def preferred(self, y: Array) -> Array:
+        """Return y, the best place tried that meets all constraints where y does not meet them and another one does."""
+        allowed = MET * self.sizes[1:len(self.problem.kinds) + 1]
+
+        def meets(values: Array) -> bool:
+            return bool(np.all(self._excess(values) <= allowed))
+        if meets(self.values(y)):
+            return y
+        good = [(values[0], key) for key, values in self._known.items() if meets(values)]
+        return np.frombuffer(min(good)[1]) if good else y
+
+    def slopes(self, y: Array) -> Array:
+        """Return the derivatives (values, numbers) by y."""
+        key = y.tobytes()
+        if key not in self._slopes:
+            study, columns = self._study(y), []
+            for variable, x in zip(self.problem.variables, self.x(y), strict=True):
+                here = Variable(variable.path, float(x), variable.beside, variable.body)
+                found: Quotient = study.differentiate(here)[0]
+                columns.append(found.value)
+            self.gradients += 1
+            self._slopes[key] = np.array(columns).T * self.range
+        return self._slopes[key]
+
+
+def _vocabulary() -> Any:
+    from .run import vocabulary
+
+    return vocabulary()
+
+
+def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, progress: Progress | None = None,
+             tell: Callable[[Point], None] = lambda point: None) -> Optimum:
+    """Return the values of a problem's numbers within their bounds that minimise what it says under its constraints.
+
+    ``method``: slsqp (Kraft 1988) or trust-constr (Byrd, Hribar & Nocedal 1999), from the values of the case. Numbers
+    are scaled to their ranges, values to their sizes at the start. Raises CaseError, and ComputationError where the
+    case cannot be solved on the way.
+    """
+    from scipy.optimize import minimize
+
+    search = _Search(problem, progress or Progress(), tell)
+    sizes = search.sizes
+    options: dict[str, Any] = {"maxiter": iterations}
+    if method == "slsqp":
+        options["ftol"] = TOLERANCE
+    else:
+        # its gradient is that of the Lagrangian, whose multipliers can make it 0 while constraints keep their distance
+        options |= {"gtol": 0.0, "xtol": TOLERANCE}
+    with warnings.catch_warnings():
+        # what is linear in the numbers, such as a mass, is no mistake
+        warnings.filterwarnings("ignore", message="delta_grad == 0.0")
+        result = minimize(lambda y: search.values(y)[0] / sizes[0], search.start,
+                          jac=lambda y: search.slopes(y)[0] / sizes[0], method=METHODS[method],
+                          bounds=[(0.0, 1.0)] * len(search.start), constraints=_constraints(search, method, sizes),
+                          options=options)
+    y = np.clip(np.asarray(result.x), 0.0, 1.0)
+    return _concluded(problem, search, y, bool(result.success), " ".join(str(result.message).split()))
+
+
+def _constraints(search: _Search, method: str, sizes: Array) -> list[Any]:
+    from scipy.optimize import NonlinearConstraint
+
+    out: list[Any] = []
+    for k, kind in enumerate(search.problem.kinds, start=1):
+        if method == "slsqp":
+            out.append({"type": "eq" if kind == "==" else "ineq",
+                        "fun": lambda y, k=k: -search.values(y)[k] / sizes[k],
+                        "jac": lambda y, k=k: -search.slopes(y)[k] / sizes[k]})
+        else:
+            low = 0.0 if kind == "==" else -np.inf
+            out.append(NonlinearConstraint(lambda y, k=k: search.values(y)[k] / sizes[k], low, 0.0,
+                                           jac=lambda y, k=k: search.slopes(y)[k] / sizes[k]))
+    return out
+
+
+def _concluded(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
+    y = search.preferred(y)
+    values, x = search.values(y), search.x(y)
+    rows = []
+    for variable, bound, value, share in zip(problem.variables, problem.bounds, x.tolist(), y.tolist(), strict=True):
+        at = "low" if share <= AT_BOUND else "high" if share >= 1 - AT_BOUND else None
+        rows.append({"path": variable.path, "value": value, "start": variable.value, "low": bound.low,
+                     "high": bound.high, "at_bound": at})
+    constraints, kept = [], True
+    for text, kind, value, size in zip(problem.texts, problem.kinds, values[1:].tolist(), search.sizes[1:],
+                                       strict=False):
+        met = (abs(value) if kind == "==" else value) <= MET * size
+        kept &= bool(met)
+        constraints.append({"constraint": text, "excess": value, "met": bool(met),
+                            "active": bool(abs(value) <= 10 * MET * size)})
+    if success and not kept:
+        success, message = False, "no values within the bounds meet all constraints"
+    loaded = search.loaded
+    return Optimum(loaded.source.file, loaded.case.title, problem.measures.measures[0].text, rows, float(values[0]),
+                   constraints, len(search.history), search.gradients, success, message, search.history,
+                   list(dict.fromkeys(search.warnings[y.tobytes()])))
+
+
+def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False
+                       ) -> Path:
+    """Write the history as table ``optimisation``; return where. Raises ResultsError."""
+    columns = (Column("evaluation", "1", "number of the try", integer=True),
+               Column("minimised", "1", found.measure), Column("missed", "1", "largest excess of a constraint"),
+               *(Column(row["path"], "1", "in units of the case") for row in found.rows))
+    table: dict[str, list[Any]] = {
+        "evaluation": list(range(1, len(found.history) + 1)), "minimised": [p.value for p in found.history],
+        "missed": [p.missed for p in found.history],
+        **{row["path"]: [float(p.x[k]) for p in found.history] for k, row in enumerate(found.rows)}}
+    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
+        writer.table(TABLE, table, {"minimise": found.measure, "constrained": bool(found.constraints)})
+        return writer.finish(found.as_json(), "converged" if found.found else "failed")

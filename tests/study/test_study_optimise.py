@@ -1,0 +1,125 @@
+"""The best numbers of a case: designs with closed forms, expressions over results, and the case that is written."""
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.case.numbers import text_with
+from ancf2d.errors import CaseError
+from ancf2d.study.measures import Measures, Vocabulary, mass_of, read_measure
+from ancf2d.study.record import Progress
+from ancf2d.study.run import prepare, run_case, vocabulary
+
+TEXT = """# a cantilever
+bodies:
+  beam:  # of steel
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {height: 0.05, width: 0.1}   # height is to be found
+    material: {E: 2.0e11, nu: 0, rho: 7800}
+    element: {type: vallejo, count: 2}
+masses:
+  - {at: beam@0.5, mass: 3}
+boundary_conditions:
+  - {name: wall, type: clamp, at: beam@0}
+loads:
+  - {name: tip, type: force, at: beam@1, value: [0, -1000]}
+solver: {type: linear_static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: beam@1}}
+"""
+HEIGHT = "bodies.beam.section.height"
+
+
+@pytest.mark.parametrize("method", ["slsqp", "trust-constr"])
+def test_lightest_cantilever(method):
+    """tip.uy = -4 P L^3/(E b h^3): the smallest h that allows 10 mm is (4 P L^3/(E b 0.01))^(1/3)."""
+    found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy >= -0.01", method=method)
+    h = (4 * 1000.0 * 2.0**3 / (2e11 * 0.1 * 0.01)) ** (1 / 3)
+    # sections shear, and the axis of the wall holds: a thousandth
+    assert found.found
+    assert found.rows[0]["value"] == pytest.approx(h, rel=3e-3)
+    assert found.minimum == pytest.approx(7800 * 0.1 * 2.0 * found.rows[0]["value"] + 3.0, rel=1e-9)
+    (constraint,) = found.constraints
+    assert constraint["met"]
+    assert constraint["excess"] == pytest.approx(0.0, abs=1e-6)
+    assert found.evaluations <= 40
+
+
+def test_constraints_that_cannot_be_met_are_told():
+    found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.03)}, "mass", ["tip.uy >= -0.001", "wall.fy >= 0"])
+    assert not found.found
+    assert [one["met"] for one in found.constraints] == [False, True]
+    assert found.as_json()["status"] == "failed"
+
+
+def test_values_of_expressions():
+    """Mass, reactions, section forces, the course of a path, and von Mises stress at the clamped end."""
+    case = ancf2d.load(TEXT, ["solver={type: static, steps: 4}"])
+    words = Vocabulary(case)
+    texts = ["mass", "wall.fy + 2*goal", "tip.M", "max(tip.uy)", "min(tip.uy)", "max(N)", "sqrt(wall.m^2)"]
+    states = []
+    model = run_case(case, progress=Progress(state=states.append)).model
+    got = Measures([read_measure(t, "--minimise", words) for t in texts], case.case.goal)(model, states)
+    uy = ancf2d.solve(case, states=False).value
+    assert got[0] == pytest.approx(7800 * 0.05 * 0.1 * 2 + 3)
+    assert got[1] == pytest.approx(1000.0 + 2 * uy)
+    assert got[2] == pytest.approx(0.0, abs=1e-4)
+    assert got[3] == pytest.approx(uy / 4, rel=1e-2)
+    assert got[4] == pytest.approx(uy, rel=1e-9)
+    assert got[6] == pytest.approx(2000.0, rel=1e-3)
+    assert mass_of(prepare(case)) == got[0]
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("mas", "did you mean 'mass'"), ("tip.uz", "did you mean 'tip.uy'"), ("max(stres)", "'stres' is unknown"),
+    ("max(max(mass))", "cannot stand in each other"), ("max(tip.uy", "is missing"), ("goal +", "ends too early")])
+def test_what_is_wrong_with_an_expression(text, message):
+    with pytest.raises(CaseError, match=message):
+        read_measure(text, "--minimise", Vocabulary(ancf2d.load(TEXT)))
+
+
+def test_a_constraint_compares_two_expressions():
+    with pytest.raises(CaseError, match="no constraint"):
+        ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
+
+
+def test_the_case_that_is_written_keeps_its_comments():
+    case = ancf2d.load(TEXT)
+    text, kept = text_with(case, {HEIGHT: 0.0625, "loads.tip.at": 0.75, "loads.tip.value.1": -500.0}, vocabulary())
+    assert kept
+    assert text == TEXT.replace("height: 0.05", "height: 0.0625").replace("force, at: beam@1,", "force, at: beam@0.75,"
+                                                                          ).replace("-1000", "-500")
+    whole, kept = text_with(ancf2d.load(case, ["solver.type=static"]), {HEIGHT: 0.0625}, vocabulary())
+    assert not kept
+    assert ancf2d.load(whole).case.bodies["beam"].section.height == 0.0625
+
+
+@pytest.mark.slow
+def test_the_lightest_taper_is_a_parabola():
+    """min of the mass at a given deflection under an end load: h ~ sqrt(distance from the tip) (Lagrange).
+
+    20 heights, linear between them; within 40 gradients.
+    """
+    n = 20
+    s = np.linspace(0.0, 1.0, n).tolist()
+    case = {
+        "bodies": {"leaf": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                            "section": {"height": {"s": s, "value": [0.02] * n}, "width": 0.05},
+                            "material": {"E": 2e11, "nu": 0.0, "rho": 7800},
+                            "element": {"type": "vallejo", "count": n - 1, "formulation": "structural",
+                                        "shear_factor": 10}}},
+        "boundary_conditions": [{"type": "clamp", "at": "leaf@0"}],
+        "loads": [{"type": "force", "at": "leaf@1", "value": [0, -100]}],
+        "solver": {"type": "linear_static"}, "goal": {"probe": "tip", "quantity": "uy"},
+        "output": {"probes": {"tip": "leaf@1"}}}
+    found = ancf2d.optimise(case, {f"bodies.leaf.section.height.value.{k}": (0.002, 0.06) for k in range(n)}, "mass",
+                            "goal >= -0.004")
+    assert found.found
+    assert found.gradients <= 40
+    h = np.array([row["value"] for row in found.rows])
+    x = 1.0 - np.array(s)
+    # the tip and its neighbour feel that heights are linear between places
+    assert (h[:-3] / h[0]) == pytest.approx(np.sqrt(x[:-3]), rel=0.02)
+    # of all beams with h = c sqrt(x) the one that bends by 4 mm: c^3 = 8 P/(E b u)
+    c = (8 * 100.0 / (2e11 * 0.05 * 0.004)) ** (1 / 3)
+    assert found.minimum == pytest.approx(7800 * 0.05 * c * 2 / 3, rel=0.01)
