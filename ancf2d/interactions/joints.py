@@ -13,6 +13,7 @@ import numpy as np
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point, named_twice
 from ..elements.definition import derivative_order
@@ -235,6 +236,7 @@ class PinJoint:
     tag = "pin"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["crank@1", "rod@0"])
     name: str | None = key(NAME, "Name", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield points that are named twice."""
@@ -255,6 +257,7 @@ class WeldJoint:
     tag = "weld"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])
     name: str | None = key(NAME, "Name", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield points that are named twice."""
@@ -285,6 +288,7 @@ class SliderJoint:
     along: tuple[float, float] = key(Vector(Number(), nonzero=True),
                                      "Direction of the line, of any length", example=[1, 0])
     name: str | None = key(NAME, "Name", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
         """Ask that the point keeps its position across the line."""

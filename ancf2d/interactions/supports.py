@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Known, ListOf, Name, Number, Vector
 from ..case.records import ByShape, OneOf
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point
@@ -20,6 +21,7 @@ from ..elements.shape import Array
 from ..model.constraints import Equations, Row, along, combine, hold_rotation, prescribe_rotation
 from ..model.mesh import Index
 from ..model.points import PointRef
+from ..model.switched import OF_REFERENCE
 from ..model.timing import Timing
 
 R = TypeVar("R", bound=type)
@@ -39,6 +41,18 @@ class SupportError(ValueError):
 def support(cls: R) -> R:
     """Register a record as a kind of support; its method ``add(point, owner, timing, out)`` says what it asks for."""
     return register("boundary_conditions", cls, ("at", "name"))
+
+
+def check_switch(item: Any, own: Equations) -> None:
+    """Raise SupportError for a support that cannot begin where its point is by then."""
+    if item.active is None or not item.active.begins:
+        return
+    if item.motions:
+        raise SupportError(("active",), "a prescribed motion can end, but not begin",
+                           "to or until alone, or a pin, roller or clamp, which hold a point where it is")
+    if any(row.holds in OF_REFERENCE for row in own.rows):
+        raise SupportError(("active",), "holding the section straight or its warping cannot begin: it is held along "
+                           "the directions of the reference", "hold: section or hold: all, or to or until alone")
 
 
 def motion(unit: str) -> ByShape:
@@ -112,6 +126,7 @@ class Pin:
     at: Point = key(POINT, "Point that is held", example="beam@0")
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
         """Hold both components of the position."""
@@ -131,6 +146,7 @@ class Roller:
         "Direction that is held if it is neither x nor y; of any length", default=None)
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem unless exactly one of fixed and normal is given."""
@@ -166,6 +182,7 @@ class Clamp:
         "with strains left free; for other types, section; with preset paper, all)",
         default=None)
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
         """Hold what ``hold`` says, or what a clamp of this element type holds."""
@@ -202,6 +219,7 @@ class Fix:
         ListOf(Known("nodal_coordinates"), "nodal coordinates", 1),
         "Nodal coordinates that are held", example=["x", "y", "ry_x"])
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield coordinates that are named twice."""
@@ -237,6 +255,7 @@ class Prescribed:
     angle: float | Amplitude | None = key(motion("rad"), "Rotation of the section from the "
                                           "reference", default=None)
     name: str | None = key(NAME, "Name of its reaction in the results", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where nothing is prescribed, or the same thing twice."""

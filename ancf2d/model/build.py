@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..case import (
+    Active,
     Buckling,
     Case,
     Dynamic,
@@ -33,7 +34,7 @@ from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.moving import moving_mass
 from ..interactions.obstacles import frame_of
 from ..interactions.springs import moving_spring
-from ..interactions.supports import SupportError
+from ..interactions.supports import SupportError, check_switch
 from .constraints import Equations, keep_lengths, motions
 from .elimination import Elimination, eliminate, inconsistent
 from .locking import hidden_warning, locking_warning
@@ -45,6 +46,7 @@ from .order import coordinate_weights
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .repeated import drop_repeated, linear_row
+from .switched import switched
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 # of what may overlap, beside the extent of a model
@@ -157,10 +159,32 @@ class _Builder:
             point = self.point(support.at)
             self.supports.append((name, point))
             timing = InputTiming(str(support.name)) if support.name in self.case.inputs else self.timing
+            own = Equations()
             try:
-                support.add(point, name, timing, self.equations)
+                support.add(point, name, timing, own)
+                check_switch(support, own)
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
+            else:
+                self._take(own, support.active, point)
+
+    def _take(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
+        """Take the equations of a support or joint, those that begin or end as constraints that can be let go."""
+        self.equations.warnings += own.warnings
+        if active is None:
+            self.equations.rows += own.rows
+            self.equations.constraints += own.constraints
+        else:
+            self.equations.constraints += switched(own, self.timing.window(active), self.size, self.extent, point)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
+        return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
+
+    def size(self, coordinate: int) -> float:
+        """Return the natural magnitude of a coordinate for a unit displacement."""
+        return float(1.0 / self.weights[coordinate])
 
     def add_joints(self) -> None:
         for mesh in self.meshes.values():
@@ -169,11 +193,13 @@ class _Builder:
         acting = acting_at(self.case)
         for i, joint in enumerate(self.case.joints):
             context = JointContext(self.point, self.meshes, f"joints.{i}", acting)
+            own = Equations()
             try:
-                joint.add(context, joint.name or f"joints.{i}", self.equations)
+                joint.add(context, joint.name or f"joints.{i}", own)
             except JointError as error:
                 for key, message, expected in error.problems:
                     self.report(("joints", i, *key), message, expected)
+            self._take(own, joint.active)
 
     def add_springs(self) -> None:
         for k, spring in enumerate(self.case.springs):
@@ -244,7 +270,7 @@ class _Builder:
                         f"{constraint.owner}: another support already holds the {constraint.holds}",
                         "one support that holds or moves it")
 
-    def check_equations(self, elimination: Elimination, size: Callable[[int], float]) -> None:
+    def check_equations(self, elimination: Elimination) -> None:
         """Look for equations that contradict others, and tell what is held twice.
 
         In linear statics, constraints are linear too: those that repeat others are taken off.
@@ -253,7 +279,7 @@ class _Builder:
         rows, linear = equations.rows, len(equations.rows)
         if isinstance(self.case.solver, LinearStatic) and equations.constraints:
             rows = [*rows, *map(linear_row, equations.constraints)]
-            elimination = eliminate(rows, size)
+            elimination = eliminate(rows, self.size)
         names = [n for n, _ in self.supports]
         bad, combined = inconsistent(elimination, rows, *course_of(self.case)), dict(elimination.redundant)
         for number_ in bad:
@@ -339,15 +365,10 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     b.add_springs()
     if b.problems:
         raise CaseError(b.problems)
-    weights = np.concatenate([coordinate_weights(m) for m in b.meshes.values()])
-
-    def size(coordinate: int) -> float:
-        return float(1.0 / weights[coordinate])
-
-    elimination = eliminate(b.equations.rows, size)
+    elimination = eliminate(b.equations.rows, b.size)
     b.drop_repeated(elimination)
     b.check_motions()
-    b.check_equations(elimination, size)
+    b.check_equations(elimination)
     b.check_mechanism()
     if b.problems:
         raise CaseError(b.problems)

@@ -100,7 +100,8 @@ def linear_row(c: Constraint) -> Row:
 def drop_repeated(elimination: Elimination, equations: Equations, supports: set[str]) -> list[PointConstraint]:
     """Take off the constraints that repeat others; return those among them that prescribe a motion."""
     repeats = _Repeated(elimination, equations)
-    found = [c for c in equations.constraints if isinstance(c, PointConstraint) and repeats(c)]
+    # what begins or ends holds nothing in between
+    found = [c for c in equations.constraints if isinstance(c, PointConstraint) and c.active is None and repeats(c)]
     equations.constraints = [c for c in equations.constraints if not any(c is f for f in found)]
     for c in found:
         follows = [elimination.dependents[i] for i in c.dofs.tolist() if i in elimination.dependents]

@@ -73,7 +73,7 @@ class Answers:
 
     def look(self, row: Row) -> dict[str, dict[str, float]]:
         """Let loads that answer the motion be those of a state; return what controllers put out and remember there."""
-        self.motion.events.show()
+        self.motion.events.look(row.turns)
         if not self.feedback.answers and not self.feedback.controllers:
             return {}
         values = self.told(row)

@@ -14,7 +14,7 @@ from ..kernels.advance import NEAR
 from ..kernels.consistent import kinetic, onto_constraints
 from ..kernels.dynamics import place_at
 from ..kernels.lowlevel.records import Record
-from ..kernels.motion import GRID, STEP_SIZE, WORK, evaluate
+from ..kernels.motion import GRID, LOST, STEP_SIZE, WORK, evaluate
 from ..model.breakpoints import Break, Piece, breakpoints
 from ..model.model import Model
 from ..model.timing import Signal
@@ -102,15 +102,22 @@ def pass_break(motion: Any, piece: int) -> None:
     s.v[:] += off
     energy = kinetic(p, w, s, t)
     s.v[:] -= off
+    acted, before_impact = motion.events.acting(), s.v.copy()
     motion.enter(piece)
+    begun = motion.events.catch(acted)
     evaluate(p.programs, t, after)
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass
     kinks = motion.moving.kinks(p, w, s, t, carried)
     sampled = motion.answers.sample(t)
     motion.consistent(t, impulse + kinks)
+    if begun:
+        motion.events.count(begun, before_impact)
     s.v[:] += off
-    if jump[motion.driving].any() or kinks.any():
+    if begun:
+        # what begins to hold something that moves is a plastic impact
+        s.numbers[LOST] += energy - kinetic(p, w, s, t)
+    elif jump[motion.driving].any() or kinks.any():
         s.numbers[WORK] += kinetic(p, w, s, t) - energy
     if motion.dt > 0.0:
         s.numbers[GRID] = np.floor(t / motion.dt + NEAR)

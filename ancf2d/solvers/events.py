@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable
 from copy import copy
@@ -17,12 +18,18 @@ from ..interactions.moving import MovingPatch
 from ..kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
 from ..kernels.lowlevel.records import Record
 from ..model.breakpoints import Break, Piece
-from ..model.point_patch import PointPatch
+from ..model.mechanism import rigid_motion
+from ..model.point_patch import PointConstraint, PointPatch
+from ..model.points import dot
+from ..model.switched import CLOSED, HELD, HELD_ANGLE, caught, is_off
 from ..model.timing import Answer
+from .linear import dense
 
 # what a case has that may begin and end, and how messages say that it does
 SECTIONS = ("boundary_conditions", "joints", "springs", "loads")
 WORDS = ("begins", "ends")
+# of a gradient: what is left of it where others make the constraint hold
+SAME = 1e-7
 
 
 class Events:
@@ -44,6 +51,11 @@ class Events:
         self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
                        if isinstance(a.amplitude, Gated)]
         self.cuts: list[float] = []
+        self.switched = [(k, c) for k, c in _places(model.interactions.points)
+                         if isinstance(c, PointConstraint) and c.active is not None]
+        # of pieces by where they begin: constraints that repeat others; what supports did when they began, by name
+        self.repeated: dict[float, list[int]] = {}
+        self.impulses: dict[str, dict[str, float]] = {}
 
     def __bool__(self) -> bool:
         """Whether anything begins or ends."""
@@ -66,6 +78,7 @@ class Events:
         t = 0.5 * (piece.first + piece.stop)
         for k, window in self.timed:
             p.points.on[k] = self.acts(window, t)
+        p.points.on[self.repeated.get(piece.first, [])] = False
         for which, k, latch in self.gates:
             programs = p.programs if which == "signals" else p.feedback.programs
             programs.data[programs.arg[programs.first[k]]] = float(self.acts(latch, t))
@@ -93,13 +106,15 @@ class Events:
         return bool(found != NONE)
 
     def begin(self) -> None:
-        """Let begin and end what does at t = 0."""
+        """Let begin and end what does at t = 0, from where the motion is."""
         while self.holds():
             self.happen()
             if self.motion.done:
                 raise ComputationError("the motion ends where it begins", at={"t": 0.0},
                                        advice="a condition solver.until that does not hold at t = 0")
+            acted = self.acting()
             self.motion.enter(0)
+            self.catch(acted)
             self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
 
     def happen(self) -> int:
@@ -131,11 +146,106 @@ class Events:
         self.cuts.append(t)
         return True
 
+    # ------------------------------------------------------------------ supports and joints
+
+    def acting(self) -> set[int]:
+        """Return the places among the point laws of supports and joints that act, of those that begin or end."""
+        return {k for k, _ in self.switched if self.motion.p.points.on[k]}
+
+    def catch(self, acted: set[int]) -> list[PointConstraint]:
+        """Let supports that begin hold what they hold where it is; return what begins, beside those that ``acted``.
+
+        Raises ComputationError for a joint that begins where its points are apart.
+        """
+        if not self.switched:
+            return []
+        motion = self.motion
+        d = motion.full(motion.here())[0]
+        found = [(k, c) for k, c in self.switched if k not in acted and motion.p.points.on[k]]
+        supports = {name for name, _ in self.model.supports}
+        for k, c in found:
+            off = 0.0 if c.owner in supports else is_off(c, d, motion.t)
+            if off > CLOSED:
+                raise ComputationError(
+                    f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",
+                    at={"t": motion.t}, advice="a condition that holds where the points meet, or a spring in its place")
+            if c.law in (HELD, HELD_ANGLE):
+                motion.p.points.mem[k, 0] = caught(c, d)
+        self._leave_out(d)
+        return [c for k, c in found if motion.p.points.on[k]]
+
+    def _leave_out(self, d: Array) -> None:
+        """Leave out constraints that others make hold at d (n_full,): two multipliers for one motion have no values."""
+        motion, model = self.motion, self.model
+        piece = motion.pieces[motion.piece]
+        known: list[Array] = []
+        self.repeated.pop(piece.first, None)
+        motion.enter(motion.piece)
+        weights = motion.p.weights[:motion.p.inner]
+        one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
+        gradients, repeated = self._gradients(d), []
+        own = {c.multiplier: k for k, c in self.switched}
+        for multiplier in sorted(gradients, key=lambda i: (i in own, i)):
+            coords, slopes = gradients[multiplier]
+            full = np.zeros(len(model.numbering.place))
+            np.add.at(full, coords, slopes)
+            row = model.numbering.reduce(full) * one
+            size = float(np.linalg.norm(row))
+            if multiplier in own and not motion.p.points.on[own[multiplier]]:
+                continue
+            for other in known:
+                row = row - (other @ row) * other
+            rest = float(np.linalg.norm(row))
+            if rest > SAME * max(size, np.finfo(float).tiny):
+                known.append(row / rest)
+            elif multiplier in own:
+                repeated.append(own[multiplier])
+        if repeated:
+            self.repeated[piece.first] = repeated
+            motion.enter(motion.piece)
+
+    def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
+        """Return coordinates and gradient at d (n_full,) of each constraint by its multiplier."""
+        self.look(self.motion.p.points.mem)
+        piece, out = self.motion.pieces[self.motion.piece], {}
+        d = d.copy()
+        d[self.model.n_q:] = 1.0
+        for _, Q, _, dofs in self.model.interactions.constraints(d, 0.5 * (piece.first + piece.stop)):
+            for q, coords in zip(Q, dofs, strict=True):
+                out[int(coords[-1])] = coords[:-1], q[:-1]
+        return out
+
+    def look(self, mem: Array) -> None:
+        """Let the model's latches, and what its supports hold, be those of this motion."""
+        self.show()
+        for k, c in self.switched:
+            c.mem[:] = mem[k, :len(c.mem)]
+
+    def count(self, begun: list[PointConstraint], before: Array) -> None:
+        """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion."""
+        motion, model = self.motion, self.model
+        p, s, A = motion.p, motion.s, dense(motion.w.A, motion.p)
+        free, held = (np.flatnonzero(p.coordinate[:p.inner] == x) for x in (1.0, 0.0))
+        impulse = np.zeros(len(p.coordinate))
+        impulse[held] = np.linalg.lstsq(A[np.ix_(held, free)].T, A[np.ix_(free, free)] @ (s.v - before)[free])[0]
+        d = motion.full(motion.here())[0]
+        e, gradients = model.e0 + d[:model.n_q], self._gradients(d)
+        points = dict(model.supports)
+        for name in dict.fromkeys(c.owner for c in begun if c.owner in points):
+            centre = np.array([dot(c, e) for c in points[name].position()])
+            total = np.zeros(3)
+            for c in (c for c in begun if c.owner == name):
+                coords, slopes = gradients[c.multiplier]
+                total += impulse[model.numbering.place[c.multiplier]] * slopes @ rigid_motion(
+                    points[name].mesh, coords, e, centre)
+            self.impulses[name] = dict(zip(("fx", "fy", "m"), total.tolist(), strict=True))
+
     # ------------------------------------------------------------------ what is told and kept
 
     def told(self) -> list[dict[str, Any]]:
         """Return what has begun and ended, in order, by what a case calls it."""
         out: list[dict[str, Any]] = []
+        names = [name for name, _ in self.model.supports]
         case, t_end = self.model.case, self.motion.spec.t_end
         for section in SECTIONS:
             for k, item in enumerate(getattr(case, section)):
@@ -146,6 +256,8 @@ class Events:
                 for t, what in zip(happened, WORDS, strict=False):
                     if (t > 0.0 or (t == 0.0 and isinstance(window, Latch))) and t <= t_end:
                         out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
+                        if section == SECTIONS[0] and what == WORDS[0] and names[k] in self.impulses:
+                            out[-1]["impulse"] = self.impulses[names[k]]
         out.sort(key=lambda event: event["t"])
         if t_end < case.solver.t_end:
             out.append({"t": t_end, "what": f"the motion ends: {case.solver.until}"})
@@ -153,13 +265,16 @@ class Events:
 
     def kept(self) -> dict[str, Array]:
         """Return what the motion goes on from."""
+        told = [self.impulses, [[first, *places] for first, places in self.repeated.items()]]
         return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
-                "cuts": np.array(self.cuts)}
+                "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
         for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
             latch.begin, latch.end = begin, end
+        self.impulses, repeated = json.loads(kept["held"].tobytes())
+        self.repeated = {first: places for first, *places in repeated}
         pieces = self.motion.pieces
         for t in kept["cuts"].tolist():
             self.cut(next(i for i, piece in enumerate(pieces) if t < piece.stop), t)
@@ -167,9 +282,14 @@ class Events:
 
 def _timed(patches: Iterable[Any]) -> list[tuple[int, Any]]:
     """Return the place among the point laws of what begins or ends, and what tells when."""
+    return [(k, patch.active) for k, patch in _places(patches)
+            if isinstance(patch, PointPatch) and patch.active is not None]
+
+
+def _places(patches: Iterable[Any]) -> list[tuple[int, Any]]:
+    """Return the place of each patch among the point laws, and the patch."""
     out, at = [], 0
     for patch in patches:
-        if isinstance(patch, PointPatch) and patch.active is not None:
-            out.append((at, patch.active))
+        out.append((at, patch))
         at += len(patch.items().p0)
     return out

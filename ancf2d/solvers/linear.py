@@ -11,7 +11,10 @@ from ..case import Fluid
 from ..elements.shape import Array
 from ..interactions.flow import fluid_mass
 from ..interactions.inertia import mass_block, mass_terms
+from ..kernels.feedback import tail_size
+from ..kernels.lowlevel.records import Record
 from ..kernels.matrix import Band, Csr, scatter_classes
+from ..kernels.tree import Fronts, entries
 from ..model.fronts import make_fronts
 from ..model.mesh import Index, mass_matrix
 from ..model.model import Model, Numbering
@@ -351,3 +354,38 @@ def inertia_rates(model: Model, state: State) -> Array | None:
     if damping is None or state.v is None:
         return a
     return a + damping.rayleigh.alpha * state.v[:model.n_q]
+
+
+def dense(A: Array, p: Record) -> Array:
+    """Return a matrix, stored as ``kernels.symmetric`` has it for a problem, in full, with what feedback adds."""
+    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
+    tail = tail_size(n, rank, states) if rank else 0
+    base, out = A[:len(A) - tail], np.zeros((n, n))
+    out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
+    if rank:
+        P, R = A[len(base):len(base) + 2 * rank * n].reshape(2, rank, n)
+        out += P.T @ R
+        inner = np.arange(p.inner, n)
+        out[inner, inner] += A[len(base) + 2 * rank * n:][:states]
+    return out
+
+
+def _of_fronts(A: Array, fronts: Fronts) -> Array:
+    n = len(fronts.owner)
+    out = np.zeros((n, n))
+    for q in range(len(fronts.parent)):
+        own = np.arange(fronts.first[q], fronts.first[q + 1])
+        rows = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
+        i, j = (x.ravel() for x in np.meshgrid(rows, own, indexing="ij"))
+        i, j = i[i >= j], j[i >= j]
+        out[i, j] = out[j, i] = A[entries(fronts, i, j)]
+    return out
+
+
+def _of_band(band: Array) -> Array:
+    n, w = band.shape
+    out = np.zeros((n, n))
+    for k in range(w):
+        i = np.arange(k, n)
+        out[i, i - k] = out[i - k, i] = band[k:, w - 1 - k]
+    return out

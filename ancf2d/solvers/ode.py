@@ -11,55 +11,19 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..kernels.advance import CHECK, END, INSIDE, NEAR
 from ..kernels.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
-from ..kernels.feedback import tail_size
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
 from ..kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
-from ..kernels.tree import Fronts, entries
 from ..model.model import Model
 from . import stepping
 from .breaks import pass_break
+from .linear import dense
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 from .stuck import stuck
 
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
-
-
-def dense(A: Array, p: Record) -> Array:
-    """Return a matrix, stored as ``kernels.symmetric`` has it for a problem, in full, with what feedback adds."""
-    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-    tail = tail_size(n, rank, states) if rank else 0
-    base, out = A[:len(A) - tail], np.zeros((n, n))
-    out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
-    if rank:
-        P, R = A[len(base):len(base) + 2 * rank * n].reshape(2, rank, n)
-        out += P.T @ R
-        inner = np.arange(p.inner, n)
-        out[inner, inner] += A[len(base) + 2 * rank * n:][:states]
-    return out
-
-
-def _of_fronts(A: Array, fronts: Fronts) -> Array:
-    n = len(fronts.owner)
-    out = np.zeros((n, n))
-    for q in range(len(fronts.parent)):
-        own = np.arange(fronts.first[q], fronts.first[q + 1])
-        rows = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
-        i, j = (x.ravel() for x in np.meshgrid(rows, own, indexing="ij"))
-        i, j = i[i >= j], j[i >= j]
-        out[i, j] = out[j, i] = A[entries(fronts, i, j)]
-    return out
-
-
-def _of_band(band: Array) -> Array:
-    n, w = band.shape
-    out = np.zeros((n, n))
-    for k in range(w):
-        i = np.arange(k, n)
-        out[i, i - k] = out[i - k, i] = band[k:, w - 1 - k]
-    return out
 
 
 class OdeStepper(Stepper):

@@ -126,6 +126,7 @@ class Stepper:
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
         self._place(d, v, turned)
         given = self.s.v.copy()
+        self.events.catch(self.events.acting())
         self.consistent(0.0, self._impulse(v))
         self.answers.begin()
         self.events.begin()

@@ -217,10 +217,10 @@ DECLARED: dict[str, dict[str, Any]] = {
     "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True},
     # whether rates cause forces, and whether it acts in a part of its elongations alone
     "springs": {"damped": False, "breaks": False},
-    # the body along which a point slides
-    "joints": {"slides_along": None},
-    # the prescribed motions by their keys
-    "boundary_conditions": {"motions": {}},
+    # the body along which a point slides; when it acts, None for always
+    "joints": {"slides_along": None, "active": None},
+    # the prescribed motions by their keys; when it acts
+    "boundary_conditions": {"motions": {}, "active": None},
     "masses": {},
     "obstacles": {},
     "contacts": {},

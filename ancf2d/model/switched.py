@@ -1,0 +1,99 @@
+"""Supports and joints that begin or end during a motion: their equations as constraints, which can be let go.
+
+What is eliminated cannot be let go, so that these have multipliers. A support that begins holds its point where it is:
+laws remember where that was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..case import Active, Latch
+from ..elements.point_laws import PointLaw, with_multiplier
+from ..elements.shape import Array
+from .constraints import Equations, Row
+from .point_patch import NOTHING, Field, PointConstraint, turn_fields
+from .points import PointRef
+
+# beside the size of its terms: how far off a joint may be that begins
+CLOSED = 1e-6
+# what is held by components along directions of the reference, which a body that has turned does not have any more
+OF_REFERENCE = ("axial position", "mean transverse position", "section direction", "section warping")
+
+
+def held(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A linear function of coordinates that is what is prescribed: u - b - where it was caught = 0."""
+    f[0], f[1] = 1.0, -1.0
+    with_multiplier(p0[0] + u[0] - p0[1] - u[1] - mem[0], u, f, H)
+    return 0.0, 0.0
+
+
+def held_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """It is linear."""
+    f[0], f[1] = u1[2], -u1[2]
+    f[2] = p0[0] + u1[0] - p0[1] - u1[1] - mem[0]
+    return 0.0, 0.0
+
+
+def held_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A direction at the angle from its reference at which it was caught: p x (cos, sin) = 0."""
+    c, s = np.cos(mem[0]), np.sin(mem[0])
+    f[0], f[1] = s, -c
+    with_multiplier((p0[0] + u[0]) * s - (p0[1] + u[1]) * c, u, f, H)
+    return 0.0, 0.0
+
+
+def held_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """It is linear."""
+    c, s = np.cos(mem[0]), np.sin(mem[0])
+    f[0], f[1] = u1[2] * s, -u1[2] * c
+    f[2] = (p0[0] + u1[0]) * s - (p0[1] + u1[1]) * c
+    return 0.0, 0.0
+
+
+HELD = PointLaw("held", held, held_mean, constraint=True)
+HELD_ANGLE = PointLaw("held_angle", held_angle, held_angle_mean, constraint=True)
+
+
+def switched(own: Equations, window: Active | Latch | None, size: Callable[[int], float], extent: float,
+             point: PointRef | None = None) -> list[PointConstraint]:
+    """Return the equations of a support, at a point, or of a joint as constraints that act when ``window`` tells.
+
+    ``size(coordinate)`` is the natural magnitude of a coordinate for a unit displacement, ``extent`` that of the scene.
+    """
+    out = [_constraint(row, size, extent, point) for row in own.rows]
+    for c in own.constraints:
+        assert isinstance(c, PointConstraint)
+        # what has been let go may stand anywhere
+        c.facing = None
+        out.append(c)
+    for c in out:
+        c.active = window
+    return out
+
+
+def _constraint(row: Row, size: Callable[[int], float], extent: float, point: PointRef | None) -> PointConstraint:
+    if row.holds == "rotation" and point is not None and not point.turns_by_theta:
+        _, fields = turn_fields(point)
+        return PointConstraint(HELD_ANGLE, fields, [], row.owner, row.holds, fields[0].p0)
+    scale = extent * max(abs(w) * size(c) for c, w in zip(row.coords.tolist(), row.coefs.tolist(), strict=True))
+    return PointConstraint(HELD, [Field(row.coords, row.coefs), NOTHING], [], row.owner, row.holds, scale, row.signal,
+                           1 if row.signal is not None else -1)
+
+
+def caught(c: PointConstraint, d: Array) -> float:
+    """Return what a constraint remembers that begins at d (n_full,), for laws that do."""
+    p = c.p0 + c.G @ d[c.dofs]
+    return math.atan2(p[1], p[0]) if c.law is HELD_ANGLE else float(p[0])
+
+
+def is_off(c: PointConstraint, d: Array, t: float) -> float:
+    """Return how far a constraint is from what it asks for in the reference, beside the size of its terms."""
+    u = np.append(c.G[:-1] @ d[c.dofs], 0.0)
+    if c.law is HELD:
+        return abs(u[0]) / c.scale
+    f, _, _ = c.forces(u, t)
+    return abs(float(f[-1])) / c.scale

@@ -1,0 +1,188 @@
+"""Supports and joints that begin or end during a motion: what is let go and what is caught, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.case import load_case_text
+from ancf2d.errors import ComputationError
+from ancf2d.model.build import build_model
+from ancf2d.solvers import stepping
+from ancf2d.solvers.dynamic import solve_dynamic
+
+ROD = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+       "section": {"EA": 1e4, "kGA": 4e3, "EI": 1e2, "rhoA": 1, "rhoI": 0}, "element": {"type": "rigid"}}
+SECOND = ("generalized_alpha", "energy_momentum")
+
+
+def solve(method: str = "radau5", t_end: float = 1.0, bodies: Any = None, **more: Any) -> Any:
+    return ancf2d.solve({
+        "bodies": bodies or {"rod": ROD},
+        "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-9, "method": method, "estimate": False},
+        "output": {"interval": 0.05, "probes": {"left": "rod@0", "right": "rod@1"}}, **more})
+
+
+@pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
+@pytest.mark.parametrize("active", [{"to": 0.4}, {"until": "right.theta > 0.8"}])
+def test_a_rod_flies_on_from_the_pin_that_lets_it_go(method: str, active: Any) -> None:
+    """It turns about its end with omega = 2 to t = 0.4; then its centre moves on with the velocity it has there."""
+    solved = solve(method, boundary_conditions=[{"name": "pivot", "type": "pin", "at": "rod@0", "active": active}],
+                   initial={"rotation_rate": {"omega": 2, "about": [0, 0]}})
+    t = solved.course_t
+    free = np.clip(t - 0.4, 0, None)
+    angle, at = 2 * t, 2 * np.minimum(t, 0.4)
+    centre = [0.5 * np.cos(at) - np.sin(0.8) * free, 0.5 * np.sin(at) + np.cos(0.8) * free]
+    expected = [centre[0] + 0.5 * np.cos(angle) - 1, centre[1] + 0.5 * np.sin(angle)]
+    near = 2e-5 if method in SECOND else 1e-8
+    assert solved.course["right"]["ux"] == pytest.approx(expected[0], abs=near)
+    assert solved.course["right"]["uy"] == pytest.approx(expected[1], abs=near)
+    [event] = solved.summary["events"]
+    assert event == {"t": pytest.approx(0.4, abs=near), "what": "pivot ends"}
+    # nothing jumps, and nothing holds it any more
+    assert solved.summary["momentum"]["linear"] == pytest.approx([-math.sin(0.8), math.cos(0.8)], abs=near)
+    assert solved.summary["energy"]["dissipated"] == 0.0
+    assert solved.summary["energy_drift"] < 1e-7
+    assert np.hypot(*(solved.reactions["pivot"][q] for q in ("fx", "fy"))) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
+@pytest.mark.parametrize("active", [{"from": 0.35}, {"after": "left.uy > 0.35"}])
+def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, active: Any) -> None:
+    """A rod that moves across with v = 1: omega = 3 v/2 L about its end, 1/8 m v^2 is lost (angular momentum)."""
+    solved = solve(method, boundary_conditions=[{"name": "hook", "type": "pin", "at": "rod@0", "active": active}],
+                   initial={"velocity": [0, 1]})
+    t = solved.course_t
+    angle = 1.5 * np.clip(t - 0.35, 0, None)
+    near = 2e-5 if method in SECOND else 1e-8
+    assert solved.course["left"]["uy"] == pytest.approx(np.minimum(t, 0.35), abs=near)
+    assert solved.course["right"]["uy"] == pytest.approx(np.minimum(t, 0.35) + np.sin(angle), abs=near)
+    [event] = solved.summary["events"]
+    assert event["what"] == "hook begins"
+    none = pytest.approx(0, abs=1e-9)
+    assert event["impulse"] == {"fx": none, "fy": pytest.approx(-0.25), "m": none}
+    assert solved.summary["energy"]["dissipated"] == pytest.approx(1 / 8, rel=1e-6)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
+@pytest.mark.parametrize("element", ["rigid", "reissner3", "vallejo", "cable", "2d2n"])
+def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str) -> None:
+    """A beam that turns freely with omega = 3 is caught at 69 degrees, and swings about that angle."""
+    body = {**ROD, "element": {"type": element, **({} if element == "rigid" else {"count": 2})}}
+    body["section"] = {**ROD["section"], "rhoI": 0 if element == "rigid" else 1e-2}
+    if element == "2d2n":
+        body |= {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e6, "nu": 0, "rho": 100}}
+    solved = solve(bodies={"rod": body}, t_end=0.6,
+                   boundary_conditions=[{"name": "grip", "type": "clamp", "at": "rod@0", "active": {"from": 0.4}}],
+                   initial={"rotation_rate": {"omega": 3, "about": [0, 0]}})
+    caught = solved.course_t > 0.4
+    for quantity in ("x", "y", "theta"):
+        values = solved.course["left"][quantity][caught]
+        assert values == pytest.approx(values[0], abs=1e-9)
+    # spinning about one end, a beam that is not rigid stretches a little before
+    assert solved.course["left"]["theta"][-1] == pytest.approx(1.2, abs=1e-8 if element == "rigid" else 0.05)
+    assert solved.summary["energy"]["dissipated"] > 0.0
+    assert solved.summary["energy_drift"] < 1e-6
+    if element == "rigid":
+        # all of m v of the centre, v = (0, 1.5), and of the angular momentum about the end
+        [event] = solved.summary["events"]
+        assert event["impulse"] == {"fx": pytest.approx(0, abs=1e-9), "fy": pytest.approx(-1.5),
+                                    "m": pytest.approx(-0.25 - 0.75 * math.cos(1.2))}
+        assert solved.summary["energy"]["dissipated"] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("kind", ["pin", "weld"])
+def test_a_joint_that_ends_keeps_the_momentum(kind: str) -> None:
+    """Two rods in line that spin about their common centre part at t = 0.3: each goes on along the tangent."""
+    other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
+    solved = solve(bodies={"rod": ROD, "other": other},
+                   joints=[{"name": "tie", "type": kind, "between": ["rod@1", "other@0"], "active": {"to": 0.3}}],
+                   initial={"rotation_rate": {"omega": 2, "about": [1, 0]}})
+    t = solved.course_t
+    free, at, angle = np.clip(t - 0.3, 0, None), 2 * np.minimum(t, 0.3), 2 * t
+    x = 1 - 0.5 * np.cos(at) + math.sin(0.6) * free - 0.5 * np.cos(angle)
+    assert solved.course["left"]["x"] == pytest.approx(x, abs=1e-8)
+    assert solved.summary["momentum"]["linear"] == pytest.approx([0, 0], abs=1e-9)
+    # m L^2/12 and m (L/2)^2 of each, about the origin as about any point
+    assert solved.summary["momentum"]["angular"] == pytest.approx(2 * 2 / 3)
+    assert solved.summary["energy_drift"] < 1e-8
+
+
+@pytest.mark.parametrize("kind", ["pin", "weld"])
+def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
+    """Two rods in line, one of which rests, become one chain or one rod: momenta stay, energy does not rise."""
+    other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
+    meets = {"name": "tie", "type": kind, "between": ["rod@1", "other@0"]}
+    solved = solve(bodies={"rod": ROD, "other": other}, joints=[{**meets, "active": {"from": 1e-7}}], t_end=0.2,
+                   initial={"bodies": {"rod": {"rotation_rate": {"omega": 1, "about": [1, 0]}}}})
+    # rod turns about the joint: I = 1/3 about it, its centre at omega/2 across
+    assert solved.summary["momentum"]["linear"] == pytest.approx([0.0, -0.5], abs=1e-3)
+    assert solved.summary["momentum"]["angular"] == pytest.approx(1 / 3 - 0.5, rel=1e-6)
+    lost = solved.summary["energy"]["dissipated"]
+    # welded: both as one of length 2 about its centre: omega (8/12) = 1/3, v = -1/4
+    assert lost == pytest.approx(0.0 if kind == "pin" else 1 / 6 - 0.5 * (2 / 3 * 0.25 + 2 / 16), abs=1e-6)
+    apart = {**meets, "active": {"after": "t > 0.3"}}
+    with pytest.raises(ComputationError, match="tie begins where its points are apart"):
+        solve(bodies={"rod": ROD, "other": other}, joints=[apart], initial={"bodies": {"rod": {"velocity": [-1, 0]}}})
+
+
+def test_what_is_held_twice_is_held_once() -> None:
+    """A clamp from the start on, a pin at the same point that begins and one that takes over when the clamp ends."""
+    solved = solve(boundary_conditions=[
+        {"name": "grip", "type": "clamp", "at": "rod@0", "active": {"to": 0.3}},
+        {"name": "pivot", "type": "pin", "at": "rod@0", "active": {"from": 0.1}},
+        {"name": "rest", "type": "roller", "at": "rod@0", "fixed": "x"}],
+        loads=[{"type": "moment", "at": "rod@0", "value": 1}])
+    # from t = 0.3 on, 3 rad/s^2 about the end
+    t = np.clip(solved.course_t - 0.3, 0, None)
+    assert solved.course["right"]["theta"] == pytest.approx(1.5 * t**2, abs=1e-8)
+    assert solved.course["left"]["uy"] == pytest.approx(0 * t, abs=1e-12)
+
+
+CASE = """\
+bodies:
+  rod:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {EA: 1e4, kGA: 1e4, EI: 1e2, rhoA: 1, rhoI: 1e-3}
+    element: {type: reissner3, count: 2}
+boundary_conditions:
+  - {name: pivot, type: pin, at: rod@0, active: {until: right.theta < -0.3}}
+  - {name: hook, type: clamp, at: rod@1, active: {after: right.y < -1}}
+loads:
+  - {type: gravity, value: [0, -9.81]}
+solver: {type: dynamic, t_end: 0.8, tolerance: 1e-6}
+output: {interval: 0.02, probes: {left: rod@0, right: rod@1}}
+"""
+
+
+def test_a_motion_goes_on_across_supports_that_switch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(stepping, "LOG_ROWS", 7)
+
+    def states(kept: Any = None) -> list[Any]:
+        model = build_model(load_case_text(CASE))
+        return list(solve_dynamic(model, model.case.solver, kept))
+
+    whole = states()
+    events = whole[-1].report["events"]
+    assert [e["what"] for e in events] == ["pivot ends", "hook begins"]
+    for event in events:
+        k = next(k for k, s in enumerate(whole) if s.t > event["t"] and s.checkpoint is not None)
+        rest = states(whole[k].checkpoint)
+        assert all(a.d.tobytes() == b.d.tobytes() for a, b in zip(rest, whole[k + 1:], strict=True))
+        assert rest[-1].report["events"] == events
+        assert rest[-1].report["energy_drift"] == whole[-1].report["energy_drift"] < 1e-3
+
+
+def test_supports_that_cannot_begin_are_refused() -> None:
+    for support, says in (({"type": "prescribed", "ux": 0, "active": {"from": 0.1}}, "can end, but not begin"),
+                          ({"type": "pin", "active": {}}, "nothing is given")):
+        with pytest.raises(ancf2d.CaseError, match=says):
+            solve(boundary_conditions=[{"at": "rod@0", **support}])
+    with pytest.raises(ancf2d.CaseError, match="only with dynamic"):
+        solve(boundary_conditions=[{"type": "clamp", "at": "rod@0", "active": {"to": 1}}], solver={"type": "static"},
+              output={})
