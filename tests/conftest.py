@@ -19,6 +19,12 @@ FIRST = ("docs/test_documents", "cli/test_cli_first_run", "cli/test_cli_resume",
          "robustness/test_beside_own_equations", "scripts/test_paper_report", "results/test_results_resume",
          "api/test_api", "cli/test_cli_sweep", "verification/test_verification_cases", "cli/test_cli_examples")
 
+# few tests need the kernels of motions with fronts
+COMPILE = """
+from ancf2d.study.everything import compile_everything
+compile_everything(wanted=lambda name: " of a frame" not in name)
+"""
+
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
     os.environ.setdefault(_name, "1")
@@ -45,7 +51,7 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 
     everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
     if everything and cache_is_cold():
-        subprocess.run([sys.executable, "-m", "ancf2d", "compile"], cwd=config.rootpath, check=True)
+        subprocess.run([sys.executable, "-c", COMPILE], cwd=config.rootpath, check=True)
 
 
 @pytest.hookimpl(optionalhook=True)

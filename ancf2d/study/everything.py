@@ -27,13 +27,14 @@ METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
 SIDE = 6  # of the frame that fronts are cheaper for than a band
 
 
-def compile_everything(done: Callable[[float, str], None] = lambda share, what: None) -> tuple[int, Path | None, str]:
-    """Solve a case of every kind, with all that can be stored of it.
+def compile_everything(done: Callable[[float, str], None] = lambda share, what: None,
+                       wanted: Callable[[str], bool] = lambda name: True) -> tuple[int, Path | None, str]:
+    """Solve a case of every kind, or of those whose names are ``wanted``, with all that can be stored of it.
 
     Returns how many there are, and the folder that keeps the kernels; or None, and why it cannot be used. ``done`` is
     told the share of them that is done, and which is next. Raises what solving them raises.
     """
-    known, cases = vocabulary(), dict(cases_of_every_kind())
+    known, cases = vocabulary(), {name: case for name, case in cases_of_every_kind() if wanted(name)}
     with TemporaryDirectory() as folder:
         for k, (name, case) in enumerate(cases.items()):
             done(k / len(cases), name)

@@ -193,6 +193,7 @@ def test_interrupted_before_the_command_has_begun() -> None:
     assert (found.returncode, found.stderr) == (130, "interrupted\n")
 
 
+@pytest.mark.slow
 def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     process = start(["run", "beam.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
@@ -211,6 +212,7 @@ def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) 
         assert found.status == "interrupted"
 
 
+@pytest.mark.slow
 def test_interrupted_study_with_processes_ends_at_once_and_leaves_none_behind(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     process = start(["convergence", "beam.yaml", "--jobs", "2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -248,6 +250,7 @@ def _wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -
     raise AssertionError("nothing happened in 30 seconds")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["elements"]], ids=" ".join)
 def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -> None:
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
@@ -260,6 +263,7 @@ def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -
     assert err == ""
 
 
+@pytest.mark.slow
 def test_reader_that_goes_away_changes_no_verdict(call: Call, folder: Path) -> None:
     """A case that misses what it expects still fails, though nobody reads that it was solved."""
     wrong = ["run", "beam.yaml", "--check", "--set", "expected.0.value=1"]
@@ -273,6 +277,7 @@ def test_reader_that_goes_away_changes_no_verdict(call: Call, folder: Path) -> N
     process.stderr.close()
 
 
+@pytest.mark.slow
 def test_reader_that_goes_away_hears_no_json_of_a_failure(folder: Path) -> None:
     process = start(["run", "none.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     assert process.stdout is not None
@@ -293,6 +298,7 @@ def test_full_disk_under_stdout_is_said(folder: Path) -> None:
     assert err == "error: cannot read or write the output: No space left on device\n"
 
 
+@pytest.mark.slow
 def test_closed_stdout_and_letters_that_it_lacks_do_no_harm(folder: Path) -> None:
     (folder / "beam.yaml").write_text(BEAM.replace("Cantilever", "Kragträger Δ"))
     command = [sys.executable, "-m", "ancf2d", "validate", "beam.yaml"]

@@ -29,7 +29,7 @@ LONG = BEAM.replace("{type: linear_static}", "{type: dynamic, t_end: 5, dt: 1.0e
 
 def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
     found = call_json("sweep", "beam.yaml", "--over", "loads.tip.value=[0,-3],[0,-6]", "--over",
-                      "bodies.beam.element.count=1,2", "--jobs", "2", "--keep", "--json")
+                      "bodies.beam.element.count=1,2", "--keep", "--json")
     assert [row["set"] for row in found["rows"]] == [
         {"loads.tip.value": [0, f], "bodies.beam.element.count": n} for f in (-3, -6) for n in (1, 2)]
     assert {row["status"] for row in found["rows"]} == {"converged"}

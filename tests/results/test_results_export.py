@@ -246,6 +246,7 @@ def test_modes_are_displacements_from_the_state(tmp_path: Path) -> None:
     np.testing.assert_allclose(g["PointData/mode_2"][()], np.tile([1.0, 0, 0], (len(points), 1)), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_states(tmp_path: Path) -> None:
     peaks = []
     for steps in (5, 60):

@@ -101,6 +101,7 @@ def test_default_meshes_double_from_the_cases_own() -> None:
     assert [row.elements for row in convergence(load()).rows] == [2, 4, 8, 16, 32]
 
 
+@pytest.mark.slow
 def test_values_do_not_depend_on_the_number_of_processes() -> None:
     text = CANTILEVER.replace("linear_static}", "static, steps: 2}")
     variants = parse_variants("reissner2,2d2n,vallejo:structural")

@@ -35,6 +35,7 @@ def test_death_of_a_process_takes_no_other_job_with_it() -> None:
     assert run_jobs(die, list(range(15)), Workers(2), minus) == [0, 1, -2, *range(3, 12), -12, 13, 14]
 
 
+@pytest.mark.slow
 def test_libraries_start_no_threads_in_the_processes() -> None:
     assert run_jobs(threads, [1, 2], Workers(2), minus) == [0, 0]
 

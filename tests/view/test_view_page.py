@@ -159,6 +159,7 @@ def test_the_curve_of_a_reaction_is_its_course(tmp_path: Path, taken: str) -> No
     assert values[-1] == pytest.approx(summary["reactions"]["tip"]["fy"], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_many_long_probes_do_not_make_a_page_too_large(tmp_path: Path) -> None:
     x = np.array([0.0, 2.0])
     e0 = coordinates("tangent", x, 0.0)
@@ -265,6 +266,7 @@ def long_run(path: Path, states: int, ne: int) -> Path:
         return w.finish({})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("states", "ne"), [(3000, 40), (40, 20_000)])
 def test_a_page_stays_below_five_megabytes_and_says_what_was_left_out(tmp_path: Path, states: int, ne: int) -> None:
     with open_results(long_run(tmp_path / "a.h5", states, ne)) as results:
