@@ -10,7 +10,8 @@ from .schema import Layers
 
 # solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
-RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling")
+RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling",
+            "dynamic")
 # loads whose forces are those of strains, which relax too
 STRAINING = ("eigenstrain", "temperature", "tendon")
 FIELDS = ("stress", "strain", "energy")

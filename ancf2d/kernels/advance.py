@@ -114,11 +114,13 @@ def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
+def _store(p, rows, r, t, since, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
     copy_rows(p.points.mem, rows.turns[r])
     copy_rows(p.sliding.memory, rows.feet[r])
     copy(p.states, rows.states[r])
+    for k in p.clocks:
+        rows.states[r, k] = t - since
     copy(at.turned[0], rows.turned[r])
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
@@ -144,6 +146,8 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
     NOT_CONVERGED too where springs may have been taken on another turn, or a point has passed through an obstacle.
     """
+    for k in p.clocks:
+        p.states[k] = h
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
     if outcome == DONE and p.touches and calls.tunnels(p.calls, (p, w, s, m, t, h)):
         return NOT_CONVERGED, iterations, error, contraction
@@ -197,6 +201,8 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
         s.numbers[LOST] += remember_elements(p, w.d, w.amps)
+        for k in p.clocks:
+            p.states[k] = 0.0
     if not p.patched:
         return 0.0
     accept_patches(p, w.d, w.amps)
@@ -315,7 +321,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
             interpolate(m, p, s, h, x, at.z, at.v, at.a)
             _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
-            _store(p, rows, stored, rows.wanted[next_wanted], logged, INSIDE, at, s.numbers[WORK] + work,
+            _store(p, rows, stored, rows.wanted[next_wanted], t, logged, INSIDE, at, s.numbers[WORK] + work,
                    s.numbers[LOST] + lost)
             stored, next_wanted = stored + 1, next_wanted + 1
         if needed > left:
@@ -338,6 +344,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         logged += 1
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
             kind = CHECK if needed > 0 and not at_end else END
-            _store(p, rows, stored, rows.wanted[next_wanted] if at_end else end, logged - 1, kind, s, s.numbers[WORK],
-                   s.numbers[LOST])
+            last = rows.wanted[next_wanted] if at_end else end
+            _store(p, rows, stored, last, last, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

@@ -24,8 +24,8 @@ FORCES, TANGENTS, FACTORS = range(3)
 class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
-    groups : addresses of those of elements; states : all that their laws with memory remember, one group after another;
-    calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
+    groups : addresses of those of elements; states : all that their laws with memory remember, one group after another,
+    with the time since then at places clocks; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
     [s]; points, sliding, moving : tables of point laws, prismatic joints and points that move along bodies; patched :
     whether there are any; touches, sided : whether there are contacts, and one-sided constraints among them; turning :
     section directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place,
@@ -42,6 +42,7 @@ class Problem(NamedTuple):
 
     groups: Any
     states: Any
+    clocks: Any
     calls: Any
     tau: Any
     points: Any

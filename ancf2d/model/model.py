@@ -163,12 +163,20 @@ class Model:
         """What elements whose laws have a memory remember of the last accepted state, which solvers write to."""
         return self._groups[1]
 
+    @cached_property
+    def clocks(self) -> Index:
+        """Where ``states`` hold the time since the last accepted state, of laws that relax."""
+        found, first = [np.zeros(0, dtype=np.int64)], 0
+        for pool, group in zip(self.pools, self.groups, strict=True):
+            law, size = pool.plan.formulation.law, group.values.memory.states.size
+            if law.timed:
+                found.append(first + np.arange(law.state - 1, size, law.state))
+            first += size
+        return np.concatenate(found)
+
     def set_step(self, h: float) -> None:
         """Set the time [s] since the last accepted state, of laws that relax: infinite where all has relaxed."""
-        for pool, group in zip(self.pools, self.groups, strict=True):
-            law = pool.plan.formulation.law
-            if law.timed:
-                group.values.memory.states[:, :, law.state - 1::law.state] = h
+        self.states[self.clocks] = h
 
     @property
     def maxwell(self) -> list[tuple[tuple[float, float], ...]]:

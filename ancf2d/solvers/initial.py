@@ -116,6 +116,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
     model.states[:] = static.states
+    model.set_step(0.0)
     return state.d[:model.n_q], state.turned
 
 

@@ -191,7 +191,7 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, states=x, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
+        groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
         moving=moving_table([], int, x), patched=False, touches=False, sided=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
@@ -213,7 +213,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         load.signal[0] = signals.row(load.amplitude)
     damping = model.case.damping
     data: dict[str, Any] = {
-        "groups": addresses(model.groups), "states": model.states, "tau": tau,
+        "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
         "calls": table(functions(model)), "points": _points(model, signals),
         "turning": turning_table(model.turns), "winds": model.winds,
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,

@@ -7,8 +7,10 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import ancf2d
+from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.solvers.post import reactions
@@ -170,3 +172,46 @@ def test_modes_are_those_of_the_complex_modulus() -> None:
     for mode, free in zip(found, elastic, strict=True):
         s = complex(mode["growth"], mode["omega"])
         assert abs(s**2 + free["omega"] ** 2 * complex_modulus(s, PRONY)) < 1e-8 * abs(s) ** 2
+
+
+def exact_motion(t: float, terms: tuple[tuple[float, float], ...], omega: np.ndarray, phi: np.ndarray, force: float
+                 ) -> float:
+    """Return the deflection at t of a force from t = 0 on: q'' + omega^2 (q + sum g h) = phi F, h' = q' - h/tau."""
+    total, n = 0.0, len(terms)
+    for w, p in zip(omega, phi, strict=True):
+        A = np.zeros((2 + n, 2 + n))
+        A[0, 1], A[1, 0] = 1.0, -w * w
+        for k, (g, tau) in enumerate(terms):
+            A[1, 2 + k], A[2 + k, 1], A[2 + k, 2 + k] = -w * w * g, 1.0, -1.0 / tau
+        rest = np.linalg.solve(A, -np.eye(2 + n)[1] * p * force)
+        total += p * float((rest - expm(A * t) @ rest)[0])
+    return total
+
+
+@pytest.mark.parametrize("method", ["generalized_alpha", "newmark"])
+def test_motions_keep_the_order_of_their_steps(method: str) -> None:
+    """A clamped beam of rubber under a sudden force, beside all of its modes: second order in the step."""
+    terms = ((0.5, 0.05), (0.3, 0.5))
+    body = {"geometry": h.line(LENGTH), "element": h.element("cable", 1), "material": material(terms),
+            "section": {"height": SIZE, "width": SIZE}}
+    bc, elastic = [{"type": "clamp", "at": "beam@0"}], {**body, "material": material(())}
+    modes = ancf2d.solve(h.load({"beam": elastic}, {"type": "eigen", "modes": 4}, bc=bc))
+    across = point_ref(build_model(h.load({"beam": elastic}, "static", bc=bc)).meshes["beam"], 1.0).position()[1]
+    phi = np.array([dot(across, shape) for shape in modes.arrays["modes/shapes"]])
+    omega = np.array([f["omega"] for f in modes.summary["frequencies"]])
+    exact, error = exact_motion(0.6, terms, omega, phi, FORCE), []
+    for dt in (4e-3, 2e-3):
+        done = ancf2d.solve(h.load(
+            {"beam": body}, {"type": "dynamic", "t_end": 0.6, "dt": dt, "method": method, "estimate": False}, bc=bc,
+            loads=[{"type": "force", "at": "beam@1", "value": [0, FORCE]}], output={"probes": {"tip": "beam@1"}}))
+        error.append(abs(done.probes["tip"]["uy"] / exact - 1.0))
+    assert error[1] < 2e-3
+    assert 3.0 < error[0] / error[1] < 5.0
+
+
+def test_other_methods_refuse_what_relaxes() -> None:
+    body = {"geometry": h.line(LENGTH), "element": h.element("cable", 1), "material": material(ZENER),
+            "section": {"height": SIZE, "width": SIZE}}
+    with pytest.raises(CaseError, match="radau5 cannot step viscoelastic"):
+        ancf2d.solve(h.load({"beam": body}, {"type": "dynamic", "t_end": 1.0, "method": "radau5"},
+                            bc=[{"type": "clamp", "at": "beam@0"}]))
