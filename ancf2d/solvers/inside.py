@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..case import GroundPoint, Point
 from ..elements.shape import Array
 from ..elements.sliding import OFF
+from ..interactions.body_loads import FormulaLine
 from ..interactions.forces import LoadContext, LoadSet
 from ..interactions.moving import MovingPatch
 from ..interactions.prismatic import OnAxis
@@ -87,7 +88,7 @@ def constraint_forces(model: Model, state: State) -> list[tuple[Index, Array]]:
 def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
     """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
     return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state),
-            *_moving(model, mesh, state)]
+            *_moving(model, mesh, state), *_by_formula(model, mesh, state)]
 
 
 def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
@@ -147,6 +148,19 @@ def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     for patch in model.loads.patches:
         if isinstance(patch, MovingPatch) and patch.mesh is mesh and (m := patch.element(state.side)) != OFF:
             yield Inside(m, *patch.acting(m, state.side, state.d, state.v, state.a))
+
+
+def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    """Yield the forces of line loads by formula, each at a quadrature point."""
+    from ..model.interactions import batches
+
+    for patch in model.loads.patches:
+        if isinstance(patch, FormulaLine) and patch.mesh is mesh:
+            [batch] = batches([patch])
+            Q = batch.matrices(state.d, state.side, v=state.v)[1]
+            places = [(ie, x) for elements, xi, _ in patch.cover for ie in elements.tolist()
+                      for x in np.ravel(xi).tolist()]
+            yield from (Inside(ie, x, -q) for (ie, x), q in zip(places, Q, strict=True))
 
 
 def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:
