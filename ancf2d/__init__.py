@@ -1,7 +1,7 @@
 """ancf2d: planar flexible multibody dynamics with ANCF beam elements.
 
-For Python: ``load``, ``solve``, ``convergence``, ``sensitivity``, ``optimise``, ``system``, ``open_results``, and the
-errors that they raise; docs/python.md.
+For Python: ``load``, ``solve``, ``convergence``, ``sensitivity``, ``optimise``, ``fit``, ``system``,
+``open_results``, and the errors that they raise; docs/python.md.
 """
 
 from importlib import import_module
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .api import Convergence as Convergence
     from .api import Solution as Solution
     from .api import convergence as convergence
+    from .api import fit as fit
     from .api import load as load
     from .api import optimise as optimise
     from .api import sensitivity as sensitivity
@@ -29,7 +30,7 @@ __version__ = "0.1.0"
 
 # what the package offers and where it is; nothing is imported before it is used
 _PLACES = {
-    "load": "api", "solve": "api", "convergence": "api", "sensitivity": "api", "optimise": "api",
+    "load": "api", "solve": "api", "convergence": "api", "sensitivity": "api", "optimise": "api", "fit": "api",
     "system": "api", "Solution": "api",
     "LoadedCase": "case", "DiscreteModel": "solvers.discrete",
     "open_results": "results", "Results": "results", "Convergence": "api",

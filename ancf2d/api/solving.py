@@ -1,4 +1,4 @@
-"""Cases loaded, solved, refined and made discrete models of by one call each."""
+"""Cases loaded, solved, refined, fitted and made discrete models of by one call each."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from .solution import Convergence, Solution, Temporary
 
 if TYPE_CHECKING:
     from ..solvers.discrete import DiscreteModel
+    from ..study.fit import Fit
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
 Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
@@ -140,6 +141,26 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
     bounds = read_bounds([f"{path}={float(low)!r}:{float(high)!r}" for path, (low, high) in vary.items()])
     wanted = [subject_to] if isinstance(subject_to, str) else list(subject_to)
     return improve(problem_of(load(case, overrides), bounds, minimise, wanted), method, iterations)
+
+
+def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: Mapping[str, tuple[float, float]],
+        overrides: Overrides = (), *, sigma: Mapping[str, float] | None = None, starts: int = 1) -> Fit:
+    """Return the numbers of a case with which it agrees best with measured data, in least squares.
+
+    ``data`` is a CSV file or columns by name: first ``t``, ``factor`` or ``hz``, then ``"PROBE.QUANTITY"``, with NaN
+    where nothing was measured. ``vary`` gives bounds by path, ``{"bodies.beam.material.E": (1e9, 1e11)}``. ``sigma`` is
+    the noise of columns by name; without it they are weighted by their ranges. ``starts`` searches begin between the
+    bounds, the first at the case's own numbers. The fit has ``rows`` (path, value, standard_error, ...), ``residual``,
+    ``data``, ``model`` and ``overrides()``, with which ``solve`` runs the fitted case.
+
+    Raises CaseError, which lists all problems, and ComputationError if no start can be solved.
+    """
+    from ..study.fit import fit as fit_to
+    from ..study.fit_data import data_of, read_data
+
+    columns = data_of(data) if isinstance(data, Mapping) else read_data(os.fspath(data))
+    bounds = read_bounds([f"{path}={float(low)!r}:{float(high)!r}" for path, (low, high) in vary.items()])
+    return fit_to(load(case, overrides), columns, bounds, sigma, starts)
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:

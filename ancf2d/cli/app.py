@@ -28,6 +28,7 @@ COMMANDS = {
     "sensitivity": "Differentiate the goal by the numbers of a case.",
     "optimise": "Find the best values of some numbers of a case.",
     "sweep": "Run many variants of one case; print one table.",
+    "fit": "Find the numbers of a case that measured data tell.",
     "plot": "Draw result files.",
     "view": "Show a result in the browser.",
     "info": "Describe the contents and origin of a result file.",
@@ -40,8 +41,8 @@ COMMANDS = {
     "completion": "Print the shell code that completes commands and options.",
 }
 # those that read cases (also from results) or element types, and so what plugins declare
-EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sensitivity", "optimise", "sweep", "plot", "elements",
-              "audit", "schema")
+EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sensitivity", "optimise", "sweep", "fit", "plot",
+              "elements", "audit", "schema")
 
 
 class App(click.Group):

@@ -151,6 +151,19 @@ def _optimise() -> Schema:
                    message=_is("string", "how the optimiser ended"), output=TEXT, warnings=_WARNINGS)
 
 
+def _fit() -> Schema:
+    row = _object("a fitted number", path=TEXT, value=NUMBER, low=NUMBER, high=NUMBER, start=NUMBER,
+                  standard_error=_is("number?", "null where the data do not tell the number"))
+    column = _object("a measured column", name=TEXT, rms=_is("number", "root of the mean square difference"),
+                     scale=_is("number", "what differences count beside: noise or range"))
+    start = _object("a search", start=_named(NUMBER), residual=NUMBER, values=_named(NUMBER))
+    return _object("a fit", _FAILED, case=TEXT, title=TEXT, status=TEXT, rows=_list(row), columns=_list(column),
+                   residual=_is("number", "root of the mean square of all differences beside their scales"),
+                   correlation=_list(_list(NUMBER_OR_NONE)), points=WHOLE, runs=WHOLE, starts=_list(start),
+                   output=_is("string", "the case with its fitted numbers"),
+                   results=_is("string", "parameters, data and model"), warnings=_WARNINGS)
+
+
 def _info() -> Schema:
     body = _object("a body", element=TEXT, formulation=TEXT, elements=WHOLE, nodes=WHOLE)
     return _object("a result file", _FAILED, file=TEXT, bytes=WHOLE, title=TEXT, case=TEXT, solver=TEXT, status=TEXT,
@@ -195,7 +208,7 @@ def _export() -> Schema:
 # what each command with --json prints where it succeeds
 OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff,
            "sensitivity": _sensitivity, "optimise": _optimise,
-           "sweep": _sweep, "info": _info, "compare": _compare, "export": _export,
+           "sweep": _sweep, "fit": _fit, "info": _info, "compare": _compare, "export": _export,
            "elements": _elements, "audit": _audit}
 
 

@@ -17,6 +17,7 @@ from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
+from ancf2d.plot.fit import FIT
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, PHASE, STEPS, TRAJECTORY
 from ancf2d.plot.optimisation import OPTIMISATION
@@ -34,7 +35,7 @@ from ancf2d.results import Results
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS,
     BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF, SWEEP,
-    HISTOGRAM, SHARES, TORNADO, OPTIMISATION)}
+    HISTOGRAM, SHARES, TORNADO, OPTIMISATION, FIT)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 
@@ -57,7 +58,7 @@ def list_kinds(results: Results) -> list[KindInfo]:
 
 def default_kind(results: Results) -> str:
     """Return the kind that tells most about a file."""
-    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, OPTIMISATION, BODE):
+    for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, OPTIMISATION, FIT, BODE):
         if not kind.missing(results):
             return kind.name
     if not MODES.missing(results):

@@ -1,0 +1,128 @@
+"""``ancf2d fit``: numbers of a case that measured data tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import (
+    case_argument,
+    case_stem,
+    debug_option,
+    examples,
+    json_option,
+    quiet_option,
+    set_option,
+)
+from .session import Session
+from .text import command_line, many, number, table
+
+if TYPE_CHECKING:
+    from ..study.fit import Fit
+
+
+@click.command(epilog=examples("ancf2d fit beam.yaml --data tip.csv --vary bodies.beam.material.E=1e10:1e12",
+                               "ancf2d fit beam.yaml --data tip.csv --vary bodies.beam.material.E=1e10:1e12 "
+                               "--vary bodies.beam.material.damping.kelvin_voigt=1e-6:1e-2 --starts 4"))
+@case_argument
+@click.option("--data", "data_file", type=click.Path(), required=True, metavar="FILE.csv",
+              help="Measured columns: t, factor or hz, then PROBE.QUANTITY, as 'export' writes them; empty cells were "
+              "not measured.")
+@click.option("--vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
+              help="A number of the case and its bounds. May be given several times.")
+@click.option("--sigma", multiple=True, metavar="PROBE.QUANTITY=S",
+              help="Standard deviation of the noise in a column, in its units; default: columns are weighted by their "
+              "ranges. May be given several times.")
+@click.option("--starts", type=click.IntRange(min=1, max=1000), default=1, show_default=True, metavar="N",
+              help="Number of searches, from the case's own numbers and others between the bounds; the best is taken.")
+@set_option
+@click.option("--out", "-o", type=click.Path(), metavar="FITTED.yaml",
+              help="The case with its fitted numbers; default: the case's name with -fitted, in the working directory.")
+@click.option("--results", type=click.Path(), metavar="FILE.h5",
+              help="File of parameters, data and model; default: the case's name with -fit.h5.")
+@click.option("--force", is_flag=True, help="Replace files that ancf2d did not write.")
+@json_option
+@quiet_option
+@debug_option
+@click.pass_obj
+def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], sigma: tuple[str, ...], starts: int,
+            overrides: tuple[str, ...], out: str | None, results: str | None, force: bool) -> int:
+    """Find the numbers of a case with which it agrees best with measured data.
+
+    Prints each number with its standard error, and writes the case with these numbers. 'ancf2d plot' draws data and
+    model from the result file.
+    """
+    session.subject = {"case": case}
+    from ..case.axes import read_bounds
+    from ..errors import CaseError, Problem
+    from ..results import check_output
+    from ..study.digests import inputs_of
+    from ..study.fit import fit
+    from ..study.fit_data import read_data
+    from ..study.fit_file import write_fit, write_fitted
+    from ..study.run import load
+
+    problems: list[Problem] = []
+    found: list[Any] = []
+    readers: tuple[Callable[[], Any], ...] = (lambda: load(case, overrides), lambda: read_data(data_file),
+                                              lambda: read_bounds(vary), lambda: _noise(sigma))
+    for read in readers:
+        try:
+            found.append(read())
+        except CaseError as error:
+            problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    loaded, data, bounds, noise = found
+    out = out if out is not None else f"{case_stem(case)}-fitted.yaml"
+    results = results if results is not None else f"{case_stem(case)}-fit.h5"
+    for path in (out, results):
+        check_output(path, force, data_file, *inputs_of(loaded))
+    told = fit(loaded, data, bounds, noise, starts)
+    told.warnings += write_fitted(told, out, force)
+    write_fit(told, results, session.command_line, force)
+    for text in told.warnings:
+        session.warn(text)
+    session.print_json({**told.as_json(), "output": out, "results": results})
+    session.out(report(told))
+    session.out(f"\nwrote {out}; data and model in {results}; next: {command_line('plot', results)}")
+    return 0
+
+
+def _noise(options: tuple[str, ...]) -> dict[str, float]:
+    """Return the noise of columns. Raises CaseError with all problems."""
+    from ..errors import CaseError, Problem
+
+    problems, found = [], {}
+    for text in options:
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            problems.append(Problem("not PROBE.QUANTITY=NUMBER", file=f"--sigma {text}",
+                                    expected="for example tip.uy=1e-4"))
+    if problems:
+        raise CaseError(problems)
+    return found
+
+
+def report(fit: Fit) -> str:
+    """Return a fit as people read it: parameters with their errors, then how well each column agrees."""
+    from ..case.units import with_unit
+
+    rows = [["number", "value", "standard error", "start", "low", "high"],
+            *([row.path, number(row.value, 8), number(row.standard_error, 2), number(row.start, 4), number(row.low, 4),
+               number(row.high, 4)] for row in fit.rows)]
+    columns = [["column", "points", "rms difference", "beside"],
+               *([with_unit(name.replace(".", " "), fit.loaded.case.units.labels), str(int(n)), number(rms, 4),
+                  number(scale, 4)] for name, n, rms, scale in
+                 zip(fit.data.names, fit.data.known.sum(axis=0), fit.rms, fit.scales, strict=True))]
+    pairs = [(float(fit.correlation[i, j]), fit.rows[i].path, fit.rows[j].path)
+             for i in range(len(fit.rows)) for j in range(i)]
+    strong = [f"{a} and {b} are correlated: {c:.3f}" for c, a, b in pairs if abs(c) > 0.9]
+    tried = [f"start {k}: residual {one['residual']:.4g}" for k, one in enumerate(fit.starts, start=1)]
+    return "\n".join([*([fit.title, ""] if fit.title else []), *table(rows), "", *table(columns),
+                      *(["", *strong] if strong else []), *(["", *tried] if len(tried) > 1 else []),
+                      "", f"residual {fit.residual:.4g} after {many(fit.runs, 'run')}"])

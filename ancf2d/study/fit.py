@@ -1,0 +1,273 @@
+"""Numbers of a case that measured data tell: least squares between bounds, with standard errors."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..case import Dynamic, LoadedCase, load_case_text
+from ..case.axes import VARY, Bounds
+from ..case.numbers import Variable, variable_at
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError, Problem
+from .fit_data import Data, Watch, check_data, comparable
+from .goal import for_study
+from .gradient import derivatives
+from .record import Progress
+from .run import run_case, vocabulary
+
+# steps of the differences of motions, as shares of the way between the bounds: where steps in time are fixed, and where
+# they adapt, so that runs side by side differ by their errors too
+STEP, STEP_ADAPTIVE = 1e-4, 2e-3
+# bounds whose ratio is more than this are gone through by equal ratios
+DECADE = 10.0
+TOLERANCE = 1e-8
+# of the singular values of the Jacobian: parameters below are not told by the data
+SINGULAR = 1e-7
+
+
+@dataclass
+class Fitted:
+    """One parameter: its value, and the standard error of it, None where the data do not tell."""
+
+    path: str
+    value: float
+    standard_error: float | None
+    low: float
+    high: float
+    start: float
+
+
+@dataclass
+class Fit:
+    """Fitted parameters, and how well the case then agrees with the data.
+
+    ``residual`` is the root of the mean square of all differences beside the ``scales`` (columns,) of their columns,
+    ``rms`` (columns,) that of each column in its units. ``model`` (n, columns) is what the case has in place of the
+    data. ``starts`` are parameters and residual of each start, the best one first.
+    """
+
+    case: str
+    title: str
+    rows: list[Fitted]
+    residual: float
+    data: Data
+    model: Array
+    scales: Array
+    rms: Array
+    correlation: Array
+    runs: int
+    starts: list[dict[str, Any]]
+    loaded: LoadedCase
+    warnings: list[str] = field(default_factory=list)
+
+    def overrides(self) -> list[str]:
+        """Return ``PATH=VALUE`` of each fitted parameter."""
+        return [variable_at(self.loaded, row.path).override(row.value) for row in self.rows]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that ``--json`` prints."""
+        columns = [{"name": name, "rms": float(rms), "scale": float(scale)}
+                   for name, rms, scale in zip(self.data.names, self.rms, self.scales, strict=True)]
+        correlation = [[None if math.isnan(v) else v for v in row] for row in self.correlation.tolist()]
+        return {"case": self.case, "title": self.title, "status": "converged", "rows": [vars(r) for r in self.rows],
+                "residual": self.residual, "columns": columns, "correlation": correlation,
+                "points": int(self.data.known.sum()), "runs": self.runs, "starts": self.starts,
+                "warnings": self.warnings}
+
+
+def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float] | None = None,
+        starts: int = 1, progress: Progress | None = None,
+        done: Callable[[int, float], None] = lambda runs, residual: None) -> Fit:
+    """Return the numbers of a case between bounds with which it agrees best with data, in least squares.
+
+    The differences in each column count in units of its noise ``sigma``, or of its range. ``starts``: from the case's
+    own numbers, and from further ones spread between the bounds; the best is taken. ``done`` is told the number of runs
+    and the residual. The minimum is found by SciPy's ``least_squares`` (trust region reflective). Raises CaseError with
+    all problems, ComputationError where no start can be solved.
+    """
+    variables = _variables(loaded, data, bounds, sigma or {})
+    scales = np.array([(sigma or {}).get(name, scale) for name, scale in zip(data.names, data.ranges(), strict=True)])
+    problem = _Problem(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
+    best, tried, failures = None, [], []
+    for z0 in _starts(problem, starts):
+        try:
+            found = problem.minimise(z0)
+        except ComputationError as error:
+            failures.append(error)
+            continue
+        tried.append((float(found.cost), problem.values(z0), found))
+        best = found if best is None or found.cost < best.cost else best
+    if best is None:
+        raise failures[0]
+    tried.sort(key=lambda one: one[0])
+    count = int(data.known.sum())
+    told = [{"start": dict(zip([b.path for b in bounds], start, strict=True)),
+             "residual": math.sqrt(2.0 * cost / count),
+             "values": dict(zip([b.path for b in bounds], problem.values(one.x), strict=True))}
+            for cost, start, one in tried]
+    return _conclude(loaded, problem, best, tried[0][1], told, [f"a start failed: {e}" for e in failures])
+
+
+def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]
+               ) -> list[Variable]:
+    problems, variables = check_data(loaded, data), []
+    for one in bounds:
+        try:
+            variables.append(variable_at(loaded, one.path))
+            load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, variables[-1].override(one.low)),
+                           vocabulary(), os.path.dirname(loaded.source.file))
+            load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, variables[-1].override(one.high)),
+                           vocabulary(), os.path.dirname(loaded.source.file))
+        except CaseError as error:
+            problems += [Problem(p.message, file=f"{VARY}{one.text}", expected=p.expected, near=p.near)
+                         for p in error.problems]
+    for name, noise in sigma.items():
+        if name not in data.names:
+            problems.append(Problem(f"the data have no column '{name}'", file=f"--sigma {name}={noise:g}",
+                                    expected=f"one of {', '.join(data.names)}"))
+        elif not (math.isfinite(noise) and noise > 0.0):
+            problems.append(Problem("the noise must be > 0", file=f"--sigma {name}={noise:g}"))
+    if not bounds:
+        problems.append(Problem("nothing is varied", expected="--vary PATH=LOW:HIGH"))
+    if data.known.sum() <= len(bounds):
+        problems.append(Problem(f"{int(data.known.sum())} values cannot tell {len(bounds)} numbers", file=data.file))
+    if problems:
+        raise CaseError(problems)
+    return variables
+
+
+class _Problem:
+    """Differences between a case and data as a function of z (n,) in [0, 1], the places between the bounds."""
+
+    def __init__(self, loaded: LoadedCase, data: Data, variables: list[Variable], bounds: Sequence[Bounds],
+                 scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
+        self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
+        self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
+        self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
+        self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
+        self.scales, self.measured = scales, data.values[data.known]
+        self.moves = isinstance(loaded.case.solver, Dynamic)
+        self.last: tuple[Any, Array] | None = None
+
+    def values(self, z: Array) -> list[float]:
+        """Return the parameters at z."""
+        return [float(b.low * (b.high / b.low) ** s if ratio else b.low + (b.high - b.low) * s)
+                for b, s, ratio in zip(self.bounds, z.tolist(), self.ratios, strict=True)]
+
+    def place(self, values: Sequence[float]) -> Array:
+        """Return where parameters are between their bounds."""
+        return np.array([math.log(v / b.low) / math.log(b.high / b.low) if ratio and v > 0.0
+                         else (v - b.low) / (b.high - b.low)
+                         for b, v, ratio in zip(self.bounds, values, self.ratios, strict=True)])
+
+    def rates(self, z: Array) -> Array:
+        """Return the derivatives (n,) of the parameters to z."""
+        return np.array([v * math.log(b.high / b.low) if ratio else b.high - b.low
+                         for b, v, ratio in zip(self.bounds, self.values(z), self.ratios, strict=True)])
+
+    def case(self, z: Array) -> LoadedCase:
+        """Return the case at z. Raises CaseError."""
+        options = (v.override(x) for v, x in zip(self.variables, self.values(z), strict=True))
+        return load_case_text(self.loaded.text, self.loaded.source.file, (*self.loaded.overrides, *options),
+                              vocabulary(), os.path.dirname(self.loaded.source.file))
+
+    def model(self, z: Array) -> Array:
+        """Return what the case has at z in place of the data. Raises CaseError and ComputationError."""
+        states: list[Any] = []
+        self.runs += 1
+        outcome = run_case(for_study(self.case(z)), progress=replace(self.progress, state=states.append))
+        if outcome.failure is not None:
+            raise outcome.failure
+        return self.watch(outcome.model, states)
+
+    def residuals(self, z: Array) -> Array:
+        """Return the differences (m,) beside their scales, infinite ones where the case cannot be solved."""
+        try:
+            found = (self.model(z) - self.measured) / self.scale
+        except ComputationError:
+            if self.last is None:
+                raise
+            return np.full(len(self.measured), np.inf)
+        self.last = z.tobytes(), found
+        self.done(self.runs, float(np.sqrt(np.mean(found**2))))
+        return found
+
+    def jacobian(self, z: Array) -> Array:
+        """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
+        if not self.moves:
+            found = derivatives(self.case(z), self.watch, [replace(v, value=x) for v, x in
+                                                           zip(self.variables, self.values(z), strict=True)])
+            self.runs += 1 + sum(4 for method in found.methods if method != "exact")
+            return found.jacobian * self.rates(z) / self.scale[:, None]
+        h = STEP if self.loaded.case.solver.dt is not None else STEP_ADAPTIVE  # type: ignore[union-attr]
+        columns = []
+        for k in range(len(z)):
+            # within the bounds: central, at their ends to the inside alone
+            ends = [min(z[k] + h, 1.0), max(z[k] - h, 0.0)]
+            above, below = (self.model(np.array([*z[:k], end, *z[k + 1:]])) for end in ends)
+            columns.append((above - below) / (ends[0] - ends[1]) / self.scale)
+        return np.array(columns).T
+
+    def minimise(self, z0: Array) -> Any:
+        """Return what SciPy finds from z0."""
+        from scipy.optimize import least_squares
+
+        self.last = None
+        return least_squares(self.residuals, z0, self.jacobian, (0.0, 1.0), method="trf", x_scale="jac",
+                             ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
+
+
+def _starts(problem: _Problem, count: int) -> list[Array]:
+    """Return the places that the search begins at: the case's own numbers, then Sobol's points."""
+    from scipy.stats import qmc
+
+    own = problem.place([v.value for v in problem.variables])
+    inside = np.where((own > 0.0) & (own < 1.0), own, 0.5)
+    more = qmc.Sobol(len(own), seed=0).random_base2(max(math.ceil(math.log2(max(count - 1, 1))), 0))
+    return [inside, *(0.05 + 0.9 * more[:count - 1])]
+
+
+def _conclude(loaded: LoadedCase, problem: _Problem, found: Any, start: Sequence[float], tried: list[dict[str, Any]],
+              warnings: list[str]) -> Fit:
+    """Return the fit with its standard errors, those of a linear model in the neighbourhood of the minimum.
+
+    With J the Jacobian, cov = (J^T J)^-1 J^T S J (J^T J)^-1, where S has the variance of the residual of each column,
+    times m/(m - n): columns may differ in their noise (White, Econometrica 48, 1980).
+    """
+    data, known, values = problem.data, problem.data.known, problem.values(found.x)
+    column = np.broadcast_to(np.arange(len(data.names)), known.shape)[known]
+    counts = np.bincount(column, minlength=len(data.names))
+    squares = np.bincount(column, found.fun**2, len(data.names)) / counts
+    m, n = found.jac.shape
+    U, s, Vt = np.linalg.svd(found.jac, full_matrices=False)
+    told = s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)
+    A = (Vt[told].T / s[told]) @ U[:, told].T
+    covariance = (A * squares[column] * m / (m - n)) @ A.T
+    # what lies in the directions that nothing tells has no error that could be given
+    lost = (np.abs(Vt[~told]) > 1e-3).any(axis=0) if (~told).any() else np.zeros(n, bool)
+    errors = np.sqrt(np.diag(covariance)) * np.abs(problem.rates(found.x))
+    sizes = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(sizes, sizes)
+    correlation[lost] = correlation[:, lost] = np.nan
+    rows = []
+    for k, (b, v) in enumerate(zip(problem.bounds, values, strict=True)):
+        rows.append(Fitted(b.path, v, None if lost[k] else float(errors[k]), b.low, b.high, start[k]))
+        if lost[k]:
+            warnings.append(f"{b.path}: the data do not tell it, or not apart from the others")
+        if min(found.x[k], 1.0 - found.x[k]) < 1e-6:
+            warnings.append(f"{b.path} ends at the bound {v:g}; the data may want it beyond")
+    if loaded.case.expected:
+        warnings.append("the expected values of the case are those of its own numbers, not of the fitted ones")
+    if not found.success:
+        warnings.append(f"the search has stopped early: {found.message}")
+    model = np.full(data.values.shape, np.nan)
+    model[known] = problem.measured + found.fun * problem.scale
+    return Fit(loaded.source.file, loaded.case.title, rows, float(np.sqrt(np.mean(found.fun**2))), data, model,
+               problem.scales, np.sqrt(squares) * problem.scales, correlation, problem.runs, tried, loaded, warnings)

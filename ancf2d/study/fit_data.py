@@ -1,0 +1,226 @@
+"""Measured columns over time, load factor or frequency, and what a run of a case has in their places."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, LoadFactor, Static, load_case_text
+from ..case.binder import nearest
+from ..case.compose import read_text
+from ..elements.shape import Array
+from ..errors import CaseError, ComputationError, Problem
+from ..model.model import Model
+from .run import vocabulary
+
+# what stands in the first column, by solver; and the rates of quantities, with which states are joined by cubics
+ABSCISSAE = {"t": "dynamic", "factor": "static or linear_static", "hz": "frequency_response"}
+RATES = {"x": "vx", "y": "vy", "ux": "vx", "uy": "vy", "theta": "omega"}
+FORCES = ("N", "Q", "M")
+# load steps of a path whose factors are no simple fractions, and the largest denominator that is one
+STEPS, DENOMINATOR = 100, 400
+PARTS = ("re", "im")
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measured values (n, columns) at ``x`` (n,); ``axis`` is t, factor or hz. NaN is a value that was not measured."""
+
+    axis: str
+    x: Array
+    names: tuple[str, ...]
+    values: Array
+    file: str = ""
+
+    @property
+    def known(self) -> Any:
+        """Where something was measured (n, columns)."""
+        return np.isfinite(self.values)
+
+    def ranges(self) -> Array:
+        """Return the range of each column (columns,), its size where it does not vary, 1 where that is zero."""
+        low, high = np.nanmin(self.values, axis=0), np.nanmax(self.values, axis=0)
+        size = np.where(high > low, high - low, np.maximum(np.abs(low), np.abs(high)))
+        return np.where(size > 0.0, size, 1.0)
+
+
+def read_data(path: str) -> Data:
+    """Return the columns of a CSV file as ``export`` writes it; empty cells were not measured. Raises CaseError."""
+    rows = [row for row in csv.reader(io.StringIO(read_text(path))) if any(cell.strip() for cell in row)]
+    if len(rows) < 2:
+        raise CaseError(Problem("the file has no data", file=path, expected="a line of names, then lines of numbers"))
+    names, problems = [name.strip() for name in rows[0]], []
+    values = np.full((len(rows) - 1, len(names)), np.nan)
+    for k, row in enumerate(rows[1:]):
+        if len(row) != len(names):
+            problems.append(Problem(f"the line has {len(row)} cells", file=path, line=k + 2, column=1,
+                                    expected=f"{len(names)}, as the first line has"))
+            continue
+        for j, cell in enumerate(row):
+            try:
+                values[k, j] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                problems.append(Problem(f"'{cell.strip()}' is no number", file=path, line=k + 2, column=1))
+    if problems:
+        raise CaseError(problems)
+    return data_of(dict(zip(names, values.T, strict=True)), path)
+
+
+def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
+    """Return named columns as data, in the order of the first one. Raises CaseError with all that is wrong."""
+    names = list(columns)
+    problems: list[Problem] = []
+    if not names or names[0] not in ABSCISSAE:
+        raise CaseError(Problem(f"the first column is {names[0]!r}" if names else "there is no column", file=file,
+                                expected="t, factor or hz"))
+    table = [np.asarray(columns[name], float).ravel() for name in names]
+    if len({len(column) for column in table}) > 1:
+        raise CaseError(Problem("the columns are of different lengths", file=file))
+    x, values = table[0], np.array(table[1:]).T.reshape(len(table[0]), len(names) - 1)
+    if not np.isfinite(x).all():
+        problems.append(Problem(f"column {names[0]} has gaps", file=file))
+    if len(names) < 2 or not np.isfinite(values).any(axis=0).all():
+        problems.append(Problem("there are columns without a value" if len(names) > 1 else "nothing was measured",
+                                file=file, expected="columns named PROBE.QUANTITY"))
+    if problems:
+        raise CaseError(problems)
+    order = np.argsort(x, kind="stable")
+    return Data(names[0], x[order], tuple(names[1:]), values[order], file)
+
+
+# ---------------------------------------------------------------------------- what a case has there
+
+def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
+    """Return what keeps a case from being compared with data."""
+    solver, problems = loaded.case.solver, []
+
+    def say(message: str, expected: str = "", near: str = "") -> None:
+        problems.append(Problem(message, file=data.file, expected=expected, near=near))
+
+    kinds = {"t": Dynamic, "factor": (Static, LinearStatic), "hz": FrequencyResponse}
+    if not isinstance(solver, kinds[data.axis]):  # type: ignore[arg-type]
+        say(f"the data are over {data.axis}, but the case is not {ABSCISSAE[data.axis]}")
+        return problems
+    if isinstance(solver, Static) and (solver.method != "newton" or not isinstance(solver.until, LoadFactor | None)):
+        say("the load factor does not tell the states of a path apart", "method: newton")
+    elif data.axis != "hz":
+        end = solver.t_end if isinstance(solver, Dynamic) else _end(solver)
+        low, high = sorted((0.0, end))
+        if data.x[0] < low - 1e-9 * abs(end) or data.x[-1] > high + 1e-9 * abs(end):
+            say(f"the data go from {data.x[0]:g} to {data.x[-1]:g}, the case from {low:g} to {high:g}")
+        elif isinstance(solver, LinearStatic) and not np.all(data.x == 1.0):
+            say("linear statics has one state, of factor 1", "data at factor 1, or solver static")
+    probes = [*loaded.case.output.probes]
+    for name in data.names:
+        base, part = ([*name.rsplit(".", 1), ""])[:2] if data.axis == "hz" else (name, PARTS[0])
+        first, _, rest = base.partition(".") if data.axis == "hz" else ("", "", base)
+        probe, _, quantity = rest.rpartition(".")
+        if data.axis == "hz" and (part not in PARTS or first not in getattr(solver, "inputs", ())):
+            say(f"column '{name}' is no INPUT.PROBE.QUANTITY.re or .im", f"inputs {', '.join(solver.inputs)}"
+                if isinstance(solver, FrequencyResponse) else "")
+        elif probe not in probes:
+            say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
+                f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")
+        elif quantity not in (*RATES, *RATES.values(), *FORCES):
+            say(f"column '{name}': '{quantity}' is no quantity of a probe", "x, y, ux, uy, theta, vx, vy, omega, N, Q "
+                "or M")
+        elif quantity in RATES.values() and data.axis == "factor":
+            say(f"column '{name}': a static state has no {quantity}")
+    return problems
+
+
+def _end(solver: Any) -> float:
+    return float(getattr(getattr(solver, "until", None), "value", 1.0))
+
+
+def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
+    """Return a case whose run has states, or frequencies, where something was measured, and no more than it needs.
+
+    Raises CaseError.
+    """
+    solver, output, more = loaded.case.solver, loaded.case.output, []
+    if any(name.rpartition(".")[2] in FORCES for name in data.names):
+        # they are computed where a field asks for them
+        more.append(f"output.fields=[{', '.join(dict.fromkeys((*output.fields, *FORCES)))}]")
+    if isinstance(solver, Dynamic):
+        gaps = np.diff(data.x)
+        step = float(np.median(gaps)) if len(gaps) else 0.0
+        even = step > 0.0 and bool(np.all(np.abs(data.x / step - np.round(data.x / step)) < 1e-6))
+        taken, left = ("interval", "every") if even else ("every", "interval")
+        if getattr(output, left) is not None:
+            more.append(f"output.{left}=null")
+        more.append(f"output.{taken}={step!r}" if even else "output.every=1")
+        more.append(f"solver.t_end={float(min(solver.t_end, max(data.x[-1], step)))!r}")
+    elif isinstance(solver, Static):
+        more.append(f"solver.steps={_steps(data.x / _end(solver), solver.steps or 1)}")
+    elif isinstance(solver, FrequencyResponse):
+        keys = {"from": solver.from_, "to": solver.to, "tolerance": solver.tolerance}
+        more += [f"solver.{name}=null" for name, value in keys.items() if value is not None]
+        more.append(f"solver.frequencies={data.x.tolist()}")
+    return load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *more), vocabulary(),
+                          os.path.dirname(loaded.source.file))
+
+
+def _steps(shares: Array, least: int) -> int:
+    """Return a number of load steps that end at shares of the whole, or that a smooth curve goes through well."""
+    found = [Fraction(float(s)).limit_denominator(DENOMINATOR) for s in shares]
+    exact = all(abs(float(f) - s) < 1e-9 for f, s in zip(found, shares, strict=True))
+    steps = int(np.lcm.reduce([f.denominator for f in found])) if exact else STEPS
+    steps = steps if steps <= DENOMINATOR else STEPS
+    return steps * -(-least // steps)
+
+
+class Watch:
+    """What states have where something was measured: (measured values,), as a function of a model and its states."""
+
+    def __init__(self, data: Data) -> None:
+        self.data = data
+
+    def __call__(self, model: Model, states: Sequence[Any]) -> Array:
+        """Return the values in the order of ``data.values[data.known]``. Raises ComputationError."""
+        found = self._responses(states) if self.data.axis == "hz" else self._courses(model, states)
+        return found[self.data.known]
+
+    def _responses(self, states: Sequence[Any]) -> Array:
+        response: dict[str, Any] = {}
+        for state in states:
+            response |= state.report.get("response", {})
+        where = np.searchsorted(np.asarray(response["hz"]), self.data.x)
+        columns = []
+        for name in self.data.names:
+            source, rest = name.split(".", 1)
+            probe, quantity, part = rest.rsplit(".", 2)
+            columns.append(np.asarray(response[source][probe][quantity][part])[where])
+        return np.array(columns).T
+
+    def _courses(self, model: Model, states: Sequence[Any]) -> Array:
+        from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
+        from ..solvers.post import Observer
+
+        observer = Observer(model)
+        told = [observer.observe(state) for state in states]
+        t = np.array([state.t for state in states])
+        t, first = np.unique(t, return_index=True)
+        columns = []
+        for name in self.data.names:
+            probe, _, quantity = name.rpartition(".")
+            if quantity not in told[-1][probe]:
+                raise ComputationError(f"the solver does not compute {quantity} of {probe}")
+            y = np.array([told[k][probe].get(quantity, np.nan) for k in first])
+            rate = RATES.get(quantity, "")
+            if len(t) == 1:
+                columns.append(np.full(len(self.data.x), y[0]))
+            elif rate in told[-1][probe]:
+                slope = np.array([told[k][probe][rate] for k in first])
+                columns.append(CubicHermiteSpline(t, y, slope)(self.data.x))
+            else:
+                columns.append(make_interp_spline(t, y, k=min(3, len(t) - 1))(self.data.x))
+        return np.array(columns).T

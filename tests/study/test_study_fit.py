@@ -1,0 +1,217 @@
+"""Numbers that data tell: recovered from closed forms and from the case itself, with errors that are true."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.case.axes import read_bounds
+from ancf2d.errors import CaseError
+from ancf2d.results import open_results
+from ancf2d.study.fit import Fit, fit
+from ancf2d.study.fit_data import data_of, read_data
+from ancf2d.study.fit_file import write_fit, write_fitted
+from ancf2d.study.run import load
+from scripts import measured_cantilever as strip
+
+ROOT = Path(__file__).resolve().parents[2]
+STRIP = str(ROOT / "cases/dynamic/measured_cantilever.yaml")
+E, TAU = "bodies.strip.material.E", "bodies.strip.material.damping.kelvin_voigt"
+BENT = """\
+# a comment that stays
+title: Cantilever
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}   # EI is a guess
+    element: {type: cable, count: 4}
+boundary_conditions:
+  - {name: root, type: clamp, at: beam@0}
+loads:
+  - {name: tip, type: force, at: beam@1, value: [0, -300]}
+solver: {type: static}
+output:
+  probes:
+    tip: beam@1
+"""
+EI, F = "bodies.beam.section.EI", "loads.tip.value.0"
+
+
+def fitted(case: str, data: Any, *vary: str, **options: Any) -> Fit:
+    return fit(ancf2d.load(case), data, read_bounds(vary), **options)
+
+
+def strip_fit(seed: int, noise: float = 5e-5) -> Fit:
+    t, u = (column[:50] for column in strip.measured(seed, noise))
+    return fitted(STRIP, data_of({"t": t, "tip.uy": u}), f"{E}=50e9:90e9", f"{TAU}=1e-4:1e-2")
+
+
+def deviations(found: Fit) -> list[float]:
+    """Return how many standard errors the fitted numbers of the strip are away from the true ones."""
+    errors = [row.standard_error for row in found.rows]
+    assert all(errors)
+    return [(row.value - true) / float(error or 0.0) for row, true, error in
+            zip(found.rows, (strip.E, strip.TAU), errors, strict=True)]
+
+
+def test_stiffness_and_damping_of_a_measured_vibration() -> None:
+    """The data are those of a sum over modes, with noise; the guess is 14 and 50 % off."""
+    found = strip_fit(1)
+    assert max(map(abs, deviations(found))) < 3.0
+    # what the noise leaves undetermined: some parts in a thousand, and some percent
+    assert found.rows[0].standard_error == pytest.approx(1.5e-3 * strip.E, rel=0.5)
+    assert found.rows[1].standard_error == pytest.approx(0.08 * strip.TAU, rel=0.5)
+    # the residual is the noise
+    assert found.rms[0] == pytest.approx(5e-5, rel=0.2)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_those_of_a_hundred_measurements() -> None:
+    """Estimates are within 2 standard errors in 95.4 of 100 cases on average, in under 89 with a chance of 0.3 %."""
+    found = np.array([deviations(strip_fit(seed)) for seed in range(100)])
+    assert (np.sum(np.abs(found) < 2.0, axis=0) >= 89).all()
+    assert np.std(found, axis=0) == pytest.approx([1.0, 1.0], abs=0.25)
+
+
+def path_of(EI: float, pull: float, factors: list[float]) -> dict[str, Any]:
+    """Return columns of a path whose steps are not those of the fit."""
+    overrides = [f"bodies.beam.section.EI={EI}", f"loads.tip.value=[{pull},-300]", "solver.steps=20"]
+    solved = ancf2d.solve(BENT, overrides)
+    results = solved.results
+    t, probe = results.probe_t, results.probes["tip"]
+    at = [int(np.argmin(np.abs(t - f))) for f in factors]
+    assert np.allclose(t[at], factors)
+    return {"factor": t[at], **{f"tip.{q}": probe[q][at] for q in ("uy", "theta")}}
+
+
+def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
+    """A pull stiffens the beam as EI does, but the more the further it is bent; without noise both are told exactly."""
+    factors = [0.2, 0.4, 0.6, 0.8, 1.0]
+    data = path_of(1250.0, 200.0, factors)
+    data["tip.theta"][2] = np.nan
+    found = fitted(BENT, data_of(data), f"{EI}=100:1e4", f"{F}=-100:500")
+    assert [row.value for row in found.rows] == pytest.approx([1250.0, 200.0], rel=1e-6)
+    assert found.residual < 1e-7
+    assert found.as_json()["points"] == 9
+    assert found.correlation[0, 1] < -0.5
+    np.testing.assert_allclose(found.model[:, 0], data["tip.uy"], rtol=1e-6)
+    assert math.isnan(found.model[2, 1])
+
+
+def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
+    data = path_of(1250.0, 0.0, [0.5, 1.0])
+    found = fitted(BENT, data_of(data), f"{EI}=100:1e4", "bodies.beam.section.rhoA=0.5:2")
+    assert found.rows[0].value == pytest.approx(1250.0, rel=1e-6)
+    assert found.rows[0].standard_error is not None
+    assert found.rows[1].standard_error is None
+    assert any("do not tell it" in text for text in found.warnings)
+    bound = fitted(BENT, data_of(data), f"{EI}=100:1100")
+    assert bound.rows[0].value == pytest.approx(1100.0)
+    assert any("ends at the bound" in text for text in bound.warnings)
+
+
+def test_a_response_over_the_frequency_tells_mass_and_damping() -> None:
+    case = BENT.replace("solver: {type: static}", "solver: {type: frequency_response, inputs: [tip], from: 1, to: 20}\n"
+                        "damping: {rayleigh: {alpha: 2, beta: 0}}")
+    hz = np.linspace(1.0, 6.0, 21)
+    solved = ancf2d.solve(case, {"bodies.beam.section.rhoA": 1.3, "damping.rayleigh.alpha": 3.0, "solver": {
+        "type": "frequency_response", "inputs": ["tip"], "frequencies": list(hz)}}, states=False)
+    H = solved.summary["response"]["tip"]["tip"]["uy"]
+    data = data_of({"hz": hz, "tip.tip.uy.re": H["re"], "tip.tip.uy.im": H["im"]})
+    found = fitted(case, data, "bodies.beam.section.rhoA=0.5:2", "damping.rayleigh.alpha=0.5:8")
+    assert [row.value for row in found.rows] == pytest.approx([1.3, 3.0], rel=1e-5)
+
+
+def test_noise_given_for_columns_weights_them() -> None:
+    """Two columns that contradict each other: the parameter follows the one whose noise is small."""
+    data = path_of(1000.0, 0.0, [0.5, 1.0])
+    data["tip.theta"] = 1.2 * data["tip.theta"]
+    names = ("tip.uy", "tip.theta")
+    one, other = (fitted(BENT, data_of(data), f"{EI}=100:1e4", sigma=dict(zip(names, sigma, strict=True)))
+                  for sigma in ((1e-6, 1.0), (1.0, 1e-6)))
+    assert one.rows[0].value == pytest.approx(1000.0, rel=1e-6)
+    assert other.rows[0].value < 850.0
+
+
+@pytest.mark.slow
+def test_several_starts_find_the_best_minimum() -> None:
+    """Over a resonance in a narrow band, a search that begins on the wrong side of the band sees no peak to move."""
+    case = BENT.replace("solver: {type: static}", "solver: {type: frequency_response, inputs: [tip], from: 1, to: 20}\n"
+                        "damping: {rayleigh: {alpha: 0.5, beta: 0}}")
+    hz = [f for f in np.linspace(3.6, 4.6, 11)]
+    # the first bending mode, at 3.516 sqrt(EI/rhoA)/(2 pi L^2) = 4.42 Hz for rhoA = 1
+    solved = ancf2d.solve(case, {"solver": {"type": "frequency_response", "inputs": ["tip"], "frequencies": hz}},
+                          states=False)
+    H = solved.summary["response"]["tip"]["tip"]["uy"]
+    data = data_of({"hz": hz, "tip.tip.uy.re": H["re"], "tip.tip.uy.im": H["im"]})
+    far = ancf2d.load(case, {"bodies.beam.section.rhoA": 0.05})
+    vary = read_bounds(["bodies.beam.section.rhoA=0.02:50"])
+    alone, best = fit(far, data, vary), fit(far, data, vary, starts=9)
+    assert alone.residual > 0.1
+    assert best.rows[0].value == pytest.approx(1.0, rel=1e-5)
+    assert len(best.starts) == 9
+    assert best.starts[0]["residual"] == best.residual < 1e-5 < best.starts[-1]["residual"]
+
+
+# ---------------------------------------------------------------------------- files
+
+def test_the_fitted_case_keeps_the_words_of_its_file(tmp_path: Path) -> None:
+    (tmp_path / "bent.yaml").write_text(BENT)
+    loaded = load(tmp_path / "bent.yaml")
+    found = fit(loaded, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), read_bounds([f"{EI}=100:1e4"]))
+    out = tmp_path / "fitted.yaml"
+    assert write_fitted(found, out) == []
+    text = out.read_text()
+    assert "# a comment that stays" in text
+    assert "# EI is a guess" in text
+    assert found.rows[0].value == load(out).case.bodies["beam"].section.EI
+    # it is ancf2d's own, and replaced without force
+    write_fitted(found, out)
+    # what stands nowhere in the file is in the completed case
+    other = fit(load(tmp_path / "bent.yaml", [f"{EI}=900"]), found.data, read_bounds([f"{EI}=100:1e4"]))
+    write_fitted(other, out)
+    assert other.rows[0].value == load(out).case.bodies["beam"].section.EI
+    write_fit(found, tmp_path / "fit.h5")
+    with open_results(tmp_path / "fit.h5") as results:
+        assert results.tables["fit"]["value"][0] == found.rows[0].value
+        np.testing.assert_array_equal(results.tables["fitted"]["data tip.uy"], found.data.values[:, 0])
+        assert results.tables["fitted"].units["model tip.uy"] == "m"
+
+
+def test_wrong_data_are_told_with_their_lines(tmp_path: Path) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text("factor,tip.uy\n0.5,1\n0.7\n1,x\n")
+    with pytest.raises(CaseError) as found:
+        read_data(str(file))
+    assert [p.line for p in found.value.problems] == [3, 4]
+    for text in ("", "a,b\n1,2\n", "t\n1\n", "t,tip.uy\n,1\n2,2\n", "t,tip.uy\n1,\n"):
+        file.write_text(text)
+        with pytest.raises(CaseError):
+            read_data(str(file))
+
+
+def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
+    data = data_of({"factor": [0.5, 2.0], "tap.uy": [1.0, 2.0], "tip.uz": [1.0, 2.0], "tip.vx": [1.0, 2.0]})
+    with pytest.raises(CaseError) as found:
+        fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", sigma={"tip.ux": 1.0})
+    told = " ".join(p.message for p in found.value.problems)
+    for text in ("go from 0.5 to 2", "no probe 'tap'", "'uz' is no quantity", "a static state has no vx", "must be > 0",
+                 "EJ", "no column 'tip.ux'"):
+        assert text in told
+    with pytest.raises(CaseError, match="the case is not dynamic"):
+        fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")
+    with pytest.raises(CaseError) as found:
+        read_bounds(["a", "b=1", "c=2:1", "d=1:x", "=1:2", "e=1:2", "e=1:3"])
+    assert len(found.value.problems) == 6
+
+
+def test_fits_from_python_solve_on() -> None:
+    data = path_of(1250.0, 0.0, [0.5, 1.0])
+    found = ancf2d.fit(BENT, data, {EI: (100.0, 1e4)})
+    solved = ancf2d.solve(BENT, found.overrides(), states=False)
+    assert solved.summary["probes"]["tip"]["uy"] == pytest.approx(data["tip.uy"][-1], rel=1e-6)
