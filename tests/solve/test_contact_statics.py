@@ -114,6 +114,32 @@ def test_a_ring_is_pressed_flat_between_plates() -> None:
         assert state.history["iterations"] < 40
 
 
+def test_a_cam_lifts_a_leaf_spring_and_lets_it_go_again() -> None:
+    """An eccentric disc under a thin cantilever: its tip by beam theory while it touches, and at rest afterwards."""
+    eccentricity, arm, gap, EI = 0.01, 0.6, 0.004, 1.0
+    turn = {"angle": {"type": "ramp", "scale": 2.0 * math.pi}, "about": [arm, -0.1 - gap]}
+    model = strip(10, bc=[CLAMP], solver={"type": "static", "steps": 12}, obstacles={
+        "solid": {"type": "circle", "center": [arm, -0.1 - gap - eccentricity], "radius": 0.1, "motion": turn}})
+    lifted = 0
+    for state in solve(model):
+        angle = 2.0 * math.pi * state.t
+        # of the disc's highest point, to first order in the slope
+        height = -eccentricity * math.cos(angle) - gap
+        at = arm + eccentricity * math.sin(angle)
+        (report,) = contact_report(model, state)
+        assert state.history["iterations"] < 40
+        if height <= 0.0:
+            assert report["length"] == 0.0
+            assert np.abs(state.d[:model.n_q]).max() < 1e-12
+            continue
+        lifted += 1
+        # the spring leans over the disc: by slope 3 height/2 arm it touches that much further in
+        slope = 1.5 * height / at
+        touch, rise = at - 0.1 * slope, height - 0.5 * 0.1 * slope**2
+        assert report["force"][1] == pytest.approx(3.0 * EI * rise / touch**3, rel=5e-3)
+    assert lifted >= 4
+
+
 def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
     """Also where M is singular, as points are that hold the same, or skew, as closed and open ones answer."""
     rng = np.random.default_rng(3)
