@@ -144,6 +144,13 @@ def _check_contact(checker: Any, path: Path, contact: Any) -> None:
         checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with {what}",
                      "law: {stiffness, damping}")
     between = contact.between or ()
+    if all(name in case.bodies for name in between or (contact.self_,)) and contact.friction:
+        checker.fail((*path, "friction"), f"{dotted(path)}: friction between bodies, or of a body on itself, is not "
+                     "part of this version", "friction with an obstacle")
+    itself = case.bodies.get(contact.self_, INVALID)
+    if itself is not INVALID and itself.element is not INVALID and itself.element.type == "rigid":
+        checker.fail((*path, "self"), f"{dotted(path)}.self: {contact.self_} is rigid, and cannot touch itself",
+                     "a body that deforms")
     for k, name in enumerate(between):
         known = (*case.bodies, *case.obstacles)
         if name not in known and name is not INVALID:

@@ -87,7 +87,7 @@ class Spot:
     free: bool = False
 
 
-def _pieces_along(mesh: BodyMesh) -> int:
+def pieces_along(mesh: BodyMesh) -> int:
     """Return into how many intervals an element is divided: as many as it has positions of the axis of its own."""
     element = mesh.plan.element
     own = [node for node, name in element.functionals if "y" not in name.partition("_")[2]]
@@ -95,7 +95,7 @@ def _pieces_along(mesh: BodyMesh) -> int:
     return max(len(own) - shared, 1)
 
 
-def _levels(mesh: BodyMesh, side: str) -> list[float]:
+def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     """Return eta of the curves that may touch: the lower and upper face, or the axis."""
     if side == "axis":
         return [0.0]
@@ -112,16 +112,16 @@ def spots(mesh: BodyMesh, side: str, compliant: bool) -> list[Spot]:
     out, count = [], len(mesh.dofs)
     if compliant:
         x, w = gauss(ALONG)
-        out = [Spot(ie, 2.0 * a - 1.0, eta, b * float(mesh.lengths[ie])) for eta in _levels(mesh, side)
+        out = [Spot(ie, 2.0 * a - 1.0, eta, b * float(mesh.lengths[ie])) for eta in levels_of(mesh, side)
                for ie in range(count) for a, b in zip(x.tolist(), w.tolist(), strict=True)]
         if side == "surface" and not mesh.plan.closed:
-            low, high = _levels(mesh, side)
+            low, high = levels_of(mesh, side)
             y, w = gauss(ACROSS)
             out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height)
                     for ie, z in ((0, -1.0), (count - 1, 1.0)) for a, b in zip(y.tolist(), w.tolist(), strict=True)]
         return out
-    parts = _pieces_along(mesh)
-    for eta in _levels(mesh, side):
+    parts = pieces_along(mesh)
+    for eta in levels_of(mesh, side):
         for ie in range(count):
             for i in range(parts):
                 z = -1.0 + 2.0 * i / parts
@@ -134,7 +134,7 @@ def spots(mesh: BodyMesh, side: str, compliant: bool) -> list[Spot]:
     return out
 
 
-def _eta_at(mesh: BodyMesh, spot: Spot) -> float:
+def eta_at(mesh: BodyMesh, spot: Spot) -> float:
     """Return eta of a spot in the shape functions' height, where the height varies along the body."""
     if mesh.plan.varying is None:
         return spot.eta
@@ -157,12 +157,13 @@ def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
     return rows, terms, kind
 
 
-def _face(spot: Spot, side: str) -> float:
+def face_of(spot: Spot, side: str) -> float:
     """Return 1 for the upper face, -1 for the lower one, 0 for the axis and for the end of a body."""
     return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
 
 
-def _offset(mesh: BodyMesh, eta: float) -> float:
+def offset_of(mesh: BodyMesh, eta: float) -> float:
+    """Return how far a curve is off the axis, where sections stay straight."""
     return 0.0 if mesh.plan.element.section_kind == "interpolated" else 0.5 * eta * mesh.plan.section.height
 
 
@@ -178,7 +179,7 @@ class ContactPair:
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
                  held: Set[int] = frozenset(), rapid: float = 0.0) -> None:
         self.item, self.name, self.mesh, self.frame, self.hard = item, name, mesh, frame, item.law is None
-        self.body, self.other = mesh.plan.name, ""
+        self.body, self.other, self.law, self.sign = mesh.plan.name, "", COMPLIANT if item.law else HARD, 1.0
         # what supports hold where it is cannot touch
         self.spots = [p for p in spots(mesh, item.side, not self.hard) if not _moved_by(mesh, p) <= held]
         self.s: Array = np.array([(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]) / mesh.plan.length
@@ -188,7 +189,7 @@ class ContactPair:
         dofs, G, start, par = [], [], [], []
         known: dict[tuple[int, float], tuple[Array, int, int]] = {}
         for p in self.spots:
-            eta = _eta_at(mesh, p)
+            eta = eta_at(mesh, p)
             at = int(mesh.cls[p.ie]), eta
             if at not in known:
                 known[at] = curve_rows(mesh, p.ie, eta)
@@ -198,8 +199,8 @@ class ContactPair:
             G.append(both)
             start.append(np.concatenate([own @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], p0]))
             dofs.append(np.concatenate([mesh.dofs[p.ie], coords]))
-            par.append([kind, terms, _offset(mesh, eta), p.z, p.weight, *self._law(p), TOUCH * extent, frame.kind,
-                        *frame.origin, frame.length, _face(p, item.side), *obstacle.shape()])
+            par.append([kind, terms, offset_of(mesh, eta), p.z, p.weight, *self._law(p), TOUCH * extent, frame.kind,
+                        *frame.origin, frame.length, face_of(p, item.side), *obstacle.shape()])
         self.dofs: Index = np.array(dofs)
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))
@@ -208,7 +209,7 @@ class ContactPair:
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
         self.fed = tuple(self.G.shape[1] - 3 + k for k in range(3)) if frame.kind == geometry.BY_ANGLE else -1
         self.signal = frame.signals or None
-        self.scale = extent
+        self.scale, self.size = extent, geometry.MEMORY
 
     def _law(self, p: Spot) -> tuple[float, float, float, float]:
         """Return stiffness, damping, friction and the stiffness of what sticks."""
@@ -216,12 +217,19 @@ class ContactPair:
         if law is not None:
             return law.stiffness, law.damping, mu, law.stiffness * p.weight
         # a point that may move looks for where it should be within so much of z
-        reach = 1.0 / _pieces_along(self.mesh)
+        reach = 1.0 / pieces_along(self.mesh)
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
             mass = float(section.rhoA) * self.mesh.plan.length
             return 1.0, reach, mu, mass * self.rapid**2 or RIGID
         return section.EI / l**3, reach, mu, STICK * section.EA / l
+
+    @property
+    def meetings(self) -> Index:
+        """All coordinates that meet in an item (m, n)."""
+        return self.dofs
+
+    reach = meetings
 
     def gaps(self, d: Array, t: float) -> Array:
         """Return the gap (m,) of each spot at home at displacements d (n_full,)."""
@@ -238,7 +246,7 @@ class ContactPair:
 
 def _moved_by(mesh: BodyMesh, spot: Spot) -> set[int]:
     """Return the coordinates that move a spot."""
-    eta = _eta_at(mesh, spot)
+    eta = eta_at(mesh, spot)
     rows, terms, kind = curve_rows(mesh, spot.ie, eta)
     powers = spot.z ** np.arange(terms)
     slopes = np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)
@@ -264,10 +272,12 @@ class CompliantContact:
 
     rest = slack = 0.0
     angle = False
+    # when it acts: always
+    active = None
     sections: tuple[PointRef | None, ...] = ()
 
-    def __init__(self, pair: ContactPair) -> None:
-        self.pair, self.law, self.dofs, self.signal = pair, COMPLIANT, pair.dofs, pair.signal
+    def __init__(self, pair: Any) -> None:
+        self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.meetings, pair.signal
         self.symmetric = pair.item.friction == 0.0
         self.damped = bool(pair.item.law and pair.item.law.damping) or not self.symmetric
 
@@ -297,14 +307,19 @@ class CompliantContact:
 class ContactPoint(PointConstraint):
     """One spot of a contact without a law: its multiplier is minus the force there."""
 
-    def __init__(self, pair: ContactPair, i: int) -> None:
-        self.law, self.pair, self.number = HARD, pair, i
+    def __init__(self, pair: Any, i: int) -> None:
+        self.law, self.pair, self.number = pair.law, pair, i
         self.G = np.vstack([pair.G[i], np.zeros(pair.G.shape[2])])
         self.p0 = np.append(pair.p0[i], 0.0)
-        self.par, self.mem, self.dofs = pair.par[i], pair.mem[i], pair.dofs[i]
+        self.par, self.mem, self.dofs = pair.par[i], pair.mem[i], pair.reach[i]
         self.signal, self.fed, self.sections, self.facing = pair.signal, pair.fed, (), None  # type: ignore[assignment]
         self.symmetric = pair.item.friction == 0.0
         self.owner, self.holds, self.scale = pair.name, f"contact at S = {pair.s[i]:.4g}", pair.scale
+
+    @property
+    def coordinates(self) -> Index:
+        """The coordinates that it acts on in the reference, the multiplier last."""
+        return np.append(self.pair.dofs[self.number], self.multiplier)
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
         """Return that no rotation is prescribed."""

@@ -13,7 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_geometry import BY_CHOICE, CLOSED, FREE, HELD, HOME, OPEN, RHO, WORK, gap_at, stand
+from ..elements.contact_geometry import (
+    BODY,
+    BY_CHOICE,
+    CLOSED,
+    FREE,
+    HELD,
+    HOME,
+    OPEN,
+    RHO,
+    SHAPE,
+    WORK,
+    gap_at,
+    stand,
+)
 from . import calls
 from .bodies import elastic, set_natural
 from .compiled_laws import call_forces
@@ -295,6 +308,13 @@ def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
     return False
 
 
+@inner_with_memory
+def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
+    """Return whether item i is a point of contact in use that may meet an obstacle."""
+    return (not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0
+            and int(p.points.par[i, SHAPE]) != BODY)
+
+
 @addressed_with_memory
 def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Return whether a point passes through an obstacle in the step from s at t to m.end, apart from it at both."""
@@ -302,18 +322,21 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     u, work, before = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), np.zeros((n, 3))
     evaluate(p.programs, t, w.amps)
     to_full(p, s.z, w.amps, 0, w.d)
+    start = w.d.copy()
     for i in range(n):
-        if not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0:
+        if _meets_obstacle(p, i):
             before[i, 0], before[i, 1], before[i, 2] = _place(p, w, i, w.amps, u, work)
     evaluate(p.programs, t + h, w.amps)
     to_full(p, end.z, w.amps, 0, w.d)
     for i in range(n):
-        if not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0:
+        if _meets_obstacle(p, i):
             x, y, g = _place(p, w, i, w.amps, u, work)
             dx, dy = x - before[i, 0], y - before[i, 1]
             if before[i, 2] > 0.0 and g > 0.0 and np.sqrt(dx * dx + dy * dy) > before[i, 2] + g \
                     and _is_crossed(p.points.par[i], before[i, 0], before[i, 1], before[i, 2], dx, dy, depth):
                 return True
+    if len(p.facing.item) > 0:
+        return calls.bodies_cross(p.calls, (whole(p.facing), whole(p.points), start, w.d))
     return False
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import calls
+from .facing import bodies_cross, face
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import whole
 from .moving import MOVING_MASS
@@ -30,12 +31,20 @@ from .symmetric import in_band, in_fronts
 
 
 @inner
+def face_bodies(p, d):  # type: ignore[no-untyped-def]
+    """Let points that may touch bodies act on the elements that they are opposite to at d (n_full,)."""
+    if len(p.facing.item) > 0:
+        calls.face(p.calls, (whole(p.facing), whole(p.points), d))
+
+
+@inner
 def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints to Q; return (energy, dissipated power)."""
     if len(p.sliding.multiplier) > 0:
         calls.sliding_forces(p.calls, (whole(p.sliding), d, v, amps, Q))
     if len(p.points.mem) == 0:
         return 0.0, 0.0
+    face_bodies(p, d)
     return calls.point_forces(p.calls, (whole(p.points), d, v, amps, Q))
 
 
@@ -43,6 +52,7 @@ def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
 def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A."""
     if len(p.points.mem) > 0:
+        face_bodies(p, d)
         calls.point_tangent(p.calls, (p, d, v, amps, c, Q, A))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
@@ -62,15 +72,19 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_moving: bool, mean: bool, problem: Any,
-                    ) -> dict[Any, tuple[Any, ...]]:
+def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_moving: bool, has_facing: bool, mean: bool,
+                    problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
 
-    ``has_moving`` : whether masses move along bodies; ``mean`` : whether forces of a step that keeps energy are wanted.
+    ``has_moving`` : whether masses move along bodies; ``has_facing`` : whether bodies touch one another;
+    ``mean`` : whether forces of a step that keeps energy are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {}
     if has_moving:
         out[calls.moving_mass] = MOVING_MASS[fronts], problem
+    if has_facing:
+        tables = [problem.place[name][1].whole() for name in ("facing", "points")]
+        out |= {calls.face: (face, *tables), calls.bodies_cross: (bodies_cross, *tables)}
     if has_points:
         points = problem.place["points"][1].whole()
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
@@ -94,6 +108,7 @@ def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_movin
 def patch_noise(p, d, out):  # type: ignore[no-untyped-def]
     """Add what round-off can leave of the forces of point laws and joints to ``out``."""
     if len(p.points.mem) > 0:
+        face_bodies(p, d)
         calls.point_noise(p.calls, (whole(p.points), d, out))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_noise(p.calls, (whole(p.sliding), d, out))
@@ -104,6 +119,7 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest |g| of all constraints, each relative to its own scale."""
     worst = 0.0
     if len(p.points.mem) > 0:
+        face_bodies(p, d)
         worst = max(worst, calls.point_violation(p.calls, (whole(p.points), d, amps)))
     if len(p.sliding.multiplier) > 0:
         worst = max(worst, calls.sliding_violation(p.calls, (whole(p.sliding), d, amps)))
@@ -114,6 +130,7 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
 def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Let point laws and joints remember the accepted state d."""
     if len(p.points.mem) > 0:
+        face_bodies(p, d)
         calls.point_accept(p.calls, (whole(p.points), d, amps))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_accept(p.calls, (whole(p.sliding), d))
@@ -123,6 +140,7 @@ def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
 def rates_of_constraints(p, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
     """Set what the constraints' rates and accelerations are at their multipliers without those of the unknowns."""
     if len(p.points.mem) > 0:
+        face_bodies(p, d)
         calls.point_rates(p.calls, (whole(p.points), d, v, amps, velocity, acceleration))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_rates(p.calls, (whole(p.sliding), d, v, amps, velocity, acceleration))

@@ -26,6 +26,7 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
+from ..interactions.body_contact import BodyPair, body_pairs
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..interactions.flow import Velocity, flow_patches
 from ..interactions.forces import LoadContext, LoadError, LoadSet
@@ -297,8 +298,8 @@ class _Builder:
             self.warnings.append(f"held twice: the {row.holds} of {row.owner}; its reaction is not determined")
         equations.constraints = [c for k, c in enumerate(equations.constraints, linear) if k not in combined]
 
-    def add_contacts(self, elimination: Elimination) -> list[ContactPair]:
-        """Add contacts with obstacles, after everything that holds bodies in the reference."""
+    def add_contacts(self, elimination: Elimination) -> list[ContactPair | BodyPair]:
+        """Add contacts, after everything that holds bodies in the reference."""
         out = []
         self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
                        for name, obstacle in self.case.obstacles.items()}
@@ -307,20 +308,22 @@ class _Builder:
             body, other = (item.self_, item.self_) if item.between is None else item.between
             if body in self.case.obstacles:
                 body, other = other, body
-            if other not in self.case.obstacles:
-                self.report(("contacts", i), f"contacts.{i}: contact between bodies, or of a body with itself, is not "
-                            "part of this version", "contact of a body with an obstacle")
-                continue
-            obstacle = self.case.obstacles[other]
-            pair = ContactPair(item, name, self.meshes[body], obstacle, self.frames[other], self.extent, held,
-                               rapid_rate(self.case))
-            pair.other = other
-            out.append(pair)
-            self.check_apart(i, pair)
-            if pair.hard:
-                self.equations.constraints += [ContactPoint(pair, k) for k in range(len(pair.spots))]
+            if other in self.case.obstacles:
+                obstacle = self.case.obstacles[other]
+                pairs: list[Any] = [ContactPair(item, name, self.meshes[body], obstacle, self.frames[other],
+                                                self.extent, held, rapid_rate(self.case))]
+                pairs[0].other = other
+                self.check_apart(i, pairs[0])
             else:
-                self.springs.append(CompliantContact(pair))
+                pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent)
+                if body != other and item.law is None:
+                    self.check_bodies_apart(i, pairs)
+            out += pairs
+            for pair in pairs:
+                if pair.hard:
+                    self.equations.constraints += [ContactPoint(pair, k) for k in range(len(pair.spots))]
+                else:
+                    self.springs.append(CompliantContact(pair))
         return out
 
     def check_apart(self, i: int, pair: ContactPair) -> None:
@@ -332,6 +335,14 @@ class _Builder:
         if gaps[k] < -OVERLAP * self.extent:
             self.report(("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the reference, by up "
                         f"to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", "bodies that start apart, or a law")
+
+    def check_bodies_apart(self, i: int, pairs: list[BodyPair]) -> None:
+        """Look for bodies that overlap in the reference."""
+        found = [(*pair.overlap(), pair) for pair in pairs]
+        depth, s, pair = max(found, key=lambda one: one[0])
+        if depth > OVERLAP * self.extent:
+            self.report(("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {pair.other} in the "
+                        f"reference, at S = {s:.4g}", "bodies that start apart, or a law")
 
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):

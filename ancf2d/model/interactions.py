@@ -7,13 +7,14 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..elements.contact_geometry import MEMORY
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.body_contact import facing_table
+from ..interactions.contact import CompliantContact
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
+from ..kernels.facing import face
 from ..kernels.points import (
     Points,
     Turning,
@@ -102,7 +103,9 @@ class Batch:
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.table = point_table(patches, self.signals)
+        self.facing = facing_table(patches)
         m = len(self.table.forces)
+        # where bodies touch, these change
         self.dofs: Index = self.table.dofs.reshape(m, -1)
         at = 0
         self.timed: list[tuple[int, Any]] = []
@@ -121,8 +124,14 @@ class Batch:
         """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for."""
         return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
 
+    def turn_to(self, d: Array) -> None:
+        """Let points that touch bodies act on the elements that they are opposite to at d (n_full,)."""
+        if len(self.facing.item):
+            face(self.facing, self.table, d)
+
     def accept(self, d: Array, t: float) -> None:
         """Let laws remember the accepted state d (n_full,) at t."""
+        self.turn_to(d)
         point_accept(self.table, d, self.amplitudes(t))
 
     def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
@@ -134,6 +143,7 @@ class Batch:
         Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
+        self.turn_to(d)
         rates = np.zeros_like(d) if v is None else v
         point_matrices(self.table, d, rates, self.amplitudes(t), linear, self._energy, Q, K, C)
         return float(self._energy.sum()), Q, K, C
@@ -153,28 +163,6 @@ def batches(patches: Iterable[Any]) -> list[Any]:
         else:
             others.append(p)
     return [*map(Batch, alike.values()), *others]
-
-
-class ContactTable:
-    """The points of one contact as kernels take them, with what they remember at the moment."""
-
-    def __init__(self, constraints: Iterable[Any], pair: ContactPair) -> None:
-        self.pair = pair
-        self.signals: list[Any] = []
-        self.points = [c for c in constraints if isinstance(c, ContactPoint) and c.pair is pair]
-        self.table: Points = point_table(self.points or [CompliantContact(pair)], self.signals)
-
-    def at(self, t: float) -> tuple[Points, Array]:
-        """Return the table and the amplitudes at t."""
-        mem = [p.mem[:MEMORY] for p in self.points] if self.points else self.pair.mem[:, :MEMORY]
-        self.table.mem[:, :MEMORY] = mem
-        amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
-        return self.table, amps
-
-    @property
-    def free(self) -> Any:
-        """Which points may move along their element (m,)."""
-        return np.array([p.free for p in self.pair.spots])
 
 
 class Interactions:
@@ -237,6 +225,7 @@ class Interactions:
         """Return g_t and v^T g_qq v + 2 g_qt v + g_tt (2, m) of the constraints at d with rates v (n_full,)."""
         out = np.zeros((2, len(d)))
         for batch in self.held:
+            batch.turn_to(d)
             point_constraint_rates(batch.table, d, v, batch.amplitudes(t, rates=True), out[0], out[1])
         sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
         return out[:, len(self.e0):]

@@ -23,10 +23,12 @@ from .rotation import Turns
 from .timing import Timing
 
 if TYPE_CHECKING:
+    from ..interactions.body_contact import BodyPair
     from ..interactions.contact import ContactPair
     from ..interactions.obstacles import Frame
+    from .contact_tables import ContactTable
     from .feedback import Feedback
-    from .interactions import ContactTable, Interactions
+    from .interactions import Interactions
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ class Numbering:
             out[self.dependent] = sums
 
 
-def symmetric(loads: LoadSet, contacts: Sequence[ContactPair] = ()) -> bool:
+def symmetric(loads: LoadSet, contacts: Sequence[ContactPair | BodyPair] = ()) -> bool:
     """Return whether loads and contacts leave the tangent symmetric: follower forces and friction have no potential."""
     return (not loads.flows and all(p.symmetric for p in loads.patches)
             and not any(c.item.friction for c in contacts))
@@ -128,7 +130,7 @@ class Model:
     hangs: bool = False
     # the loads that are inputs of small motions, by name: they are not among ``loads``
     inputs: dict[str, LoadSet] = field(default_factory=dict)
-    contacts: list[ContactPair] = field(default_factory=list)
+    contacts: list[ContactPair | BodyPair] = field(default_factory=list)
     # how obstacles stand and move
     frames: dict[str, Frame] = field(default_factory=dict)
 
@@ -230,9 +232,9 @@ class Model:
     @cached_property
     def contact_tables(self) -> list[ContactTable]:
         """The points of each contact as the kernels take them (imports numba)."""
-        from .interactions import ContactTable
+        from .contact_tables import contact_table
 
-        return [ContactTable(self.constraints, pair) for pair in self.contacts]
+        return [contact_table(self.constraints, pair) for pair in self.contacts]
 
     @property
     def symmetric(self) -> bool:

@@ -19,11 +19,11 @@ import numpy as np
 
 from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
 from ..elements.shape import Array
-from .friction import hold, rub, stand
+from .friction import hold, rub
 
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPoint
-    from ..model.interactions import ContactTable
+    from ..model.contact_tables import ContactTable
     from .system import System
 
 # penetration that counts as none, beside the extent of the scene
@@ -49,17 +49,11 @@ def begin(system: System, d: Array, t: float) -> None:
         system.accepted = d.copy(), t
     for one in system.model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
-            gap, faces = gaps(one, d, t)
+            gap, faces = one.gaps(d, t)
             for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
                 point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
             if one.pair.item.friction:
                 hold(one, range(len(one.points)), d, (d, t), t)
-
-
-def gaps(one: ContactTable, d: Array, t: float) -> tuple[Array, Any]:
-    """Return the gap (m,) of each point where it stands, and whether its face is the one that touches."""
-    gap, _, faces = stand(one, d, t)
-    return gap, faces
 
 
 class _Spot(NamedTuple):
@@ -85,13 +79,9 @@ class _Spot(NamedTuple):
 
 def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]:
     """Return how deep the body is in its obstacle at open points, or between points (m,), where, and in what."""
-    from ..kernels.contact import deepest
-
-    table, amps = one.at(t)
-    m, free = len(table.forces), one.free
-    depth, place, feature = np.zeros(m), np.zeros(m), np.zeros(m)
-    deepest(table, free, d, amps, depth, place, feature)
-    gap, faces = gaps(one, d, t)
+    free = one.free
+    depth, place, feature = one.deepest(d, t)
+    gap, faces = one.gaps(d, t)
     held = np.array([p.mem[HELD] > 0.0 for p in one.points])
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
@@ -102,11 +92,12 @@ def _rows(one: ContactTable, d: Array, t: float, at: dict[int, tuple[float, floa
     """Return coordinates (m, n), gradients (m, n) and gaps (m,) of points: free ones where they are, or ``at``."""
     from ..kernels.points import point_matrices
 
-    table, amps = one.at(t)
+    table, amps = one.at(d, t)
     table.mem[:, HELD] = 1.0
     for k, (place, feature) in at.items():
         table.mem[k, FREE], table.mem[k, PLACE], table.mem[k, FEATURE] = _stands(one.points[k], place, feature)
-    dofs = table.dofs.reshape(len(table.forces), -1)
+    one.turn_to(d)
+    dofs = table.dofs.reshape(len(table.forces), -1).copy()
     unit = d.copy()
     unit[dofs[:, -1]] = 1.0
     m, n = dofs.shape
@@ -128,7 +119,7 @@ def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Arr
     """Return the points that are closed, those at home that may close and, unless ``home``, places between them."""
     depth, place, feature = depths
     free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
-    _, faces = gaps(one, d, t)
+    _, faces = one.gaps(d, t)
     dofs, rows, gap = _rows(one, d, t, {})
     out = [_Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]))
            for k in np.flatnonzero(held | (~free & faces)).tolist()]

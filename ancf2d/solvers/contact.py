@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, MEMORY, PLACE
+from ..elements.contact_geometry import FREE
 from ..elements.shape import Array
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..model.mechanism import rigid_motion
@@ -15,36 +15,39 @@ from ..model.model import Model
 from .active_set import PENETRATION
 
 if TYPE_CHECKING:
-    from ..model.interactions import ContactTable
+    from ..model.contact_tables import ContactTable
     from .state import State
+
 
 def memory(model: Model) -> list[Array]:
     """Return a copy of what the points of contact remember, to go back to."""
     model.interactions  # noqa: B018  tables that hold it are made with them
-    return [np.array([p.mem[:MEMORY] for p in one.points]) for one in model.contact_tables]
+    return [np.array([p.mem[:one.size] for p in one.points]) for one in model.contact_tables]
 
 
 def recall(model: Model, kept: list[Array]) -> None:
     """Let points of contact remember what they did."""
     for one, mem in zip(model.contact_tables, kept, strict=True):
         for point, row in zip(one.points, mem, strict=True):
-            point.mem[:MEMORY] = row
+            point.mem[:len(row)] = row
 
 
 def recall_rows(model: Model, rows: Array) -> None:
     """Let points of contact remember what a table of all point laws (items, numbers) of a model does."""
     for patch, (at, _) in zip(model.interactions.points, model.interactions.memory, strict=True):
         if isinstance(patch, CompliantContact):
-            patch.pair.mem[:, :MEMORY] = rows[at, :MEMORY]
+            size = patch.pair.size
+            patch.pair.mem[:, :size] = rows[at, :size]
         elif isinstance(patch, ContactPoint):
-            patch.mem[:MEMORY] = rows[at][0, :MEMORY]
+            size = patch.pair.size
+            patch.mem[:size] = rows[at][0, :size]
 
 
 class Touch(NamedTuple):
     """What one contact does in a state.
 
-    ``gap`` (m,) [m], ``force`` (m, 2) on the body and ``moment`` (m,) about the origin of each point, ``s`` (m,) along
-    the body. Gaps up to ``near`` are closed.
+    ``gap`` (m,) [m], ``force`` (m, 2) on the body that the points are of and ``moment`` (m,) about the origin of each
+    point, ``s`` (m,) along the body that is named first. Gaps up to ``near`` are closed.
     """
 
     pair: ContactPair
@@ -71,16 +74,14 @@ def touches(model: Model, state: State) -> list[Touch]:
 
 
 def _touch(model: Model, one: ContactTable, state: State) -> Touch:
-    from ..kernels.contact import contact_gaps
     from ..kernels.points import point_matrices
 
     pair, mesh = one.pair, one.pair.mesh
-    table, amps = one.at(state.side)
+    table, amps = one.at(state.d, state.side)
     m = len(table.forces)
     coords: Index = table.dofs.reshape(m, -1)
     n = coords.shape[1]
-    gap, along, faces = np.zeros(m), np.zeros(m), np.zeros(m, dtype=bool)
-    contact_gaps(table, state.d, amps, gap, along, faces)
+    gap, _ = one.gaps(state.d, state.side)
     energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
     v = np.zeros(len(state.d))
     if state.v is not None:
@@ -90,28 +91,26 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     e = model.e0 + state.d[:model.n_q]
     moves = rigid_motion(mesh, coords[:, :own].ravel(), e, np.zeros(2)).reshape(m, own, 3)
     total = -np.einsum("mn,mnk->mk", Q[:, :own], moves)
-    s = pair.s.copy()
-    free = one.free & (table.mem[:, FREE] > 0.0)
-    for k in np.flatnonzero(free):
-        ie = pair.spots[k].ie
-        s[k] = (mesh.starts[ie] + 0.5 * (table.mem[k, PLACE] + 1.0) * mesh.lengths[ie]) / mesh.plan.length
-    gap[one.free & ~free] = np.nan
-    return Touch(pair, s, gap, total[:, :2], total[:, 2], 2.0 * PENETRATION * model.extent)
+    gap[one.free & ~(table.mem[:, FREE] > 0.0)] = np.nan
+    return Touch(pair, one.along(), gap, total[:, :2], total[:, 2], 2.0 * PENETRATION * model.extent)
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
     """Return force, moment about the origin and contact zone of each contact of a model, as ``--json`` has them."""
-    out = []
+    of: dict[int, list[Touch]] = {}
     for touch in touches(model, state):
-        pair, closed = touch.pair, touch.touching
-        sign = 1.0
-        entry: dict[str, Any] = {
-            "name": pair.name, "force": [float(sign * f) for f in touch.force.sum(axis=0)],
-            "moment": float(sign * touch.moment.sum()), "length": _length(pair, touch),
-            "from": float(touch.s[closed].min()) if closed.any() else None,
-            "to": float(touch.s[closed].max()) if closed.any() else None}
-        out.append(entry)
-    return out
+        of.setdefault(id(touch.pair.item), []).append(touch)
+    return [_row(parts) for parts in of.values()]
+
+
+def _row(parts: list[Touch]) -> dict[str, Any]:
+    """Return the entry of one contact, of which either body may have points."""
+    s = np.concatenate([touch.s[touch.touching] for touch in parts])
+    fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
+    return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
+            "moment": float(sum(touch.pair.sign * touch.moment.sum() for touch in parts)),
+            "length": max(_length(touch.pair, touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
+            "from": float(s.min()) if len(s) else None, "to": float(s.max()) if len(s) else None}
 
 
 def _length(pair: ContactPair, touch: Touch) -> float:
@@ -139,6 +138,8 @@ def obstacle_reactions(model: Model, state: State) -> dict[str, dict[str, float]
         if any(pair.other == name for pair in model.contacts)}
     for touch in touches(model, state):
         pair = touch.pair
+        if pair.other not in out:
+            continue
         (fx, fy), m = touch.force.sum(axis=0), float(touch.moment.sum())
         x, y = centre_at(pair, state.d[:model.n_q], state.side, model.case.obstacles[pair.other])
         to = out[pair.other]

@@ -19,21 +19,10 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 
 if TYPE_CHECKING:
-    from ..model.interactions import ContactTable
+    from ..model.contact_tables import ContactTable
 
 # what friction may exceed its limit by, beside the largest limit, and slip beside the extent of the scene that is none
 EXCESS, NO_SLIP = 1e-9, 1e-14
-
-
-def stand(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Any]:
-    """Return the gap (m,) of each point, where on the obstacle it is, and whether its face is the one that touches."""
-    from ..kernels.contact import contact_gaps
-
-    table, amps = one.at(t)
-    n = len(table.forces)
-    gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
-    contact_gaps(table, d, amps, gap, along, faces)
-    return gap, along, faces
 
 
 def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Array, float], t: float) -> None:
@@ -41,7 +30,7 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
 
     Raises ComputationError at a corner.
     """
-    before, now = stand(one, *accepted)[1], stand(one, d, t)[1]
+    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
     for k in which:
         point = one.points[k]
         if point.mem[HELD] > 0.0 and point.mem[FREE] == 1.0:
@@ -61,7 +50,7 @@ def _limit(point: Any, d: Array) -> float:
 def rub(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float]) -> int:
     """Let points that stick beyond their limit at an equilibrium d (n_full,) slide, and those stick that slide along
     their friction; return how many."""
-    before, now = stand(one, *accepted)[1], stand(one, d, t)[1]
+    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
     closed = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0]
     largest = max((_limit(one.points[k], d) for k in closed), default=0.0)
     changed = 0

@@ -10,6 +10,7 @@ import numpy as np
 from ..case import Expression
 from ..case.programs import programs, switches
 from ..elements.shape import Array
+from ..interactions.body_contact import BodyPair, facing_table
 from ..interactions.moving import MovingPatch, moving_table
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
@@ -174,11 +175,12 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
+    faces = any(isinstance(pair, BodyPair) for pair in model.contacts)
     carries = any(isinstance(p, MovingPatch) and p.mass for p in model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
-            **patch_functions(fronts, acts, slides, carries, method.conserves, layout),
+            **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
             **(impact_functions(model.sided, layout) if model.contacts else {}),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
@@ -192,7 +194,7 @@ def nothing() -> Record:
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
         groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
-        moving=moving_table([], int, x), patched=False, touches=False, sided=False,
+        moving=moving_table([], int, x), facing=facing_table([]), patched=False, touches=False, sided=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -216,6 +218,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
         "calls": table(functions(model)), "points": _points(model, signals),
         "turning": turning_table(model.turns), "winds": model.winds,
+        "facing": facing_table(model.interactions.points),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         **_mass((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
@@ -304,6 +307,9 @@ def own(problem: Record, model: Model) -> Record:
         # what moves writes where it is
         p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par", "drift"), moving=_own(p.moving, "element"),
                        **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
+    if len(p.facing.item):
+        # what touches writes what it is opposite to
+        p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par"), facing=_own(p.facing, "now", "boxes"))
     return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory"),
                              programs=_own(p.programs, "window", "data")), others=groups)
 

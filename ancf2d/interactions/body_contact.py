@@ -1,0 +1,311 @@
+"""Contact of bodies with one another and of a body with itself: the points of the one, the curves of the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..elements import contact_bodies as laws
+from ..elements import contact_geometry as geometry
+from ..elements.contact_bodies import COMPLIANT_BODIES, HARD_BODIES, Facing
+from ..elements.shape import Array
+from ..model.mesh import BodyMesh, Index
+from .contact import TOUCH, Contact, Spot, curve_rows, eta_at, face_of, levels_of, offset_of, pieces_along, spots
+
+# of the mean height of two bodies: what is deeper is not what a point touches, but the far side
+DEEPEST = 0.75
+# of a height: parts of a body that are nearer along it than this do not touch one another
+APART = 1.0
+# places along each curve at which bodies are looked at in the reference
+STATIONS = 9
+
+
+class Curve(NamedTuple):
+    """What of a body may be touched: the constants of its law (``contact_bodies``), and the fields of an element."""
+
+    constants: Array
+    G: Array
+    p0: Array
+    dofs: Index
+
+
+def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array:
+    """Return the matrix (fields, n_dof) that gives the coefficients of an end of an element, across it."""
+    element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
+    terms, half, nc = _terms(mesh), 0.25 * (high - low) * mesh.plan.section.height, element.components
+    at = (np.array([0.5 * (z + 1.0)]), np.array([0.5 * (low + high)]))
+    rows = np.zeros((2 * terms, element.n_dof))
+    for j in range(element.degree_y + 1):
+        for c in range(2):
+            rows[c * terms + j, c::nc] = shape(*at, 0, j)[0] * half**j / math.factorial(j)
+    return rows
+
+
+def _terms(mesh: BodyMesh) -> int:
+    """Return how many powers the curves of a body have."""
+    return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
+
+
+def _padded(rows: Array, terms: int, wanted: int) -> Array:
+    """Return rows with more powers, all zero."""
+    out = np.zeros((len(rows) // terms, wanted, rows.shape[1]))
+    out[:, :terms] = rows.reshape(-1, terms, rows.shape[1])
+    return out.reshape(-1, rows.shape[1])
+
+
+def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
+    """Return the curves of a body that may be touched: its faces and ends, or its axis."""
+    out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
+    terms = _terms(mesh)
+
+    def add(ie: int, rows: Array, kind: int, **constants: float) -> None:
+        par = np.zeros(laws.CURVE_SIZE)
+        par[[geometry.SECTION, geometry.TERMS]] = kind, terms
+        for name, value in constants.items():
+            par[getattr(laws, name)] = value
+        out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
+
+    for eta in levels:
+        for ie in range(count):
+            height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
+            rows, own, kind = curve_rows(mesh, ie, height)
+            joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
+            add(ie, _padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
+                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
+                GOES=float(mesh.lengths[ie]))
+    if side == "surface" and not mesh.plan.closed:
+        for ie, z in ((0, -1.0), (count - 1, 1.0)):
+            low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
+            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length}
+            rows, own, kind = curve_rows(mesh, ie, 0.0)
+            if kind == geometry.CURVE:
+                add(ie, _across(mesh, ie, z, low, high), kind, **place)
+            else:
+                below, above = offset_of(mesh, low), offset_of(mesh, high)
+                add(ie, _padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
+                    HALF=0.5 * (above - below))
+    return out
+
+
+def _corners(mesh: BodyMesh) -> list[Spot]:
+    """Return the corners at the ends of a body."""
+    if mesh.plan.closed:
+        return []
+    return [Spot(ie, z, eta, float(mesh.lengths[ie])) for eta in levels_of(mesh, "surface")
+            for ie, z in ((0, -1.0), (len(mesh.dofs) - 1, 1.0))]
+
+
+def _rank(mesh: BodyMesh) -> tuple[Any, ...]:
+    """Return what tells which of two bodies has the points of contact without a law: elements, the shorter the better.
+
+    Whichever is listed first, it is the same one.
+    """
+    return mesh.plan.rigid, float(mesh.lengths.max()), mesh.plan.name
+
+
+def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float) -> list[BodyPair]:
+    """Return the points of each of two bodies that may touch the other (the same one: of a body with itself).
+
+    With a law both bear half the pressure. Without one, only one has points all along, and the other its corners.
+    """
+    if one is two:
+        return [BodyPair(item, name, one, one, extent, True)]
+    if item.law is not None:
+        return [BodyPair(item, name, one, two, extent, True), BodyPair(item, name, two, one, extent, True)]
+    first = _rank(one) < _rank(two)
+    pairs = [BodyPair(item, name, one, two, extent, first), BodyPair(item, name, two, one, extent, not first)]
+    return [pair for pair in pairs if pair.spots]
+
+
+class BodyPair:
+    """Points of a body that may touch another one, or itself, as point laws: see ``contact.ContactPair``.
+
+    ``whole``: whether all of its points, or its corners alone. Coordinates and fields of an item are those of a point
+    and behind them those of the curve that it is opposite to, which changes (``kernels.facing``). ``curves`` are those
+    of the other body, ``reach`` (k, n) all that an item can ever act on.
+    """
+
+    frame, fed, signal, size = None, -1, None, laws.BODY_MEMORY
+
+    def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool) -> None:
+        self.item, self.name, self.mesh, self.against = item, name, mesh, other
+        self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
+        self.whole = whole
+        self.law = HARD_BODIES if self.hard else COMPLIANT_BODIES
+        # what is reported is the force on the first body named: none of a body on itself
+        self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
+        self.spots = spots(mesh, item.side, not self.hard) if whole else (
+            _corners(mesh) if item.side == "surface" else [p for p in spots(mesh, "axis", False) if _is_end(mesh, p)])
+        self.s: Array = np.array([self._along(p) / mesh.plan.length for p in self.spots])
+        self.curves = curves_of(other, item.side)
+        self._items()
+
+    def _along(self, p: Spot) -> float:
+        return float(self.mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * self.mesh.lengths[p.ie])
+
+    def _items(self) -> None:
+        """Make the items, each opposite to the first curve."""
+        mesh, opposite = self.mesh, self.curves[0]
+        G, start, par = [], [], []
+        for p in self.spots:
+            eta = eta_at(mesh, p)
+            rows, terms, kind = curve_rows(mesh, p.ie, eta)
+            both = np.zeros((len(rows) + len(opposite.G), rows.shape[1] + opposite.G.shape[1]))
+            both[:len(rows), :rows.shape[1]], both[len(rows):, rows.shape[1]:] = rows, opposite.G
+            G.append(both)
+            start.append(np.concatenate([rows @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], opposite.p0]))
+            par.append([kind, terms, offset_of(mesh, eta), p.z, *self._law(p), TOUCH * self.scale, geometry.STILL, 0.0,
+                        0.0, 1.0, self._face(p), geometry.BODY, *opposite.constants, *self._limits(p)])
+        own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
+        self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
+        self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
+        self.mem: Array = np.zeros((len(self.spots), laws.BODY_MEMORY))
+        self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
+        self.mem[:, geometry.HELD] = -1.0
+        self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        self.own = len(self.p0[0]) - len(opposite.p0), own.shape[1]
+        if self.item.side == "axis":
+            self.mem[:, laws.SIDE] = self._sides()
+
+    def _places(self) -> Array:
+        """Return where the points are in the reference (k, 2)."""
+        out, work = np.zeros((len(self.spots), 2)), np.zeros(geometry.WORK)
+        for k, par in enumerate(self.par):
+            geometry.stand(par, self.p0[k], np.zeros(len(self.p0[k])), par[geometry.HOME], work)
+            out[k] = work[geometry.RHO], work[geometry.RHO + 1]
+        return out
+
+    def _sides(self) -> Array:
+        """Return on which side of the other axis each point is in the reference, 0 beyond its ends."""
+        (a, b), out = self.segments(), np.zeros(len(self.spots))
+        for k, p in enumerate(self._places()):
+            z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
+            n = int(np.argmin(np.hypot(*(p - a - z[:, None] * (b - a)).T)))
+            beyond = not self.against.plan.closed and ((n == 0 and z[n] == 0.0) or (n == len(z) - 1 and z[n] == 1.0))
+            out[k] = 0.0 if beyond else np.sign(_cross(b[n] - a[n], p - a[n]))
+        return out
+
+    def segments(self) -> tuple[Array, Array]:
+        """Return the ends (n, 2) of straight pieces of the curves of the other body in the reference."""
+        work, across, lines = np.zeros(geometry.WORK), np.zeros(geometry.WORK), []
+        for curve in self.curves:
+            line = np.zeros((STATIONS, 2))
+            for k, z in enumerate(np.linspace(-1.0, 1.0, STATIONS)):
+                laws.curve_at(curve.constants, curve.p0, np.zeros(len(curve.p0)), z, work, across)
+                line[k] = work[geometry.RHO], work[geometry.RHO + 1]
+            lines.append(line)
+        found = np.array(lines)
+        return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
+
+    def overlap(self) -> tuple[float, float]:
+        """Return how deep a point is in the other body in the reference at most, and S of it; 0 where none is.
+
+        Less what the pieces may be off the curves.
+        """
+        (a, b), deepest, at = self.segments(), 0.0, 0.0
+        if self.item.side == "axis":
+            return 0.0, 0.0
+        # of an arc, a chord is off by as much as the next one turns
+        turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
+        off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
+        low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
+        for p, s in zip(self._places(), self.s.tolist(), strict=True):
+            if (p < low).any() or (p > high).any():
+                continue
+            above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                x = a[:, 0] + (p[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+            if np.count_nonzero(above & (x > p[0])) % 2 == 0:
+                continue
+            z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
+            depth = float(np.hypot(*(p - a - z[:, None] * (b - a)).T).min()) - off
+            if depth > deepest:
+                deepest, at = depth, s
+        return deepest, at
+
+    def _law(self, p: Spot) -> tuple[float, float, float, float, float]:
+        """Return length, stiffness, damping, friction and the stiffness of what sticks."""
+        law, section = self.item.law, self.mesh.plan.section
+        if law is not None:
+            # the other body, or the other part, bears the other half
+            return 0.5 * p.weight, law.stiffness, law.damping, 0.0, 1.0
+        l = float(self.mesh.lengths[p.ie])
+        return p.weight, 1.0 if self.mesh.plan.rigid else section.EI / l**3, 1.0 / pieces_along(self.mesh), 0.0, 1.0
+
+    def _face(self, p: Spot) -> float:
+        # what a compliant contact is integrated over at the end of a body is on none of its faces
+        return 0.0 if _is_end(self.mesh, p) and not self.hard else face_of(p, self.item.side)
+
+    def _limits(self, p: Spot) -> list[float]:
+        """Return what tells where a point may touch (``contact_bodies``)."""
+        itself, length = self.against is self.mesh, self.mesh.plan.length
+        height = 0.5 * (self.mesh.plan.section.height + self.against.plan.section.height)
+        corner = p.z if _is_end(self.mesh, p) else 0.0
+        yields = float(pieces_along(self.against)) if self.hard and (
+            corner == 1.0 if itself else not self.whole) else 0.0
+        return [DEEPEST * height, self._along(p), float(self.mesh.lengths[p.ie]), APART * height if itself else 0.0,
+                length if itself and self.mesh.plan.closed else 0.0, corner,
+                float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
+                yields]
+
+    @property
+    def reach(self) -> Index:
+        """All coordinates that each item can ever act on (k, n)."""
+        other = np.unique(self.against.dofs)
+        own = self.dofs[:, :self.own[1]]
+        return np.hstack([own, np.broadcast_to(other, (len(own), len(other)))])
+
+    @property
+    def meetings(self) -> Index:
+        """All coordinates that meet in an item (k, n): an element of one body, and one of the other."""
+        own = np.unique(self.dofs[:, :self.own[1]], axis=0)
+        other = self.against.dofs
+        return np.hstack([np.repeat(own, len(other), axis=0), np.tile(other, (len(own), 1))])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    out: Array = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
+def _is_end(mesh: BodyMesh, p: Spot) -> bool:
+    """Whether a spot is at an end of its body."""
+    return not mesh.plan.closed and not p.free and (p.ie, p.z) in ((0, -1.0), (len(mesh.dofs) - 1, 1.0))
+
+
+def facing_table(patches: Sequence[Any]) -> Facing:
+    """Return the table of those point laws, in their order, that touch bodies."""
+    ways: list[BodyPair] = []
+    item: list[int] = []
+    way: list[int] = []
+    own: list[tuple[int, int]] = []
+    at = 0
+    for patch in patches:
+        count = len(patch.items().p0)
+        pair = getattr(patch, "pair", None)
+        if isinstance(pair, BodyPair):
+            if not any(pair is known for known in ways):
+                ways.append(pair)
+            item += range(at, at + count)
+            way += [next(k for k, known in enumerate(ways) if known is pair)] * count
+            own += [pair.own] * count
+        at += count
+    curves = [c for pair in ways for c in pair.curves]
+    counts = [len(pair.curves) for pair in ways]
+    trees = [2 * n - 1 for n in counts]
+
+    def whole(values: Any, shape: tuple[int, ...] = ()) -> Index:
+        return np.array(values, dtype=np.int64).reshape(-1, *shape)
+
+    def joined(parts: list[Any], dtype: Any = np.float64) -> Any:
+        return np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
+    before = np.cumsum([[0, 0, 0], *([len(c.dofs), c.G.size, len(c.p0)] for c in curves)], axis=0)[:-1]
+    p0 = joined([c.p0 for c in curves])
+    return Facing(whole(item), whole(way), whole(own, (2,)), whole(np.cumsum([0, *counts])),
+                  whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, laws.CURVE_SIZE),
+                  whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
+                  joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
+                  np.zeros((sum(trees), 4)))

@@ -1,0 +1,342 @@
+"""Which element of a body each point of contact of another body, or of the same one, is opposite to.
+
+The curves that a body may be touched at are the leaves of a binary tree of boxes, in their order along the body. It is
+filled anew for every state, and each point goes down it to the curve whose foot point is nearest: the cost is linear in
+the points and curves, but for a logarithm.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..elements import contact_bodies as laws
+from ..elements.contact_bodies import (
+    APART,
+    AT_FIRST,
+    AT_LAST,
+    BEGINS,
+    BODY_SIZE,
+    BOTH,
+    CORNER,
+    CURVE_SIZE,
+    DEEPEST,
+    END,
+    FOOT,
+    FOUND,
+    GOES,
+    HALF,
+    JOINED,
+    MIDDLE,
+    NOWHERE,
+    ONWARD,
+    OWN,
+    OWN_GOES,
+    ROUND,
+    SIDE,
+    SIGN,
+    WITHIN,
+    YIELDS,
+    curve_at,
+    foot_on,
+    gap_between,
+    size_of,
+)
+from ..elements.contact_geometry import (
+    AT_1,
+    DAMPING,
+    FACE,
+    FREE,
+    HOME,
+    OFFSET,
+    ORIGIN,
+    PLACE,
+    RHO,
+    TERMS,
+    WORK,
+    along,
+    stand,
+)
+from .compiled_laws import declare
+from .lowlevel.jit import inner_with_memory, kernel_with_memory
+from .points import fields_of_item
+
+# faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
+AGAINST, ASIDE = -0.3, 0.5
+# z beyond this is beyond the end of an element, so that what lies side by side is within both; places that are the same
+BESIDE, SAME = 1.0 + 1e-6, 1e-6
+# places at which an interval between points of contact is looked at, and sections around the deepest
+SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
+# entries of a branch that wait, at most: two for each level of a tree
+_DEEP = 128
+
+for _helper in laws.HELPERS:
+    declare(_helper)
+
+
+@inner_with_memory
+def _fill(table, d):  # type: ignore[no-untyped-def]
+    """Fill the fields of all curves at d (n_full,), and the boxes around them."""
+    for c in range(len(table.curve)):
+        m, n = table.sizes[c, 0], table.sizes[c, 1]
+        dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
+        for k in range(m):
+            s = table.p0[field + k]
+            for q in range(n):
+                s += table.G[entry + k * n + q] * d[table.dofs[dof + q]]
+            table.now[field + k] = s
+    for way in range(len(table.tree) - 1):
+        first, n, root = table.first[way], table.first[way + 1] - table.first[way], table.tree[way]
+        for k in range(n):
+            c = first + k
+            _box(table.curve[c], table.now[table.at[c, 2]:], table.boxes[root + n - 1 + k])
+        for k in range(n - 2, -1, -1):
+            one, two = table.boxes[root + 2 * k + 1], table.boxes[root + 2 * k + 2]
+            for j in range(2):
+                table.boxes[root + k, j] = min(one[j], two[j])
+                table.boxes[root + k, 2 + j] = max(one[2 + j], two[2 + j])
+
+
+@inner_with_memory
+def _box(par, fields, box):  # type: ignore[no-untyped-def]
+    """Set (low x, low y, high x, high y) to what a curve is within: no power of z is beyond its coefficient."""
+    terms = int(par[TERMS])
+    for c in range(2):
+        middle, half = fields[c * terms], abs(par[OFFSET])
+        if par[END] != 0.0:
+            # at the end of the element
+            half = abs(par[MIDDLE]) + abs(par[HALF])
+        for j in range(1, terms):
+            half += abs(fields[c * terms + j])
+        box[c], box[2 + c] = middle - half, middle + half
+
+
+@inner_with_memory
+def _away(box, x, y):  # type: ignore[no-untyped-def]
+    """Return the square of the distance of (x, y) from a box."""
+    dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
+    return dx * dx + dy * dy
+
+
+@inner_with_memory
+def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
+    """Whether a point with the tangent (tx, ty) of its body may touch at S = s [m], where the normal is (nx, ny)."""
+    away = abs(s - other[OWN])
+    if other[ROUND] > 0.0:
+        away = min(away, other[ROUND] - away)
+    if away < other[APART] or (other[ONWARD] > 0.0 and s <= other[OWN]):
+        return False
+    if other[BOTH] > 0.0:
+        return True
+    size = math.sqrt(tx * tx + ty * ty)
+    face, end = par[FACE] * (tx * ny - ty * nx) / size, other[CORNER] * (tx * nx + ty * ny) / size
+    if par[FACE] != 0.0 and other[CORNER] != 0.0:
+        return face < ASIDE and end < ASIDE
+    return (face if par[FACE] != 0.0 else end) < AGAINST
+
+
+@inner_with_memory
+def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
+    """Take the foot point on a curve as best (distance squared, z, what it is) where it is the nearest that touches."""
+    cx, cy = 0.0, 0.0
+    terms = int(other[TERMS])
+    z = 0.0
+    if other[END] == 0.0 and terms > 1:
+        cx, cy = fields[1], fields[terms + 1]
+        z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
+    z = foot_on(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
+    found = WITHIN
+    if z < -BESIDE:
+        z, found = -1.0, AT_FIRST
+    elif z > BESIDE:
+        z, found = 1.0, AT_LAST
+    if other[YIELDS] > 0.0:
+        # places that have points of their own, from one end of the curve to the other
+        place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
+        if abs(place - round(place)) < SAME:
+            return False
+    bx, by, _, _ = curve_at(other, fields, none, z, work, across)
+    rx, ry = x - work[RHO], y - work[RHO + 1]
+    D, size = rx * rx + ry * ry, math.sqrt(bx * bx + by * by)
+    if best[0] <= D:
+        return False
+    sign = other[SIGN]
+    nx, ny = -sign * by / size, sign * bx / size
+    inside = nx * rx + ny * ry < 0.0
+    if found != WITHIN and inside and other[BOTH] == 0.0:
+        # a corner that is the nearest from within a body is one between elements
+        joined = int(other[JOINED])
+        if not (joined % 2 == 1 if found == AT_FIRST else joined >= 2):
+            return False
+    if inside and other[DEEPEST]**2 < D:
+        return False
+    if not _may_touch(par, other, other[BEGINS] + 0.5 * (z + 1.0) * other[GOES], nx, ny, tx, ty):
+        return False
+    best[0], best[1], best[2] = D, z, found
+    return True
+
+
+@inner_with_memory
+def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+    """Return the curve that a point of contact is opposite to, -1 where there is none; fill best as ``_try`` does."""
+    first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
+    best[0], best[1], best[2] = np.inf, 0.0, NOWHERE
+    waiting[0], count = 0, 1
+    while count > 0:
+        count -= 1
+        k = waiting[count]
+        if _away(table.boxes[root + k], x, y) >= best[0]:
+            continue
+        if k >= n - 1:
+            c = first + k - (n - 1)
+            room[:CURVE_SIZE] = table.curve[c]
+            if room[BOTH] > 0.0:
+                room[SIGN] = best[3]
+            if _try(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
+                found = c
+            continue
+        one, two = 2 * k + 1, 2 * k + 2
+        if _away(table.boxes[root + one], x, y) < _away(table.boxes[root + two], x, y):
+            one, two = two, one
+        # the nearer one is looked at first
+        waiting[count], waiting[count + 1] = one, two
+        count += 2
+    return found
+
+
+@inner_with_memory
+def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+    """Write what point k is opposite to from place z of its element, whose fields are in u."""
+    i = table.item[k]
+    par, mem, b, m = points.par[i], points.mem[i], points.field[i], size_of(points.par[i])
+    stand(par, points.p0[b:b + m], u, z, own)
+    x, y = own[RHO], own[RHO + 1]
+    tx, ty = along(par, own, AT_1, 1)
+    room[:] = 0.0
+    room[CURVE_SIZE:BODY_SIZE] = par[ORIGIN + CURVE_SIZE:ORIGIN + BODY_SIZE]
+    # what is between the ends of its element
+    room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
+    best[3] = mem[SIDE]
+    c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
+    mem[FOOT], mem[FOUND] = best[1], best[2]
+    if c >= 0:
+        _put(table, points, k, i, c)
+
+
+@kernel_with_memory
+def face(table, points, d):  # type: ignore[no-untyped-def]
+    """Let every point that may touch a body act on the element of it that is opposite at d (n_full,)."""
+    if len(table.item) == 0:
+        return
+    _fill(table, d)
+    u, none, best = np.zeros(200), np.zeros(200), np.zeros(4)
+    own, across, room = np.zeros(WORK), np.zeros(WORK), np.zeros(points.par.shape[1])
+    waiting = np.zeros(_DEEP, dtype=np.int64)
+    for k in range(len(table.item)):
+        i = table.item[k]
+        fields_of_item(points, i, d, u)
+        z = points.mem[i, PLACE] if points.mem[i, FREE] > 0.0 else points.par[i, HOME]
+        _find(table, points, k, u, z, best, room, none, own, across, waiting)
+
+
+@kernel_with_memory
+def body_gaps(table, points, d, gaps):  # type: ignore[no-untyped-def]
+    """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,)."""
+    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    for i in table.item:
+        fields_of_item(points, i, d, u)
+        b, e = points.field[i], points.field[i + 1]
+        g = gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
+        gaps[i] = np.inf if np.isnan(g) else g
+
+
+@kernel_with_memory
+def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
+    """Return whether a point that is apart from a body at d0 (n_full,) has passed through it at d1."""
+    face(table, points, d0)
+    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    for i in table.item:
+        par, mem, b, e = points.par[i], points.mem[i], points.field[i], points.field[i + 1]
+        if mem[FOUND] != WITHIN or mem[FREE] < 0.0:
+            continue
+        fields_of_item(points, i, d0, u)
+        g, _, _, z = gap_between(par, points.p0[b:e], u, mem, own, work, across)
+        if not g > 0.0:
+            continue
+        # the same place of the curve, where that is
+        fields_of_item(points, i, d1, u)
+        m, other = size_of(par), par[ORIGIN:]
+        stand(par, points.p0[b:b + m], u[:m], mem[PLACE] if mem[FREE] > 0.0 else par[HOME], own)
+        tx, ty, _, _ = curve_at(other, points.p0[b + m:e], u[m:], z, work, across)
+        sign = (mem[SIDE] if other[BOTH] > 0.0 else other[SIGN]) / math.sqrt(tx * tx + ty * ty)
+        if sign * (tx * (own[RHO + 1] - work[RHO + 1]) - ty * (own[RHO] - work[RHO])) < -other[DEEPEST]:
+            return True
+    return False
+
+
+@inner_with_memory
+def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
+    """Return the gap of point k at place z of its element, infinite where nothing is opposite."""
+    i = table.item[k]
+    points.mem[i, PLACE] = z
+    fields_of_item(points, i, d, u)
+    _find(table, points, k, u, z, best, room, none, own, across, waiting)
+    fields_of_item(points, i, d, u)
+    b, e = points.field[i], points.field[i + 1]
+    g = gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
+    return np.inf if np.isnan(g) else g
+
+
+@kernel_with_memory
+def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
+    """Fill how deep a body is in the other within the interval of each point that may move, and where.
+
+    ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
+    After ``face`` at d (n_full,).
+    """
+    u, none, best = np.zeros(200), np.zeros(200), np.zeros(4)
+    own, work, across, room = np.zeros(WORK), np.zeros(WORK), np.zeros(WORK), np.zeros(points.par.shape[1])
+    waiting, g = np.zeros(_DEEP, dtype=np.int64), np.zeros(SAMPLES)
+    for k in range(len(table.item)):
+        i = table.item[k]
+        depth[i] = 0.0
+        if not free[i]:
+            continue
+        kept = points.mem[i].copy()
+        points.mem[i, FREE] = 1.0
+        low, step, at = points.par[i, HOME] - points.par[i, DAMPING], 2.0 * points.par[i, DAMPING] / (SAMPLES - 1), 0
+        for s in range(SAMPLES):
+            g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
+            at = s if g[s] < g[at] else at
+        if 0 < at < SAMPLES - 1 and g[at] < 0.0:
+            # between its neighbours, by the golden section
+            a, e = low + (at - 1) * step, low + (at + 1) * step
+            for _ in range(SECTIONS):
+                one, two = e - GOLDEN * (e - a), a + GOLDEN * (e - a)
+                if _gap_from(table, points, k, d, one, u, best, room, none, own, work, across, waiting) < _gap_from(
+                        table, points, k, d, two, u, best, room, none, own, work, across, waiting):
+                    e = two
+                else:
+                    a = one
+            place[i] = 0.5 * (a + e)
+            depth[i] = -_gap_from(table, points, k, d, place[i], u, best, room, none, own, work, across, waiting)
+        points.mem[i, :] = kept
+
+
+@inner_with_memory
+def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
+    """Write curve c where item i has its own."""
+    m, n = table.sizes[c, 0], table.sizes[c, 1]
+    dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
+    fields, coords = table.own[k, 0], table.own[k, 1]
+    whole = points.dof[i + 1] - points.dof[i]
+    for q in range(n):
+        points.dofs[points.dof[i] + coords + q] = table.dofs[dof + q]
+    for p in range(m):
+        points.p0[points.field[i] + fields + p] = table.p0[field + p]
+        at = points.entry[i] + (fields + p) * whole + coords
+        for q in range(n):
+            points.G[at + q] = table.G[entry + p * n + q]
+    for q in range(CURVE_SIZE):
+        points.par[i, ORIGIN + q] = table.curve[c, q]

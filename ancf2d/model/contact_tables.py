@@ -1,0 +1,134 @@
+"""The points of one contact as kernels take them: gaps, and where a body is deepest in what it touches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ..elements.contact_bodies import BEGINS, FOOT, GOES
+from ..elements.contact_geometry import FREE, ORIGIN, PLACE
+from ..elements.shape import Array
+from ..interactions.body_contact import BodyPair, facing_table
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..kernels.points import Points
+from .interactions import point_table
+from .timing import rates_of
+
+
+class ContactTable:
+    """The points of a contact with an obstacle, with what they remember at the moment."""
+
+    def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
+        self.pair = pair
+        self.signals: list[Any] = []
+        self.points = [c for c in constraints if isinstance(c, ContactPoint) and c.pair is pair]
+        self.patches: list[Any] = self.points or [CompliantContact(pair)]
+        self.table: Points = point_table(self.patches, self.signals)
+        self.size = pair.size
+
+    def at(self, d: Array, t: float) -> tuple[Points, Array]:
+        """Return the table and the amplitudes at t, at d (n_full,)."""
+        mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
+        self.table.mem[:, :self.size] = mem
+        amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
+        return self.table, amps
+
+    def turn_to(self, d: Array) -> None:
+        """Let points act on what they are opposite to at d (n_full,): an obstacle, wherever they are."""
+
+    @property
+    def free(self) -> Any:
+        """Which points may move along their element (m,)."""
+        return np.array([p.free for p in self.pair.spots])
+
+    def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
+        """Return the gap of each point (m,) where it stands, and whether its face is the one that touches."""
+        gap, _, faces = self.stand(d, t)
+        return gap, faces
+
+    def stand(self, d: Array, t: float) -> tuple[Array, Array, Any]:
+        """Return the gap of each point (m,), where on the obstacle it is, and whether its face is the one that touches.
+        """
+        from ..kernels.contact import contact_gaps
+
+        table, amps = self.at(d, t)
+        n = len(table.forces)
+        gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
+        contact_gaps(table, d, amps, gap, along, faces)
+        return gap, along, faces
+
+    def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return how deep the body is within the interval of each point that may move (m,), at which z, in what."""
+        from ..kernels.contact import deepest
+
+        table, amps = self.at(d, t)
+        n = len(table.forces)
+        depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
+        deepest(table, self.free, d, amps, depth, place, feature)
+        return depth, place, feature
+
+    def along(self) -> Array:
+        """Return S (m,) on the first body named of each point."""
+        return self.places(self.pair.mesh)
+
+    def places(self, mesh: Any) -> Array:
+        """Return S (m,) of each point on its own body."""
+        s: Array = self.pair.s.copy()
+        for k in np.flatnonzero(self.free & (self.table.mem[:, FREE] > 0.0)):
+            ie = self.pair.spots[k].ie
+            s[k] = (mesh.starts[ie] + 0.5 * (self.table.mem[k, PLACE] + 1.0) * mesh.lengths[ie]) / mesh.plan.length
+        return s
+
+
+class BodyTable(ContactTable):
+    """The points of a body that may touch another one, or itself."""
+
+    def __init__(self, constraints: Iterable[Any], pair: BodyPair) -> None:
+        super().__init__(constraints, pair)
+        self.facing = facing_table(self.patches)
+
+    def at(self, d: Array, t: float) -> tuple[Points, Array]:
+        """Return the table and the amplitudes at t; each point is opposite to what it is at d (n_full,)."""
+        table, amps = super().at(d, t)
+        self.turn_to(d)
+        return table, amps
+
+    def turn_to(self, d: Array) -> None:
+        """Let points act on the elements that they are opposite to at d (n_full,)."""
+        from ..kernels.facing import face
+
+        face(self.facing, self.table, d)
+
+    def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
+        """Return the gap of each point (m,), nan where nothing is opposite, and where something is."""
+        from ..kernels.facing import body_gaps
+
+        table, _ = self.at(d, t)
+        gap = np.zeros(len(table.forces))
+        body_gaps(self.facing, table, d, gap)
+        return gap, np.isfinite(gap)
+
+    def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
+        """Do as ``ContactTable.deepest``."""
+        from ..kernels.facing import body_deepest
+
+        table, _ = self.at(d, t)
+        n = len(table.forces)
+        depth, place = np.zeros(n), np.zeros(n)
+        body_deepest(self.facing, table, self.free, d, depth, place)
+        return depth, place, np.zeros(n)
+
+    def along(self) -> Array:
+        """Return S (m,) on the first body named: of the points, or of the places opposite to them."""
+        if self.pair.sign >= 0.0:
+            return self.places(self.pair.mesh)
+        par, mem = self.table.par[:, ORIGIN:], self.table.mem
+        out: Array = (par[:, BEGINS] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, GOES]) / self.pair.against.plan.length
+        return out
+
+
+def contact_table(constraints: Iterable[Any], pair: ContactPair | BodyPair) -> ContactTable:
+    """Return the points of one contact."""
+    return BodyTable(constraints, pair) if isinstance(pair, BodyPair) else ContactTable(constraints, pair)

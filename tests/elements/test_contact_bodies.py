@@ -1,0 +1,118 @@
+"""Laws of contact of two curves: derivatives, balance and invariance, for every section on both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_contact_laws import SECTIONS, differences
+
+from ancf2d.elements import contact_bodies as laws
+from ancf2d.elements import contact_geometry as geometry
+
+# what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
+PLACES = {"within": laws.WITHIN, "kink": laws.AT_LAST, "end": laws.WITHIN}
+
+
+class Point:
+    """A point of one bent curve within another, and how the law is asked."""
+
+    def __init__(self, law, one, two, place, damping=0.0):
+        rng = np.random.default_rng(5)
+        (kind, terms), (other, others) = SECTIONS[one], SECTIONS[two]
+        self.law, self.hard = law, law is laws.HARD_BODIES
+        curve = np.zeros(laws.BODY_SIZE)
+        curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
+        curve[laws.SIGN], curve[laws.GOES] = 1.0, 1.0
+        if place == "end" and two != "curve":
+            curve[[laws.END, laws.MIDDLE, laws.HALF, laws.SIGN]] = 1.0, 0.01, 0.08, -1.0
+        self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
+                             0.0, 0.0, *curve])
+
+        def bent(section, count):
+            fields = 0.02 * rng.standard_normal((3 if section == "theta" else 2, count))
+            fields[0, :2] += [0.1, 0.5]
+            return fields
+
+        self.sizes = [(3 if one == "theta" else 2) * terms, (3 if two == "theta" else 2) * others]
+        self.p0 = np.concatenate([bent(one, terms).ravel(), bent(two, others).ravel(), *([[0.0]] if self.hard else [])])
+        self.u, self.w = np.zeros(len(self.p0)), np.zeros(len(self.p0))
+        self.mem = np.zeros(laws.BODY_MEMORY)
+        self.mem[geometry.HELD], self.mem[laws.FOUND] = -1.0, PLACES[place]
+        self.mem[laws.FOOT] = 1.0 if place == "kink" else 0.2
+        self._move_to_depth(0.03)
+        if self.hard:
+            self.u[-1] = -3.0
+        elif damping:
+            self.w[:] = 0.1 * rng.standard_normal(len(self.w))
+
+    def _move_to_depth(self, depth):
+        """Move the point to so deep below the place that it is opposite to."""
+        own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
+        m = self.sizes[0]
+        other = self.par[geometry.ORIGIN:]
+        tx, ty, _, _ = laws.curve_at(other, self.p0[m:], self.u[m:], self.mem[laws.FOOT], work, across)
+        geometry.stand(self.par, self.p0, self.u, 0.3, own)
+        n = other[laws.SIGN] * np.array([-ty, tx]) / np.hypot(tx, ty)
+        # beside a kink the straight way to it is not normal to the curve
+        aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[laws.FOUND] == laws.AT_LAST)
+        step = work[[geometry.RHO, geometry.RHO + 1]] - depth * n + aside - own[[geometry.RHO, geometry.RHO + 1]]
+        terms = int(self.par[geometry.TERMS])
+        self.p0[0] += step[0]
+        self.p0[terms] += step[1]
+
+    def __call__(self, u, w):
+        m = len(u)
+        f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+        energy, power = self.law.forces(self.p0, u, w, self.par, np.zeros(3), self.mem, f, H, C)
+        return energy, f, H, C, power
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("two", SECTIONS)
+@pytest.mark.parametrize("one", SECTIONS)
+@pytest.mark.parametrize(("law", "damping"), [(laws.COMPLIANT_BODIES, 0.0), (laws.COMPLIANT_BODIES, 0.4),
+                                              (laws.HARD_BODIES, 0.0)])
+def test_stiffness_and_damping_are_the_derivatives_of_the_forces(law, damping, one, two, place):
+    point = Point(law, one, two, place, damping)
+    _, f, H, C, power = point(point.u, point.w)
+    assert np.abs(f).max() > 0.1
+    size = 1.0 + np.abs(H).max()
+    np.testing.assert_allclose(H, differences(lambda u: point(u, point.w)[1], point.u), atol=1e-8 * size)
+    np.testing.assert_allclose(C, differences(lambda w: point(point.u, w)[1], point.w), atol=1e-8 * size)
+    if law is laws.COMPLIANT_BODIES and not damping:
+        np.testing.assert_allclose(f, differences(lambda u: np.array(point(u, point.w)[0]), point.u), atol=1e-8 * size)
+    if damping:
+        # what the forces do beside the potential is lost
+        still = point(point.u, 0.0 * point.w)[1]
+        assert power == pytest.approx((f - still) @ point.w, rel=1e-10)
+    else:
+        np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("two", SECTIONS)
+@pytest.mark.parametrize("one", SECTIONS)
+def test_the_two_bodies_are_in_balance(one, two, place):
+    point = Point(laws.COMPLIANT_BODIES, one, two, place)
+    f, start = point(point.u, point.w)[1], 0
+    total = np.zeros(3)
+    for section, size in zip((one, two), point.sizes, strict=True):
+        sets = 3 if section == "theta" else 2
+        own, fields = f[start:start + size].reshape(sets, -1), point.p0[start:start + size].reshape(sets, -1)
+        total[:2] += own[:2, 0]
+        # a turn by a unit of all that turns
+        total[2] += fields[0] @ own[1] - fields[1] @ own[0] + (own[2, 0] if sets == 3 else 0.0)
+        start += size
+    np.testing.assert_allclose(total, 0.0, atol=1e-12 * np.abs(f).max())
+
+
+def test_nothing_acts_where_bodies_are_apart_or_nothing_is_opposite():
+    for law in (laws.COMPLIANT_BODIES, laws.HARD_BODIES):
+        point = Point(law, "curve", "theta", "within")
+        point.u[-1] = 0.0
+        apart = point.u.copy()
+        apart[4] += 0.1
+        assert not point(apart, point.w)[1][:8].any()
+        assert point(point.u, point.w)[1].any()
+        point.mem[laws.FOUND] = laws.NOWHERE
+        assert not point(point.u, point.w)[1].any()

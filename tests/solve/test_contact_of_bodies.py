@@ -1,0 +1,147 @@
+"""Contact of bodies with one another and of a body with itself, against closed forms, symmetry and obstacles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers
+import numpy as np
+import pytest
+
+from ancf2d.errors import CaseError
+from ancf2d.solvers.contact import contact_report, touches
+
+SECTION = {"height": 0.02, "width": 0.05}
+STEEL = {"E": 2e11, "nu": 0.3, "rho": 7800.0}
+# EI of SECTION
+BENDING = 2e11 * 0.05 * 0.02**3 / 12
+ON = {"between": ["upper", "lower"], "name": "touch"}
+LAWS = {"law": {"law": {"stiffness": 1e9}}, "none": {}}
+
+
+def beam(start: Any, end: Any, name: str = "cable", count: int = 4) -> dict[str, Any]:
+    """Return a straight beam."""
+    geometry = {"type": "line", "start": list(start), "end": list(end)}
+    return helpers.body(geometry, helpers.element(name, count), SECTION, STEEL)
+
+
+def clamps(*points: str) -> list[dict[str, Any]]:
+    return [{"name": f"wall {k}", "type": "clamp", "at": point} for k, point in enumerate(points)]
+
+
+def push(at: str, fx: float, fy: float) -> dict[str, Any]:
+    return {"type": "force", "at": at, "value": [fx, fy]}
+
+
+def check_balance(solution: Any) -> None:
+    """What bodies do to one another has no resultant, in force and moment."""
+    model, d = solution.model, solution.state.d
+    e = model.e0 + d[:model.n_q]
+    for pair, table in zip(model.contacts, model.contact_tables, strict=True):
+        points, _ = table.at(d, 1.0)
+        from ancf2d.kernels.points import point_matrices
+        from ancf2d.model.mechanism import rigid_motion
+
+        m = len(points.forces)
+        dofs = points.dofs.reshape(m, -1)
+        n = dofs.shape[1]
+        Q = np.zeros((m, n))
+        point_matrices(points, d, np.zeros_like(d), np.zeros((0, 3)), False, np.zeros(m), Q, np.zeros((m, n, n)),
+                       np.zeros((m, n, n)))
+        own, other = pair.mesh.plan.element.n_dof, pair.against.plan.element.n_dof
+        total = 0.0
+        for mesh, part in ((pair.mesh, slice(0, own)), (pair.against, slice(own, own + other))):
+            moves = rigid_motion(mesh, dofs[:, part].ravel(), e, np.zeros(2)).reshape(m, -1, 3)
+            total = total + np.einsum("mn,mnk->mk", Q[:, part], moves)
+        assert np.abs(total).max() < 1e-8 * max(np.abs(Q).max(), 1.0)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("name", ["cable", "reissner2", "vallejo"])
+def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
+    found = []
+    for order in (["upper", "lower"], ["lower", "upper"]):
+        bodies = {"upper": beam([0, 0.02], [1, 0.02], name), "lower": beam([0.8, 0], [1.6, 0], name, 5)}
+        found.append(helpers.Solution(helpers.build(
+            bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -10.0)],
+            contacts=[{"name": "touch", "between": order, **LAWS[law]}])))
+    solution, other = found
+    # 3 EI/L^3 of each where they touch, at x = 1
+    stiff = np.array([1.0, 0.6**-3])
+    (report,), (turned,) = (contact_report(s.model, s.state) for s in found)
+    assert report["force"][1] == pytest.approx(10.0 * stiff[1] / stiff.sum(), rel=2e-3)
+    assert report["from"] == pytest.approx(1.0, abs=0.02)
+    check_balance(solution)
+    # whichever is named first
+    np.testing.assert_allclose(other.state.d[:solution.model.n_q], solution.state.d[:solution.model.n_q], atol=1e-10)
+    np.testing.assert_allclose(turned["force"], -np.array(report["force"]), rtol=1e-7, atol=1e-9)
+    assert turned["moment"] == pytest.approx(-report["moment"], rel=1e-7)
+    # to the distance of the points that bear
+    assert turned["to"] == pytest.approx(0.25, abs=0.03)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_two_mirrored_beams_do_as_one_on_their_plane_of_symmetry(law):
+    gap, force, n = 0.01, 40000.0, 6
+    upper, lower = beam([0, 0.01 + gap], [1, 0.01 + gap], count=n), beam([0, -0.01 - gap], [1, -0.01 - gap], count=n)
+    two = helpers.Solution(helpers.build(
+        {"upper": upper, "lower": lower}, bc=clamps("upper@0", "upper@1", "lower@0", "lower@1"),
+        loads=[push("upper@0.5", 0, -force), push("lower@0.5", 0, force)], contacts=[{**ON, **LAWS[law]}]))
+    # each body meets the middle half way: a layer between them as stiff as two behind one another
+    half = {"law": {"stiffness": 2e9}} if law == "law" else {}
+    one = helpers.Solution(helpers.build(
+        {"upper": upper}, bc=clamps("upper@0", "upper@1"), loads=[push("upper@0.5", 0, -force)],
+        obstacles={"plane": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        contacts=[{"name": "touch", "between": ["upper", "plane"], **half}]))
+    for s in (0.25, 0.4, 0.5):
+        np.testing.assert_allclose(two.r(f"upper@{s}"), one.r(f"upper@{s}"), atol=2e-6)
+        np.testing.assert_allclose(two.r(f"lower@{s}"), two.r(f"upper@{s}") * [1, -1], atol=1e-9)
+    (report,), (alone,) = contact_report(two.model, two.state), contact_report(one.model, one.state)
+    assert report["force"][1] == pytest.approx(alone["force"][1], rel=1e-4)
+    assert report["force"][1] > 100.0
+    check_balance(two)
+    for touch in touches(two.model, two.state):
+        assert np.nanmin(touch.gap) > (-1e-8 if law == "none" else -1e-3)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
+    def pin(*pieces):
+        # a bump above the plane, and a bend around to the other arm
+        start = [0.15 * np.sin(0.6), 0.165 - 0.15 * np.cos(0.6)]
+        geometry = {"type": "path", "start": start, "heading": np.pi + 0.6, "pieces": list(pieces)}
+        return helpers.body(geometry, helpers.element("cable", 8 * len(pieces)), {"height": 0.01, "width": 0.05}, STEEL)
+
+    bump = {"arc": 0.15, "angle": -1.0}
+    radius = (0.165 - 0.15 * np.cos(0.4)) / np.cos(0.4)
+    whole = helpers.Solution(helpers.build(
+        {"pin": pin(bump, {"arc": radius, "angle": np.pi + 0.8}, bump)}, bc=clamps("pin@0.5"),
+        loads=[push("pin@0", 0, -20000.0), push("pin@1", 0, 20000.0)],
+        contacts=[{"name": "touch", "self": "pin", **LAWS[law]}]))
+    half = {"law": {"stiffness": 2e9}} if law == "law" else {}
+    alone = helpers.Solution(helpers.build(
+        {"pin": pin(bump, {"arc": radius, "angle": 0.5 * np.pi + 0.4})}, bc=clamps("pin@1"),
+        loads=[push("pin@0", 0, -20000.0)],
+        obstacles={"plane": {"type": "polyline", "points": [[-0.05, 0], [0.2, 0]]}},
+        contacts=[{"name": "touch", "between": ["pin", "plane"], **half}]))
+    assert any(touch.closed.any() for touch in touches(alone.model, alone.state))
+    for s in (0.0, 0.2, 0.35):
+        # to a thousandth of what the tip moves: where a point is placed differs
+        np.testing.assert_allclose(whole.r(f"pin@{s}"), alone.r(f"pin@{2 * s}"), atol=2.5e-5)
+        # without a law, one of the two sides has the points
+        np.testing.assert_allclose(whole.r(f"pin@{1 - s}"), whole.r(f"pin@{s}") * [1, -1],
+                                   atol=1e-8 if law == "law" else 2.5e-5)
+    (report,) = contact_report(whole.model, whole.state)
+    # a body has no force on itself
+    assert report["force"] == [0.0, 0.0]
+    assert 0.0 < report["from"] < 0.35
+    assert law == "none" or 0.65 < report["to"] < 1.0
+    check_balance(whole)
+
+
+def test_bodies_that_overlap_are_told_with_depth_and_place():
+    bodies = {"upper": beam([0, 0.015], [1, 0.015]), "lower": beam([0.8, 0], [1.6, 0], count=5)}
+    with pytest.raises(CaseError, match=r"contacts\.0: \w+ is 0\.005 deep in \w+ in the reference, at S = "):
+        helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[ON])
+    # a layer that yields starts compressed
+    helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[{**ON, **LAWS["law"]}])
