@@ -210,3 +210,36 @@ def test_section_forces_know_of_line_loads_by_formula(element: str) -> None:
     # without it 40 N instead of 37.5 N on average over the element
     assert formula["inside"]["Q"] == pytest.approx(plain["inside"]["Q"], abs=2.5)
     assert formula["inside"]["M"] == pytest.approx(plain["inside"]["M"], rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_flexible_arm_under_pid_is_that_of_its_equations() -> None:
+    """M z'' + R(z, z') = u at the hub, with the controller's equations beside it, by SciPy's DOP853."""
+    body = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+            "section": {"EA": 100, "kGA": 50, "EI": 2, "rhoA": 1, "rhoI": 0.05},
+            "element": {"type": "reissner3", "count": 2}}
+    kp, ki, kd, filtered, t_end = 6.0, 4.0, 1.5, 0.02, 0.3
+    case = {"bodies": {"arm": body}, "boundary_conditions": [{"type": "pin", "at": "arm@0"}],
+            "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-10, "estimate": False},
+            "output": {"interval": 0.1, "probes": {"hub": "arm@0", "tip": "arm@1"}}}
+    own = ancf2d.system(case)
+    hub, n, M = own.names.index("theta of arm at S = 0"), own.n, own.mass.toarray()
+
+    def rates(t: float, y: Any) -> Any:
+        z, v, integral, f = y[:n], y[n:2 * n], y[-2], y[-1]
+        e = 1.0 - z[hub]
+        forces = -own.residual(z, v, t)
+        forces[hub] += kp * e + integral + kd * (e - f) / filtered
+        return np.concatenate([v, np.linalg.solve(M, forces), [ki * e, (e - f) / filtered]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = 1.0
+    exact = solve_ivp(rates, (0.0, t_end), start, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    motor = {"type": "pid", "input": "1 - hub.theta", "kp": kp, "ki": ki, "kd": kd, "filter": filtered}
+    found = ancf2d.solve({**case, "controllers": {"motor": motor}, "loads": [
+        {"type": "moment", "at": "arm@0", "value": 1, "amplitude": {"type": "expression", "value": "motor"}}]})
+    for name in ("hub", "tip"):
+        told = own.probe(name, exact[:n], exact[n:2 * n], t_end)
+        for quantity in ("x", "y", "theta", "vx", "vy", "omega"):
+            assert found.probes[name][quantity] == pytest.approx(told[quantity], abs=1e-7)
+    assert found.summary["controllers"]["motor"]["filtered"] == pytest.approx(exact[-1], abs=1e-7)
