@@ -24,7 +24,7 @@ class MaterialDamping:
 
 
 @record
-class Hardening:
+class LinearHardening:
     """How the yield stress changes with plastic strain."""
 
     isotropic: float = key(Number("Pa", ge=0), "Increase of the yield stress per plastic strain, in both directions",
@@ -91,7 +91,8 @@ class Material:
     damping: MaterialDamping | None = key(Record(MaterialDamping), "Material damping", default=None)
     yield_: float | None = key(Number("Pa", gt=0), "Yield stress of the fibres along the axis; shear stays elastic",
                                default=None, name="yield", example=2.5e8)
-    hardening: Hardening | None = key(Record(Hardening), "Linear hardening beyond the yield stress (default: none)",
+    hardening: LinearHardening | None = key(Record(LinearHardening), "Linear hardening beyond the yield stress "
+                                            "(default: none)",
                                       default=None, example={"isotropic": 1e9, "kinematic": 0})
     stress_strain: StressStrain | None = key(Record(StressStrain), "Stress of the fibres along the axis as a curve, in "
                                              "place of yield and hardening; shear stays elastic", default=None)
