@@ -65,7 +65,7 @@ def report(study: Sensitivity) -> str:
     from ..case.units import with_unit
 
     head = ["number", "value", "derivative", "error", "elasticity"]
-    rows = [[row.path, number(row.value), number(row.derivative, 9), f"{row.error:.0e}",
+    rows = [[row.path, number(row.value), number(row.derivative, 7), f"{row.error:.0e}",
              number(row.elasticity, 4)] for row in study.rows]
     lines = [study.title] if study.title else []
     lines += [f"{with_unit(study.described, study.labels)} = {number(study.goal, 10)}", ""]

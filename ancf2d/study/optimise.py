@@ -27,8 +27,8 @@ METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
 TABLE = "optimisation"
 # relative change of the minimum at which it is found, and what a constraint may be missed by beside its size
 TOLERANCE, MET = 1e-9, 1e-6
-# share of the range of a number within which it is at its bound
-AT_BOUND = 1e-6
+# shares of the range of a number within which it is called at its bound, and is put there
+AT_BOUND, EXACT = 1e-6, 1e-12
 
 
 @dataclass
@@ -100,7 +100,8 @@ class _Search:
         self.problem, self.progress, self.tell = problem, progress, tell
         self.loaded = on_its_mesh(problem.loaded, progress)
         self.low = np.array([b.low for b in problem.bounds])
-        self.range = np.array([b.high - b.low for b in problem.bounds])
+        self.high = np.array([b.high for b in problem.bounds])
+        self.range = self.high - self.low
         self.history: list[Point] = []
         self.warnings: dict[bytes, list[str]] = {}
         self.gradients = 0
@@ -119,7 +120,9 @@ class _Search:
 
     def x(self, y: Array) -> Array:
         """Return the numbers at shares y of their ranges."""
-        return np.clip(self.low + self.range * y, self.low, self.low + self.range)
+        # at a bound it is the bound, to the last digit
+        inside = np.where(y >= 1.0 - EXACT, self.high, self.low + self.range * y)
+        return np.where(y <= EXACT, self.low, inside)
 
     def sets(self, y: Array) -> list[str]:
         """Return the ``PATH=VALUE`` overrides."""
