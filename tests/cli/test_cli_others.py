@@ -89,6 +89,41 @@ def test_convergence_writes_a_table_that_plot_draws(call: Call, folder: Path) ->
     assert "convergence" in call("info", "study.h5").stdout
 
 
+def test_sensitivities_and_designs_are_written_and_drawn(call: Call, call_json: CallJson, folder: Path) -> None:
+    """u is proportional to the load: elasticity 1, and the least load is best."""
+    result = call("sensitivity", "beam.yaml", "-o", "s.h5")
+    assert result.exit_code == 0
+    assert "loads.tip.value.1" in result.stdout
+    with open_results(folder / "s.h5") as found:
+        table = found.tables["sensitivity"]
+        row = list(table["path"]).index("loads.tip.value.1")
+        assert table["elasticity"][row] == pytest.approx(1.0, abs=1e-8)
+    assert call("plot", "s.h5").stdout == "wrote s-tornado.png (tornado)\n"
+    found = call_json("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-6:-2", "--minimise", "goal^2",
+                      "--subject-to", "goal <= 0", "--history", "o.h5", "--json")
+    assert found["rows"][0]["value"] == pytest.approx(-2.0, abs=1e-6)
+    assert found["constraints"][0]["met"]
+    assert found["output"] == "beam-best.yaml"
+    assert call("plot", "o.h5").stdout == "wrote o-optimisation.png (optimisation)\n"
+    again = call_json("run", "beam-best.yaml", "--set", "expected=null", "--json")
+    assert again["probes"]["tip"]["uy"] ** 2 == pytest.approx(found["minimum"], rel=1e-9)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (("sensitivity", "beam.yaml", "--set", "goal=null"), "the case has no goal"),
+    (("sensitivity", "beam.yaml", "--to", "loads.tip.valu.1"), "did you mean 'loads.tip.value.1'?"),
+    (("sensitivity", "beam.yaml", "--to", "bodies.beam.element.count"), "whole number"),
+    (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=1", "--minimise", "mass"), "not PATH=LOW:HIGH"),
+    (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-2:-1", "--minimise", "tip.uz"), "did you mean 'tip.uy'?"),
+    (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-2:-1", "--minimise", "goal", "--subject-to", "goal"),
+     "no constraint")], ids=lambda v: v if isinstance(v, str) else " ".join(v))
+def test_what_cannot_be_differentiated_or_designed_is_a_mistake(call: Call, arguments: tuple[str, ...], message: str,
+                                                                ) -> None:
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
 def test_convergence_row_that_fails_is_a_row(call: Call, call_json: CallJson) -> None:
     arguments = ("convergence", "beam.yaml", "--element", "cable:structural,reissner2", "--elements", "2,4")
     found = call_json(*arguments, "--json")
@@ -239,6 +274,8 @@ def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
     (["sweep", "beam.yaml", "--over", "bodies.beam.element.count=1,-1"], "rows"), (["info", "beam.h5"], "made"),
     (["compare", "beam.h5", "beam.h5"], "differences"), (["export", "beam.h5", "t.csv"], "bytes"),
     (["elements"], "elements"), (["elements", "cable"], "basis"),
+    (["sensitivity", "beam.yaml", "--to", "loads.tip.value.1"], "goal"),
+    (["optimise", "beam.yaml", "--vary", "loads.tip.value.1=-6:-1", "--minimise", "goal^2"], "minimum"),
     (["tradeoff", "beam.yaml", "--element", "cable", "--elements", "1,2", "--repeat", "1", "--budget", "5"],
      "recommended"),
     (["run", "none.yaml"], "problems"), (["run", "beam.yaml", "--bad"], "reason"),
@@ -310,6 +347,9 @@ WRITING = {
     "tradeoff": ("tradeoff", "beam.yaml", "-o"), "csv": ("sweep", "beam.yaml", "--over", "title=a", "--csv"),
     "figure": ("plot", "beam.h5", "--save"), "data": ("plot", "beam.h5", "--data"),
     "animation": ("plot", "beam.h5", "--animate"), "view": ("view", "beam.h5", "--save"),
+    "sensitivity": ("sensitivity", "beam.yaml", "--to", "loads.tip.value.1", "-o"),
+    "history": ("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-6:-1", "--minimise", "goal^2", "--history"),
+    "best": ("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-6:-1", "--minimise", "goal^2", "-o"),
     "export": ("export", "beam.h5"), "schema": ("schema", "-o"), "reference": ("schema", "--markdown", "-o")}
 SUFFIXES = {"figure": ".png", "animation": ".gif", "export": ".csv", "reference": ".md"}
 
