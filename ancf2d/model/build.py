@@ -51,7 +51,7 @@ from .switched import switched
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 # of what may overlap, beside the extent of a model
-OVERLAP = 1e-6
+OVERLAP = 1e-9
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
 RAPID, AT_LEAST = 1e3, 1e-3
 
