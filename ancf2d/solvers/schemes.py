@@ -169,6 +169,9 @@ def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
         names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.hard))
         yield ("method", f"{scheme.name} cannot step contact without a law ({names})",
                "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
+    names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
+    if scheme.conserves and names:
+        yield ("method", f"{scheme.name} cannot step contact between bodies ({names})", "generalized_alpha")
 
 
 RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _relaxes, _impacts)

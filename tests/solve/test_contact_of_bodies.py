@@ -10,6 +10,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.solvers.contact import contact_report, touches
+from ancf2d.solvers.schemes import method_problems
 
 SECTION = {"height": 0.02, "width": 0.05}
 STEEL = {"E": 2e11, "nu": 0.3, "rho": 7800.0}
@@ -137,6 +138,13 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
     assert 0.0 < report["from"] < 0.35
     assert law == "none" or 0.65 < report["to"] < 1.0
     check_balance(whole)
+
+
+def test_steps_that_keep_energy_are_refused():
+    bodies = {"upper": beam([0, 0.02], [1, 0.02]), "lower": beam([0.8, 0], [1.6, 0])}
+    solver = {"type": "dynamic", "t_end": 1, "dt": 0.1, "method": "energy_momentum"}
+    model = helpers.build(bodies, solver, contacts=[{**ON, **LAWS["law"]}])
+    assert any("contact between bodies (touch)" in p.message for p in method_problems(model))
 
 
 def test_bodies_that_overlap_are_told_with_depth_and_place():
