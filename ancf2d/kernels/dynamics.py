@@ -29,15 +29,14 @@ class Problem(NamedTuple):
     [s]; points, sliding, moving, facing : tables of point laws, joints, points that move along bodies or touch them;
     patched : whether there are any; touches, sided : whether there are contacts, and one-sided ones; turning :
     directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr,
-    index, value, full, dependents : numbering; fronts : those of matrices, empty where they are bands of ``width``
-    entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero,
-    entries (j + d, j); load_*, motion_* : dead loads, entry by entry, entries of P and (signals, n) T^T M P; alpha :
-    mass damping [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) what tells how it turns: a
-    coordinate theta, x and y of a gradient, or of two points; e0 : (n_q,) reference; weights, straining : (n,) [m],
-    those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers; extent : of the scene [m]. feedback : what
-    answers the motion; inner : unknowns without controllers' states, the last ones; rank : of what signals and states
-    add to tangents (``kernels.feedback``); sure : iterations at least, 2 where these switch: small increments do not
-    see that.
+    index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :
+    T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries (j + d, j);
+    load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]; pairs : (m, 2)
+    unknowns x and y of one vector; turns : (m, 4) how it turns: by theta, x and y of a gradient, or of two points; e0 :
+    (n_q,) reference; weights, straining : (n,) [m], those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers;
+    extent : of the scene [m]. feedback : what answers the motion; inner : unknowns without controllers' states, the
+    last ones; rank : of what signals and states add to tangents (``kernels.feedback``); sure : iterations at least, 2
+    where these switch: small increments do not see that.
     """
 
     groups: Any
