@@ -152,15 +152,16 @@ def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     """Yield the forces of line loads by formula, each at a quadrature point."""
-    from ..model.interactions import batches
+    lines = [p for p in model.loads.patches if isinstance(p, FormulaLine) and p.mesh is mesh]
+    if not lines:
+        return
+    from ..model.interactions import batches  # with the kernels of point laws
 
-    for patch in model.loads.patches:
-        if isinstance(patch, FormulaLine) and patch.mesh is mesh:
-            [batch] = batches([patch])
-            Q = batch.matrices(state.d, state.side, v=state.v)[1]
-            places = [(ie, x) for elements, xi, _ in patch.cover for ie in elements.tolist()
-                      for x in np.ravel(xi).tolist()]
-            yield from (Inside(ie, x, -q) for (ie, x), q in zip(places, Q, strict=True))
+    for patch in lines:
+        [batch] = batches([patch])
+        Q = batch.matrices(state.d, state.side, v=state.v)[1]
+        places = [(ie, x) for elements, xi, _ in patch.cover for ie in elements.tolist() for x in np.ravel(xi).tolist()]
+        yield from (Inside(ie, x, -q) for (ie, x), q in zip(places, Q, strict=True))
 
 
 def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:

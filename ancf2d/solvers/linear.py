@@ -11,7 +11,6 @@ from ..case import Fluid
 from ..elements.shape import Array
 from ..interactions.flow import fluid_mass
 from ..interactions.inertia import mass_block, mass_terms
-from ..kernels.feedback import tail_size
 from ..kernels.lowlevel.records import Record
 from ..kernels.matrix import Band, Csr, scatter_classes
 from ..kernels.tree import Fronts, entries
@@ -359,7 +358,11 @@ def inertia_rates(model: Model, state: State) -> Array | None:
 def dense(A: Array, p: Record) -> Array:
     """Return a matrix, stored as ``kernels.symmetric`` has it for a problem, in full, with what feedback adds."""
     n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-    tail = tail_size(n, rank, states) if rank else 0
+    tail = 0
+    if rank:
+        from ..kernels.feedback import tail_size  # with the kernels of motion, which statics does without
+
+        tail = tail_size(n, rank, states)
     base, out = A[:len(A) - tail], np.zeros((n, n))
     out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
     if rank:
