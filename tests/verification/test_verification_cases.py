@@ -19,7 +19,8 @@ from scripts import make_docs, verification_manual
 CASES = Path(__file__).parents[2] / "cases"
 FILES = sorted(CASES.rglob("*.yaml"))
 # of meshes and element types of the same motion the quick tests take one
-QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid")
+QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid",
+         "caught_rod", "pid_arm")
 
 
 def named(case: Path, quick: bool) -> Any:
