@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ..errors import CaseError, Problem
@@ -54,6 +54,19 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
         node = found[0]
         raise CaseError(node.mark.problem(f"{quoted(path)} is {node.shown()}; expected a number, or a point BODY@S"))
     return variable
+
+
+def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[Variable]:
+    """Return the numbers at paths, each path once. Raises CaseError with all that lead to none."""
+    found, problems = [], []
+    for path in dict.fromkeys(paths):
+        try:
+            found.append(variable_at(loaded, path))
+        except CaseError as error:
+            problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    return found
 
 
 def variables_of(loaded: LoadedCase) -> list[Variable]:
@@ -134,7 +147,7 @@ def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocab
     is written with its defaults instead. Raises CaseError where that is no case.
     """
     directory = os.path.dirname(loaded.source.file)
-    sets = [variable_at(loaded, path).override(value) for path, value in values.items()]
+    sets = [v.override(value) for v, value in zip(numbers_at(loaded, values), values.values(), strict=True)]
     whole = load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *sets), vocabulary, directory).completed
     changed = None if loaded.overrides else _replaced(loaded.text, values)
     if changed is not None:

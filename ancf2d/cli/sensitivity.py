@@ -66,10 +66,13 @@ def report(study: Sensitivity) -> str:
 
     head = ["number", "value", "derivative", "error", "elasticity"]
     rows = [[row.path, number(row.value), number(row.derivative, 7), f"{row.error:.0e}",
-             number(row.elasticity, 4)] for row in study.rows]
+             number(row.elasticity, 4)] for row in study.rows if row.influence]
+    idle = [row.path for row in study.rows if not row.influence]
     lines = [study.title] if study.title else []
     lines += [f"{with_unit(study.described, study.labels)} = {number(study.goal, 10)}", ""]
-    lines += table([head, *rows]) if rows else ["no number of the case can vary"]
+    lines += table([head, *rows]) if rows else [] if idle else ["no number of the case can vary"]
+    if idle:
+        lines += ["", f"{many(len(idle), 'number')} without influence: {', '.join(idle)}"]
     methods = sorted({row.method for row in study.rows} - {"exact"})
     for method in methods:
         some = [row.path for row in study.rows if row.method == method]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,11 +22,12 @@ FORWARD, LOWER = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0, np.array([-1
 
 @dataclass
 class Quotient:
-    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error."""
+    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add."""
 
     value: Array
     error: Array
     h: float
+    kink: Array | float = 0.0
 
 
 def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0,
@@ -36,25 +37,27 @@ def derivative(f: Callable[[float], Array], h: float, weights: Array | None = No
     Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
     of lower order tell that f is not smooth over them. What f raises on both sides is raised. Values are compared with
     each other through ``weights`` (m,); ``unknown`` is how far they are known, so weighted, beside round-off of their
-    own. Where ``middle``, f(0), is given, half of what f' jumps by there is part of the error.
+    own. Where ``middle``, f(0), is given, half of what f' jumps by there is part of the error. Where several steps were
+    tried, the error is at most the distance of the derivatives that they give.
     """
-    best: Quotient | None = None
+    tried: list[Quotient] = []
     for _ in range(TRIES):
-        found = _at(f, h, middle)
-        if best is None or _worst(found, weights, unknown) < _worst(best, weights, unknown):
-            best = found
+        tried.append(_at(f, h, middle))
+        best = min(tried, key=lambda found: _worst(found, weights, unknown))
         if _worst(best, weights, 0.0) <= SMOOTH**2:
             break
         h *= SHORTER
-    assert best is not None
-    return best
+    others = [np.abs(best.value - other.value) for other in tried if other is not best]
+    error = np.minimum(best.error, np.max(others, axis=0)) if others else best.error
+    return replace(best, error=error + best.kink, kink=0.0)
 
 
 def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
     """Return the largest error beside the largest derivative."""
     w = 1.0 if weights is None else weights
     largest = float(np.max(w * np.abs(found.value), initial=0.0))
-    return (float(np.max(w * found.error, initial=0.0)) + unknown / found.h) / largest if largest > 0.0 else 0.0
+    error = float(np.max(w * (found.error + found.kink), initial=0.0)) + unknown / found.h
+    return error / largest if largest > 0.0 else 0.0
 
 
 def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient:
@@ -70,7 +73,7 @@ def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient
     if middle is not None:
         # of a kink the second difference is proportional to h, else to its square
         near, far = (above[k] + below[k] - 2 * middle for k in (0, 1))
-        found.error += np.abs(4 * near - far) / (4 * h)
+        found.kink = np.abs(4 * near - far) / (4 * h)
     return found
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Dynamic, Eigen, Goal, LoadedCase, Static, load_case_text
-from ..case.numbers import Variable, variable_at
+from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
@@ -52,7 +52,7 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
     ``goals`` are goals as a case has them, or a function of a model and the states of its run that returns the values.
     Raises CaseError where a path leads to no number that can vary, ComputationError where a run fails.
     """
-    found = derivatives(loaded, goals, [variable_at(loaded, path) for path in paths], progress)
+    found = derivatives(loaded, goals, numbers_at(loaded, paths), progress)
     return found.values, found.jacobian
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case import LoadedCase, load_case_text
 from ..case.axes import Bounds
-from ..case.numbers import Variable, variable_at
+from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..results import Column, ResultWriter
@@ -89,7 +89,7 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
     # the sides that constraints compare with tell what is large
     measures = [read_measure(minimise, "--minimise", words, parameters), *(m for m, _, _ in read),
                 *(side for _, side, _ in read)]
-    variables = [variable_at(loaded, one.path) for one in bounds]
+    variables = numbers_at(loaded, [one.path for one in bounds])
     return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal), kinds, list(constraints))
 
 

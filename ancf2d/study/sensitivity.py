@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..case import LoadedCase
-from ..case.numbers import Variable, variable_at, variables_of
+from ..case.numbers import Variable, numbers_at, variables_of
 from ..errors import UNSOLVED, CaseError, verdict
 from ..results import Column, ResultWriter
 from .accuracy.control import is_pursued, solve_to_accuracy
@@ -72,7 +72,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     if goal is None:
         raise CaseError(loaded.source.problem((), "the case has no goal, so there is nothing to differentiate",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
-    variables = [variable_at(loaded, path) for path in dict.fromkeys(paths)] or variables_of(loaded)
+    variables = numbers_at(loaded, paths) or variables_of(loaded)
     progress = progress or Progress()
     warnings: list[str] = []
     study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append)
