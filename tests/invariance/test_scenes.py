@@ -69,8 +69,9 @@ def test_every_amplitude_is_made() -> None:
     assert set(found) == tags(schema.Amplitude)
 
 
-# linear models of what eigen linearises: tests/solve compares them with closed forms and with direct solves
-NOT_DRAWN = {"frequency_response", "state_space"}
+# linear models of what eigen linearises, and equilibrium over time, which without memory is that of static: tests/solve
+# compares them with closed forms and with direct solves
+NOT_DRAWN = {"frequency_response", "state_space", "quasi_static"}
 
 
 def test_every_solver_and_integrator_is_asked_for() -> None:
