@@ -49,6 +49,29 @@ def check_materials(checker: Any) -> None:
         if material.viscoelastic and checker.solver == "frequency_response" and not said:
             _check_inputs(checker)
         said = True
+    _check_layers(checker)
+
+
+def _check_layers(checker: Any) -> None:
+    """Check that no temperature strains layers unlike each other where one of them yields or follows a curve.
+
+    Formulations take away what the section as a whole would be strained by; the stress that layers then have among
+    themselves is no part of the strain of their fibres.
+    """
+    case = checker.case
+    if INVALID in (case.bodies, case.loads):
+        return
+    for k, load in enumerate(case.loads):
+        body = case.bodies.get(load.on, INVALID) if load is not INVALID and load.tag == "temperature" else INVALID
+        if body is INVALID or not isinstance(body.section, Layers) or body.section.layers is INVALID:
+            continue
+        materials = [layer.material for layer in body.section.layers if layer is not INVALID]
+        if INVALID in materials or not any(m.fibres for m in materials) or all(
+                (m.alpha or 0.0) == (materials[0].alpha or 0.0) for m in materials):
+            continue
+        checker.fail(("loads", k, "on"), f"loads.{k}.on: the layers of '{load.on}' expand unlike each other, and the "
+                     "stress that this makes within the section does not reach fibres that yield or follow a curve",
+                     "layers of one alpha, or elastic ones")
 
 
 def _check_inputs(checker: Any) -> None:

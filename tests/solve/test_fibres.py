@@ -13,7 +13,10 @@ from ancf2d.elements.fibres import places
 from ancf2d.elements.section import Section
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
+from ancf2d.solvers import stepping
+from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.post import reactions
+from ancf2d.study.run import prepare
 
 E, YIELD, HEIGHT, WIDTH, LENGTH = 2e11, 250e6, 0.1, 0.05, 1.0
 EA, EI = E * HEIGHT * WIDTH, E * WIDTH * HEIGHT**3 / 12
@@ -148,6 +151,53 @@ def test_states_are_those_of_accepted_steps() -> None:
     ends = [at(held(TYPES[0], {"angle": turn}, {**STEEL, "hardening": {"isotropic": 1e10}}, steps), 1.0)[0]
             for steps in (2, 40)]
     assert ends[0]["m"] == pytest.approx(ends[1]["m"], rel=1e-7)
+
+
+@pytest.mark.parametrize("method", ["arc_length", "displacement"])
+def test_paths_come_to_the_collapse_load(method: str) -> None:
+    """P (L - x) = 3/2 M_y, where a hinge can form at the first sampling point x: 2 Gauss points in 4 elements."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 4), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    done = ancf2d.solve(h.load(
+        {"beam": body}, {"type": "static", "method": method, "until": {"probe": "tip", "quantity": "uy",
+                                                                       "reaches": -0.04}},
+        bc=[{"type": "clamp", "at": "beam@0"}], output={"probes": {"tip": "beam@1"}},
+        loads=[{"type": "force", "at": "beam@1", "value": [0, -MOMENT / LENGTH]}]))
+    hinge = LENGTH / 8 * (1 - 1 / np.sqrt(3))
+    assert done.course_t[-1] == pytest.approx(1.5 * LENGTH / (LENGTH - hinge), rel=5e-3)
+    # a path that turned back would unload
+    assert np.all(np.diff(done.course["tip"]["uy"]) < 0.0)
+
+
+@pytest.mark.parametrize("method", ["generalized_alpha", "radau5"])
+def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sudden force F = f A s_y stretches a bar by e_y/(2 (1 - f)), by the work of F; it then vibrates elastically.
+
+    Its strain is that of one element; what of it is plastic, e_p, has taken A L s_y e_p. A motion that is resumed
+    is the same one.
+    """
+    share, area = 0.8, HEIGHT * WIDTH
+    period = 2 * np.pi * LENGTH * np.sqrt(7850 / (3 * E))
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner2", 1), "material": {**STEEL, "rho": 7850},
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    loaded = h.load({"rod": body}, {"type": "dynamic", "t_end": 1.5 * period, "dt": period / 100, "method": method,
+                                    "estimate": False}, bc=[{"type": "clamp", "at": "rod@0"}],
+                    loads=[{"type": "force", "at": "rod@1", "value": [share * area * YIELD, 0]}],
+                    output={"interval": period / 100, "probes": {"tip": "rod@1"}})
+    done = ancf2d.solve(loaded)
+    strain = done.course["tip"]["ux"] / LENGTH / FIRST
+    most = 0.5 / (1.0 - share)
+    assert strain.max() == pytest.approx(most, rel=1e-3)
+    after = strain[int(np.argmax(strain)):]
+    assert 0.5 * (after.max() + after.min()) - share == pytest.approx(most - 1.0, rel=1e-3)
+    assert done.energies["dissipated"][-1] / (area * LENGTH * YIELD * FIRST) == pytest.approx(most - 1.0, rel=1e-3)
+    assert done.summary["energy_drift"] < 1e-4
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    kept = [s.checkpoint for s in solve_dynamic(prepare(loaded), loaded.case.solver) if s.checkpoint is not None]
+    half = kept[len(kept) // 2]
+    assert half["states"].any()
+    *_, last = solve_dynamic(prepare(loaded), loaded.case.solver, half)
+    np.testing.assert_allclose(last.d[:len(done.d[-1])], done.d[-1], rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(("change", "words"), [

@@ -72,6 +72,12 @@ SCENES: dict[str, dict[str, Any]] = {
         "loads": [*GRAVITY, {"type": "force", "at": "a@0.5", "value": [0, -0.1], "active": {"until": "tip.x < 0"}}]}}
 
 
+def falling(material: dict[str, Any]) -> dict[str, Any]:
+    """Return a rod of a material that falls on a hinge."""
+    return {"bodies": {"a": h.body(h.line(1.0), h.element("cable", 2), THIN, {**RUBBER, **material})},
+            "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
+
+
 def of_every_formulation(conserving: bool) -> dict[str, Any]:
     """Return a rod of every formulation side by side, or of those that keep the energy of a step."""
     bodies = {}
@@ -82,13 +88,16 @@ def of_every_formulation(conserving: bool) -> dict[str, Any]:
     return {"bodies": bodies, "bc": [{"type": "pin", "at": f"{name}@0"} for name in bodies], "loads": GRAVITY}
 
 
-SCENES |= {"of every formulation": of_every_formulation(False), "conserving": of_every_formulation(True)}
+SCENES |= {"of every formulation": of_every_formulation(False), "conserving": of_every_formulation(True),
+           "yielding": falling({"yield": 1e4, "hardening": {"isotropic": 1e6}}),
+           "relaxing": falling({"viscoelastic": [{"modulus": 0.5, "time": 0.1}]})}
 # multipliers refuse what damps nothing
-FREE = ("pendulum", "loaded in every way", "of every formulation", "answering")
-# answers have no means over a step
-NO_MEANS = ("of every formulation", "answering")
+FREE = ("pendulum", "loaded in every way", "of every formulation", "answering", "yielding", "relaxing")
+# answers and memories have no means over a step
+NO_MEANS = ("of every formulation", "answering", "yielding", "relaxing")
 PAIRS = [(s, m) for s in SCENES for m in OWN if not (m == "newmark" and s not in FREE)
-         and (s != "conserving" or m == "energy_momentum") and not (m == "energy_momentum" and s in NO_MEANS)]
+         and (s != "conserving" or m == "energy_momentum") and not (m == "energy_momentum" and s in NO_MEANS)
+         and not (s == "relaxing" and m in ("radau5", "radau9"))]
 
 
 @pytest.fixture(autouse=True)
