@@ -115,6 +115,7 @@ def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
     assert any("ends at the bound" in text for text in bound.warnings)
 
 
+@pytest.mark.slow
 def test_a_response_over_the_frequency_tells_mass_and_damping() -> None:
     case = BENT.replace("solver: {type: static}", "solver: {type: frequency_response, inputs: [tip], from: 1, to: 20}\n"
                         "damping: {rayleigh: {alpha: 2, beta: 0}}")
