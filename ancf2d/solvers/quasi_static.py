@@ -176,6 +176,10 @@ def solve_quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
     if model.hangs:
         raise ComputationError("only gravity holds the model, which has no equilibrium to start from",
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
+    before = 0.0
     for state in (course := Course(model, spec)).states():
         state.last = course.t >= spec.t_end
+        rest = {name: value for name, value in state.history.items() if name not in ("step", "factor")}
+        state.history = {"step": state.history["step"], "t": state.t, "dt": state.t - before, **rest}
+        before = state.t
         yield state

@@ -14,6 +14,7 @@ from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.solvers.post import reactions
+from ancf2d.solvers.registry import solve
 
 E, SIZE, LENGTH = 2e6, 0.02, 1.0
 ZENER = ((0.5, 0.1),)
@@ -65,6 +66,16 @@ def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
     np.testing.assert_allclose(exact, creep(t, ZENER), rtol=1e-12)
     whole = ancf2d.solve(beam(kind, (), 1.0, loads=load)).course["tip"]["uy"][-1]
     np.testing.assert_allclose(u / whole, exact, atol=2e-6)
+
+
+def test_steps_are_told_in_time() -> None:
+    load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
+    states = list(solve(build_model(beam(TYPES[0], ZENER, 0.5, 1e-3, loads=load))))
+    steps = [(s.history["t"], s.history["dt"]) for s in states]
+    assert all("factor" not in s.history for s in states)
+    assert steps[0] == (0.0, 0.0)
+    assert steps[-1][0] == 0.5
+    assert sum(dt for _, dt in steps) == pytest.approx(0.5)
 
 
 def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
