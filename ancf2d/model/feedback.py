@@ -64,6 +64,10 @@ class Feedback:
         self.names = [*told, *self.states]
         self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
         self.meaning |= {name: c.output for name, c in self.controllers.items()}
+        # of what is evaluated again and again: programs beside the functions that they are of, and the order of
+        # controllers that act at once
+        self._made: dict[tuple[int, ...], tuple[Any, jets.Programs]] = {}
+        self._in_turn: dict[tuple[str, ...], list[str]] = {}
 
     def _trees(self) -> Iterator[Tree]:
         for c in self.controllers.values():
@@ -87,7 +91,7 @@ class Feedback:
             texts += [c.input] if isinstance(c, Pid) else [*c.rate.values(), c.output]
         return [Signal(Expression(text)) for text in texts]
 
-    @property
+    @cached_property
     def sampled(self) -> dict[str, float]:
         """The intervals of the controllers that act at instants."""
         return {name: c.sample for name, c in self.controllers.items() if c.sample is not None}
@@ -99,8 +103,13 @@ class Feedback:
 
     def due(self, t: float) -> list[str]:
         """Return the controllers that act at t, those that others use before these."""
-        found = [name for name, step in self.sampled.items()
-                 if abs(t / step - round(t / step)) < NEAR * max(t / step, 1.0)]
+        found = tuple(name for name, step in self.sampled.items()
+                      if abs(t / step - round(t / step)) < NEAR * max(t / step, 1.0))
+        if found not in self._in_turn:
+            self._in_turn[found] = self._ordered(found)
+        return self._in_turn[found]
+
+    def _ordered(self, found: tuple[str, ...]) -> list[str]:
         out: list[str] = []
 
         def add(name: str, above: tuple[str, ...]) -> None:
@@ -137,9 +146,16 @@ class Feedback:
         out[len(self.quantities):] = states
         return out
 
+    def _program(self, functions: list[Any]) -> jets.Programs:
+        """Return the programs of (function or tree, factor), made once."""
+        key = tuple(id(function) for function, _ in functions)
+        if key not in self._made:
+            self._made[key] = functions, state_programs(functions, self.meaning, len(self.names))
+        return self._made[key][1]
+
     def evaluate(self, trees: Mapping[str, Tree], t: float, values: Array) -> dict[str, float]:
         """Return the values of some trees. Raises ComputationError, with the name of the one that has none."""
-        program = state_programs([(tree, 1.0) for tree in trees.values()], self.meaning, len(values))
+        program = self._program([(tree, 1.0) for tree in trees.values()])
         return {name: self._finite(value_at(program, k, t, values.tolist())[0], name, t, values)
                 for k, name in enumerate(trees)}
 
@@ -174,7 +190,7 @@ class Feedback:
             if isinstance(answer.amplitude, Gated) and not answer.amplitude.latch.at(t):
                 answer.level[0] = 0.0
                 continue
-            program = state_programs([(answer.amplitude, answer.factor)], self.meaning, len(values))
+            program = self._program([(answer.amplitude, answer.factor)])
             found = value_at(program, 0, t, values.tolist())[0]
             answer.level[0] = self._finite(found, answer.amplitude.described(), t, values)
 
