@@ -57,6 +57,8 @@ def read_data(path: str) -> Data:
     if len(rows) < 2:
         raise CaseError(Problem("the file has no data", file=path, expected="a line of names, then lines of numbers"))
     names, problems = [name.strip() for name in rows[0]], []
+    if names[0] not in ABSCISSAE:
+        raise CaseError(_misnamed(names, path))
     values = np.full((len(rows) - 1, len(names)), np.nan)
     for k, row in enumerate(rows[1:]):
         if len(row) != len(names):
@@ -73,13 +75,17 @@ def read_data(path: str) -> Data:
     return data_of(dict(zip(names, values.T, strict=True)), path)
 
 
+def _misnamed(names: Sequence[str], file: str) -> Problem:
+    return Problem(f"the first column is '{names[0][:40]}'" if names else "there is no column", file=file,
+                   expected="t, factor or hz")
+
+
 def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     """Return named columns as data, in the order of the first one. Raises CaseError with all that is wrong."""
     names = list(columns)
     problems: list[Problem] = []
     if not names or names[0] not in ABSCISSAE:
-        raise CaseError(Problem(f"the first column is {names[0]!r}" if names else "there is no column", file=file,
-                                expected="t, factor or hz"))
+        raise CaseError(_misnamed(names, file))
     table = [np.asarray(columns[name], float).ravel() for name in names]
     if len({len(column) for column in table}) > 1:
         raise CaseError(Problem("the columns are of different lengths", file=file))

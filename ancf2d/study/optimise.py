@@ -18,7 +18,7 @@ from ..errors import ComputationError
 from ..results import Column, ResultWriter
 from ..solvers.differences import Quotient
 from .gradient import Study
-from .measures import Measures, Vocabulary, bounded, read_measure
+from .measures import MASS, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
 from .run import result_header
 from .sensitivity import on_its_mesh
@@ -184,6 +184,10 @@ class _Search:
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]
 
+    def known_slopes(self) -> list[Array]:
+        """Return the derivatives at all places where they were asked for."""
+        return list(self._slopes.values())
+
 
 def _vocabulary() -> Any:
     from .run import vocabulary
@@ -253,10 +257,13 @@ def _concluded(problem: Problem, search: _Search, y: Array, success: bool, messa
                             "active": bool(abs(value) <= 10 * MET * size)})
     if success and not kept:
         success, message = False, "no values within the bounds meet all constraints"
-    loaded = search.loaded
-    return Optimum(loaded.source.file, loaded.case.title, problem.measures.measures[0].text, rows, float(values[0]),
-                   constraints, len(search.history), search.gradients, success, message, search.history,
-                   list(dict.fromkeys(search.warnings[y.tobytes()])))
+    loaded, minimised = search.loaded, problem.measures.measures[0].text
+    warned = list(dict.fromkeys(search.warnings[y.tobytes()]))
+    if not any(slopes[0].any() for slopes in search.known_slopes()):
+        warned.append(f"{minimised} does not depend on any of the numbers that vary" + (
+            ": no material or section of the case has a mass" if minimised == MASS and not values[0] else ""))
+    return Optimum(loaded.source.file, loaded.case.title, minimised, rows, float(values[0]), constraints,
+                   len(search.history), search.gradients, success, message, search.history, warned)
 
 
 def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False

@@ -211,6 +211,12 @@ def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
     assert len(found.value.problems) == 6
 
 
+def test_a_file_of_something_else_is_told_once(tmp_path: Path) -> None:
+    (tmp_path / "case.yaml").write_text("# a case\nbodies: {a: 1, b: 2}\n" * 20, encoding="utf-8")
+    with pytest.raises(CaseError, match="the first column is '# a case'; expected t, factor or hz"):
+        read_data(str(tmp_path / "case.yaml"))
+
+
 def test_fits_from_python_solve_on() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = ancf2d.fit(BENT, data, {EI: (100.0, 1e4)})

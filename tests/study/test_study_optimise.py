@@ -52,6 +52,13 @@ def test_constraints_that_cannot_be_met_are_told():
     assert found.as_json()["status"] == "failed"
 
 
+def test_what_nothing_changes_is_told():
+    massless = TEXT.replace(", rho: 7800", "").replace("masses:\n  - {at: beam@0.5, mass: 3}\n", "")
+    (warning,) = ancf2d.optimise(massless, {HEIGHT: (0.02, 0.2)}, "mass").warnings
+    assert warning == ("mass does not depend on any of the numbers that vary: no material or section of the case has a "
+                       "mass")
+
+
 def test_values_of_expressions():
     """Mass, reactions, section forces, the course of a path, and von Mises stress at the clamped end."""
     case = ancf2d.load(TEXT, ["solver={type: static, steps: 4}"])
