@@ -27,8 +27,6 @@ NAME = Name()
 ALONG, ACROSS = 4, 3
 # of friction before it slides, beside the stiffness of an element along its axis
 STICK = 100.0
-# the same of rigid bodies in statics [N/m]
-RIGID = 1e8
 # gaps beside the extent of the scene that count as closed
 TOUCH = 1e-12
 
@@ -221,7 +219,8 @@ class ContactPair:
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
             mass = float(section.rhoA) * self.mesh.plan.length
-            return 1.0, reach, mu, mass * self.rapid**2 or RIGID
+            # in statics it follows the forces of the scene (model/contact_tables.py)
+            return 1.0, reach, mu, mass * self.rapid**2
         return section.EI / l**3, reach, mu, STICK * section.EA / l
 
     @property

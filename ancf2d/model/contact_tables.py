@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from ..elements.contact_bodies import BEGINS, FOOT, GOES
-from ..elements.contact_geometry import FREE, ORIGIN, PLACE
+from ..elements.contact_geometry import FREE, FRICTION, ORIGIN, PLACE
+from ..elements.contact_geometry import STICK as STIFF
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact import STICK, CompliantContact, ContactPair, ContactPoint
 from ..kernels.points import Points
-from .interactions import point_table
+from .interactions import Interactions, point_table
 from .timing import rates_of
+
+# slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
+SLIP, FACTORS = 1e-6, 16
 
 
 class ContactTable:
@@ -132,3 +136,29 @@ class BodyTable(ContactTable):
 def contact_table(constraints: Iterable[Any], pair: ContactPair | BodyPair) -> ContactTable:
     """Return the points of one contact."""
     return BodyTable(constraints, pair) if isinstance(pair, BodyPair) else ContactTable(constraints, pair)
+
+
+def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
+    """Let rigid bodies stick in statics by a spring that all loads together stretch by 1e-6 of the extent at most.
+
+    It is also 100 times as stiff as the stiffest spring or element, through which motions may press without loads.
+    """
+    held = [c for c in model.constraints
+            if isinstance(c, ContactPoint) and c.par[FRICTION] > 0.0 and c.par[STIFF] == 0.0]
+    if not held:
+        return
+    d, last = np.zeros(len(model.numbering.place)), getattr(model.case.solver, "t_end", 1.0)
+    w = np.append(model.weights, np.full(len(d) - model.n_q, np.inf))
+    forces, stiffness = 0.0, [float(mesh.plan.section.EA / np.min(mesh.lengths))
+                              for mesh in model.meshes.values() if not mesh.plan.rigid]
+    for t in np.linspace(0.0, last, FACTORS + 1).tolist():
+        found = [(model.external(t), w)]
+        found += [(batch.evaluate(model.e0, d, t)[1], w[batch.dofs]) for batch in (*acts.loads, *acts.springs)]
+        forces = max(forces, sum(float(np.abs(Q / size).sum()) for Q, size in found))
+    for batch in acts.springs:
+        w_i = w[batch.dofs]
+        K = batch.evaluate(model.e0, d, 0.0)[2] / (w_i[:, :, None] * w_i[:, None, :])
+        stiffness.append(float(np.abs(K).max(initial=0.0)))
+    firm = max(forces / (SLIP * model.extent), STICK * max(stiffness, default=0.0)) or 1.0
+    for point in held:
+        point.par[STIFF] = firm

@@ -234,6 +234,7 @@ class Model:
         """The points of each contact as the kernels take them (imports numba)."""
         from .contact_tables import contact_table
 
+        self.interactions  # noqa: B018  the tables take constants that are known then
         return [contact_table(self.constraints, pair) for pair in self.contacts]
 
     @property
@@ -315,9 +316,12 @@ class Model:
     @cached_property
     def interactions(self) -> Interactions:
         """Springs, loads that turn or move and constraints as the kernels take them (imports numba)."""
+        from .contact_tables import hold_rigid_bodies
         from .interactions import Interactions
 
-        return Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
+        out = Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
+        hold_rigid_bodies(self, out)
+        return out
 
     @cached_property
     def feedback(self) -> Feedback:

@@ -225,24 +225,47 @@ def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path() -> No
     assert u == pytest.approx(0.01, rel=1e-6)
 
 
+def block_on_incline(kind: str, mu: float, metre: float = 1.0, mass: float = 1.0):
+    """Return a solved block of 8 kg on a slope of 0.3 rad, held by 100 N/m, in units of so many m and kg."""
+    slope, size = 0.3, 9.81 / metre
+    block = {"geometry": helpers.line(0.4 / metre, start=(0, 0.1 / metre)), "element": {"type": kind, "count": 2},
+             "section": {"height": 0.2 / metre, "width": 0.1 / metre},
+             "material": {"E": 1e8 * metre / mass, "nu": 0.3, "rho": 1000 * metre**3 / mass}}
+    if kind == "rigid":
+        block["element"] = {"type": "rigid"}
+    return helpers.Solution(helpers.build(
+        {"block": block}, contacts=[{"between": ["block", "slope"], "friction": mu}],
+        obstacles={"slope": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["block@0", [-1 / metre, 0.1 / metre]], "stiffness": 100 / mass}],
+        loads=[{"type": "gravity", "value": [size * math.sin(slope), -size * math.cos(slope)]}]))
+
+
+WEIGHT_DOWN, WEIGHT_ALONG = 8.0 * 9.81 * math.cos(0.3), 8.0 * 9.81 * math.sin(0.3)
+
+
 @pytest.mark.parametrize(("kind", "mu"), [("rigid", 0.5), ("reissner3", 0.5), ("reissner3", 0.2)])
 def test_a_block_on_an_incline_sticks_or_slides(kind: str, mu: float) -> None:
     """It slides where the slope is steeper than friction bears, until a spring bears the rest."""
-    slope, size, mass, k = 0.3, 9.81, 8.0, 100.0
-    block = {"geometry": helpers.line(0.4, start=(0, 0.1)), "element": {"type": kind, "count": 2},
-             "section": {"height": 0.2, "width": 0.1}, "material": {"E": 1e8, "nu": 0.3, "rho": 1000}}
-    if kind == "rigid":
-        block["element"] = {"type": "rigid"}
-    solution = helpers.Solution(helpers.build(
-        {"block": block}, contacts=[{"between": ["block", "slope"], "friction": mu}],
-        obstacles={"slope": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
-        springs=[{"type": "translational", "between": ["block@0", [-1, 0.1]], "stiffness": k}],
-        loads=[{"type": "gravity", "value": [size * math.sin(slope), -size * math.cos(slope)]}]))
+    solution, k = block_on_incline(kind, mu), 100.0
     (report,) = contact_report(solution.model, solution.state)
-    pressed, pulled = mass * size * math.cos(slope), mass * size * math.sin(slope)
-    held = min(mu * pressed, pulled)
-    assert report["force"] == pytest.approx([-held, pressed], rel=1e-4)
-    assert solution.u("block@0")[0] == pytest.approx((pulled - held) / k, rel=1e-4, abs=1e-5)
+    held = min(mu * WEIGHT_DOWN, WEIGHT_ALONG)
+    assert report["force"] == pytest.approx([-held, WEIGHT_DOWN], rel=1e-4)
+    assert solution.u("block@0")[0] == pytest.approx((WEIGHT_ALONG - held) / k, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.5])
+def test_what_a_rigid_block_sticks_by_follows_the_units_and_forces_of_the_scene(mu: float) -> None:
+    """In m/kg/N and mm/t/N, and of weights of 1e-6 N and 1e9 N, it is in the same state."""
+    share, places = min(mu * WEIGHT_DOWN, WEIGHT_ALONG), []
+    # units of length [m] and mass [kg]
+    for metre, mass in ((1.0, 1.0), (1e-3, 1e3), (1.0, 78.48e6), (1.0, 78.48e-9)):
+        solution = block_on_incline("rigid", mu, metre, mass)
+        (report,) = contact_report(solution.model, solution.state)
+        np.testing.assert_allclose(np.array(report["force"]) * mass * metre, [-share, WEIGHT_DOWN], rtol=1e-5)
+        places.append(solution.u("block@0") * metre)
+    np.testing.assert_allclose(places, [places[0]] * len(places), rtol=1e-6, atol=2e-7)
+    slipped = (WEIGHT_ALONG - share) / 100.0
+    np.testing.assert_allclose(places[0], [slipped, 0.0], rtol=1e-6, atol=2e-6)
 
 
 def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() -> None:
