@@ -41,9 +41,14 @@ def command_line(*arguments: object) -> str:
     return shlex.join(["ancf2d", *map(str, arguments)])
 
 
+NOTHING = 1e-60
+
+
 def number(value: float | None, digits: int = 6) -> str:
-    """Return a number with few digits; '-' where there is none."""
-    return "-" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+    """Return a number with few digits; '-' where there is none, 0 where it is what an iteration left of one."""
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{value:.{digits}g}" if abs(value) > NOTHING else "0"
 
 
 def rounded(value: float, floor: float, digits: int = 6) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from ancf2d.case import Units
 from ancf2d.cli.report import run_report
-from ancf2d.cli.text import TIME, duration, table
+from ancf2d.cli.text import TIME, duration, number, table
 
 FACTS = {"title": "", "solver": "linear_static", "elements": 2, "dofs": 12, "status": "converged", "wall_s": 0.1}
 
@@ -107,3 +107,7 @@ def test_the_column_of_times_is_as_wide_whatever_they_are() -> None:
 def test_times_near_a_change_of_unit_have_no_exponent() -> None:
     """A time that rounds to 1000 of a unit is 1 of the next."""
     assert [duration(t) for t in (9.996e-4, 0.9996, 119.9, 7199.0, 9e4)] == ["1 ms", "1 s", "120 s", "120 min", "25 h"]
+
+
+def test_what_an_iteration_left_of_nothing_is_nothing() -> None:
+    assert [number(v) for v in (-2.3e-145, 5e-324, 0.0, 1e-40, None)] == ["0", "0", "0", "1e-40", "-"]
