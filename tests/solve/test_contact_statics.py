@@ -9,6 +9,8 @@ import helpers
 import numpy as np
 import pytest
 
+import ancf2d
+from ancf2d.case import template
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
@@ -138,6 +140,18 @@ def test_a_cam_lifts_a_leaf_spring_and_lets_it_go_again() -> None:
         touch, rise = at - 0.1 * slope, height - 0.5 * 0.1 * slope**2
         assert report["force"][1] == pytest.approx(3.0 * EI * rise / touch**3, rel=5e-3)
     assert lifted >= 4
+
+
+@pytest.mark.parametrize(("turn", "mu"), [(-0.4, 0.3), (0.4, 0.3), (-0.4, 0.0)])
+def test_a_belt_slips_on_a_drum_at_the_ratio_of_euler_and_eytelwein(turn: float, mu: float) -> None:
+    """T2/T1 = exp(mu phi) over half a turn, either way; the template, whose drum turns until all of the belt slips."""
+    solution = ancf2d.solve(template("capstan", "belt"), [
+        f"obstacles.drum.motion.angle.value=[0, 0, {turn}]", f"contacts.0.friction={mu}"], states=False)
+    pulled = 10.0 * math.exp(math.copysign(mu, -turn) * math.pi)
+    # within what the bending stiffness of the belt bears, EI/R^2 = 0.07 N beside 10 N
+    assert solution.reactions["anchor"]["fy"] == pytest.approx(-pulled, rel=4e-3)
+    assert solution.reactions["drum"]["fy"] == pytest.approx(pulled + 10.0, rel=4e-3)
+    assert solution.reactions["drum"]["m"] == pytest.approx(0.05 * (10.0 - pulled), rel=1e-2, abs=1e-9)
 
 
 def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
