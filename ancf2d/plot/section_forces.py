@@ -180,7 +180,7 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
         return Curves(common_title(sources), note, _over_length(drawn, first), share="x")
     if len(sources) > 1:
         raise ResultsError("section forces are drawn on the bodies of one file at a time; several are drawn unrolled")
-    marks = symbols_of(first, None, 1.0) if symbols else []
+    marks = symbols_of(first, None, 1.0, state) if symbols else []
     note += "; M is drawn on the side in tension" if "M" in drawn else ""
     return Diagrams(first.title, note, first.units.length,
                     {(name, e[0][2]): [d for _, d, _ in e] for name, e in drawn.items()}, marks,

@@ -218,13 +218,14 @@ DARK, LIGHT = 0.0, 0.86  # part of the colour map that is used: paler would be l
 
 @dataclass
 class Moment:
-    """All bodies of one file at one time or load factor."""
+    """All bodies of one file at one time or load factor; ``symbols`` of what moves along them."""
 
     label: str
     t: float
     file: int
     bodies: dict[str, Outline]
     obstacles: list[Obstacle]
+    symbols: list[Symbol]
 
 
 @dataclass
@@ -260,6 +261,7 @@ class Snapshots:
             for body in moment.bodies.values():
                 axes.add_patch(Polygon(body.boundary, facecolor=(*color[:3], 0.35), edgecolor=color, linewidth=1.4,
                                        linestyle=dash, joinstyle="round", zorder=2 + labels.index(moment.label) / 100))
+        draw_symbols(axes, [s for m in self.moments for s in m.symbols])
         for k, name in enumerate(self.files if len(self.files) > 1 else ()):
             handles[name] = Line2D([], [], color="0.3", linestyle=style.DASHES[k % len(style.DASHES)])
         frame_plane(axes, self._bounds(), self.units)
@@ -328,7 +330,8 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
         for i in _states(results, at, int(count)):
             bodies = {name: outline(results, body, i, factor) for name, body in results.bodies.items()}
             moments.append(Moment(when(results, i), float(results.t[i]), file, bodies,
-                                  obstacles_of(results, i, factor)))
+                                  obstacles_of(results, i, factor),
+                                  [s for s in symbols_of(results, i, factor) if any(s.tracks)]))
     files = [s.label or s.results.path.name for s in sources]
     first = sources[0].results
     axis = ("time", first.units.time) if first.over_time else ("load factor", "1")

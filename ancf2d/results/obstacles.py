@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ancf2d.results.reader import Results
-from ancf2d.results.symbols import completed_case
+from ancf2d.results.symbols import completed_case, row_of
 
 CORNERS = 120  # of the polygon that stands for a circle
 FAR = 20.0  # extents of the scene: how far a half plane reaches in a picture
@@ -116,15 +116,12 @@ def _centre(entry: dict[str, Any]) -> np.ndarray:
 
 
 def _pose(results: Results, name: str, state: int) -> np.ndarray | None:
-    """Return how far an obstacle has moved and turned (3,) by its own motion, None where that was not stored.
-
-    It is among the probes, of which there may be more than states.
-    """
-    probes, t = results.probes, results.probe_t
+    """Return how far an obstacle has moved and turned (3,) by its own motion, None where that was not stored."""
+    probes = results.probes
     found: Mapping[str, np.ndarray] = probes.get(f"obstacle {name}", probes.get(name, {}))
-    if not {"ux", "uy", "theta"} <= set(found) or not len(t):
+    if not {"ux", "uy", "theta"} <= set(found) or not len(results.probe_t):
         return None
-    row = state if len(t) == results.nt else int(np.argmin(np.abs(t - results.t[state])))
+    row = row_of(results, state)
     return np.array([found[q][row] for q in ("ux", "uy", "theta")])
 
 

@@ -132,6 +132,7 @@ _LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displ
 _PROBE: dict[str, Column] = {c.name: c for c in (
     *(Column(n, "{L}", f"{w} in {n[-1]}") for n, w in _LENGTHS.items()),
     Column("theta", "rad", "rotation of the section from the reference, counted through full turns"),
+    Column("s", "1", "place of a moving point on its body, as a share of the arc length"),
     Column("vx", "{L}/{T}", "velocity in x"), Column("vy", "{L}/{T}", "velocity in y"),
     Column("omega", "rad/{T}", "angular velocity of the section"),
     Column("ax", "{L}/{T}^2", "acceleration in x"), Column("ay", "{L}/{T}^2", "acceleration in y"),

@@ -17,6 +17,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results
 
 ALONG_LOAD = 9  # arrows of a distributed load
+NEAR = 1e-9  # of the arc length: what has not left a body
 STEP = 1e-3  # of the arc length: what the direction of an axis is read from
 
 
@@ -25,8 +26,9 @@ class Symbol:
     """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring or a stretch of a tendon
     joins its two points.
 
-    ``on`` holds the body and S of each point, None for a point of the ground. A symbol that ``turns`` keeps its angle
-    with the axis at its first point. ``gravity`` has no points: it acts everywhere.
+    ``on`` holds the body and S of each point, None for a point of the ground; ``tracks`` the names in ``tracks_of`` of
+    those that move along their bodies. A symbol that ``turns`` keeps its angle with the axis at its first point.
+    ``gravity`` has no points: it acts everywhere.
     """
 
     kind: str
@@ -34,6 +36,7 @@ class Symbol:
     angle: float = 0.0
     on: tuple[tuple[str, float] | None, ...] = ()
     turns: bool = False
+    tracks: tuple[str | None, ...] = ()
 
 
 def _with_numbers(value: Any) -> Any:
@@ -57,16 +60,49 @@ def completed_case(results: Results) -> dict[str, Any]:
     return _with_numbers(case) if isinstance(case, dict) else {}
 
 
-class _Scene:
-    """Points and directions of one state, magnified as the bodies are; the case as completed."""
+def row_of(results: Results, state: int) -> int:
+    """Return the row of a state among the probes, of which there may be more than states."""
+    t = results.probe_t
+    return state if len(t) == results.nt else int(np.argmin(np.abs(t - results.t[state])))
 
-    def __init__(self, results: Results, state: int | None, scale: float) -> None:
-        self.results, self.state, self.scale = results, state, scale
-        self.case = completed_case(results)
+
+def within(s: Any) -> Any:
+    """Whether S is on a body, to round-off."""
+    return abs(s - 0.5) <= 0.5 + NEAR
+
+
+def tracks_of(results: Results) -> dict[str, np.ndarray]:
+    """Return S at every state (nt,) of the points that move along bodies, by where they stand in the case."""
+    rows = np.array([row_of(results, k) for k in range(results.nt if len(results.probe_t) else 0)], int)
+    # no probe has a name with dots
+    return {name: np.asarray(columns["s"])[rows] for name, columns in results.probes.items()
+            if len(rows) and "." in name and "s" in columns}
+
+
+class _Scene:
+    """Points and directions of one state, magnified as the bodies are; the case as completed.
+
+    Points that move along bodies are where they are in the state ``at``; without one, where they begin, on the body.
+    """
+
+    def __init__(self, results: Results, state: int | None, scale: float, at: int | None) -> None:
+        self.results, self.state, self.scale, self.at = results, state, scale, at
+        self.case, self.tracks = completed_case(results), tracks_of(results)
 
     def entries(self, key: str) -> list[dict[str, Any]]:
         found = self.case.get(key)
-        return [e for e in found if isinstance(e, dict)] if isinstance(found, list) else []
+        return [self._named(e, f"{key}.{k}") for k, e in enumerate(found) if isinstance(e, dict)
+                ] if isinstance(found, list) else []
+
+    def _named(self, entry: dict[str, Any], path: str) -> dict[str, Any]:
+        """Return an entry whose points that move have their names in ``tracks_of``."""
+        out, ends = dict(entry), entry.get("between")
+        if isinstance(entry.get("at"), dict):
+            out["at"] = {**entry["at"], "track": f"{path}.at"}
+        if isinstance(ends, list):
+            out["between"] = [{**end, "track": f"{path}.between.{j}"} if isinstance(end, dict) else end
+                              for j, end in enumerate(ends)]
+        return out
 
     def on(self, body: str, s: np.ndarray) -> np.ndarray:
         """Return the points (n, 2) of an axis."""
@@ -74,7 +110,13 @@ class _Scene:
         return place if self.state is None else place + self.scale * self.results.displacement(body, s, self.state)
 
     def place(self, at: Any) -> tuple[str, float] | None:
-        """Return body and S of a point of the case, None where it is none of a body."""
+        """Return body and S of a point of the case, None where it is none of a body, or has left it."""
+        if isinstance(at, dict):
+            track, body = self.tracks.get(at.get("track", "")), str(at.get("on"))
+            if track is None or body not in self.results.bodies:
+                return None
+            place = float(track[self.at]) if self.at is not None else min(max(float(track[0]), 0.0), 1.0)
+            return (body, min(max(place, 0.0), 1.0)) if within(place) else None
         body, mark, s = str(at).partition("@")
         with suppress(ValueError):
             return (body, float(s)) if mark and body in self.results.bodies else None
@@ -95,7 +137,8 @@ class _Scene:
         grounded = [p is None and _constant(at) is not None for p, at in zip(places, ats, strict=True)]
         if all(p or g for p, g in zip(places, grounded, strict=True)):
             points = [self.on(p[0], np.array([p[1]]))[0] if p else at for p, at in zip(places, ats, strict=True)]
-            yield Symbol(kind, np.array(points, float), angle, places, turns and places[0] is not None)
+            tracks = tuple(at.get("track") if isinstance(at, dict) else None for at in ats)
+            yield Symbol(kind, np.array(points, float), angle, places, turns and places[0] is not None, tracks)
 
 
 def _support(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
@@ -196,12 +239,13 @@ _DRAWN: dict[str, Callable[[_Scene, dict[str, Any]], Iterator[Symbol]]] = {
     "boundary_conditions": _support, "springs": _spring, "joints": _joint, "masses": _mass, "loads": _load}
 
 
-def symbols_of(results: Results, state: int | None, scale: float) -> list[Symbol]:
+def symbols_of(results: Results, state: int | None, scale: float, at: int | None = None) -> list[Symbol]:
     """Return the symbols of a file's case in a state (None: reference), displacements magnified by ``scale``.
 
+    What moves along bodies is where it is in the state ``at`` (None: the same state, or where it begins).
     What a case says in a way that needs more than its text, such as expressions as values, has no symbol.
     """
-    scene = _Scene(results, state, scale)
+    scene = _Scene(results, state, scale, state if at is None else at)
     return [symbol for key, drawn in _DRAWN.items() for entry in scene.entries(key) for symbol in drawn(scene, entry)]
 
 

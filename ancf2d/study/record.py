@@ -117,11 +117,15 @@ class Recorder:
         self._store(start, None, self._over_time(start, self.observer.observe(start)))
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-        """Return what is written of each state: probes, motions of obstacles, and the reaction that is the goal."""
+        """Return what is written of each state: probes, where points and obstacles move, the reaction that is the goal.
+        """
         from ..solvers.post import reactions
 
         if self.writer is None:
             return probes
+        # no probe has a name with dots
+        places = {name: {"s": point.s.value(state.side)} for name, point in self.case.moving_points.items()}
+        probes = {**probes, **places}
         if self.model.frames:
             from ..solvers.contact import obstacle_motions
 

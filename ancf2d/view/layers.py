@@ -22,7 +22,7 @@ from ancf2d.results.geometry import (
     label_of,
     linear_weights,
 )
-from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of
+from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of, tracks_of, within
 
 WANTED_POINTS = 600  # along each face of a body
 STRIDES = (1, 2, 4, 5, 10, 20)  # of the 21 samples of an element
@@ -98,6 +98,9 @@ class Attached:
         self.ground = np.array([p for s in self.symbols for p in s.points]).reshape(-1, 2)
         places = [place for s in self.symbols for place in s.on]
         self.rows: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
+        self.results, self.tracks = results, tracks_of(results)
+        self.moving = [(k, place[0], self.tracks[track]) for k, (place, track) in enumerate(
+            (p, t) for s in self.symbols for p, t in zip(s.on, s.tracks, strict=True)) if place and track]
         self.turning = np.array([k for k, s in zip(self._first(), self.symbols, strict=True) if s.turns], int)
         self.ahead: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
         for name, body in results.bodies.items():
@@ -115,16 +118,34 @@ class Attached:
         counts = [len(s.points) for s in self.symbols]
         return (np.cumsum(counts) - counts).astype(int).tolist() if counts else []
 
-    def points(self, e: np.ndarray) -> np.ndarray:
-        """Return the points (n, 2) of all symbols, then the arms of those that turn."""
+    def points(self, e: np.ndarray, state: int | None = None) -> np.ndarray:
+        """Return the points (n, 2) of all symbols, then the arms of those that turn.
+
+        Those that move along bodies are displaced as the bodies are where they are in a state; ``ways`` are their ways.
+        """
         out, arms = self.ground.copy(), np.zeros((len(self.turning), 2))
         for mine, row in self.rows:
             out[mine] = _values(row, e)
+        for k, name, track in self.moving:
+            if state is None:
+                break
+            row = axis_shapes(self.results.bodies[name], np.clip(track[state:state + 1], 0.0, 1.0))
+            out[k] = self.ground[k] + (_values(row, e) - _values(row, self.results.e0))[0]
         for held, before, after in self.ahead:
             along = _values(after, e) - _values(before, e)
             length = np.linalg.norm(along, axis=1, keepdims=True)
             arms[held] = self.arm * along / np.where(length > 0, length, 1.0)
         return np.concatenate([out, out[self.turning] + arms])
+
+    def ways(self, first: int, states: np.ndarray) -> list[dict[str, Any]]:
+        """Return the way along its body of each point that moves in some states, nan where it is off the body."""
+        out = []
+        for k, name, track in self.moving:
+            s = track[states]
+            way = self.results.reference(name, np.clip(s, 0.0, 1.0)) - self.ground[k]
+            way[~within(s)] = np.nan
+            out.append({"point": first + k, "way": packed(way, "f4")})
+        return out
 
     def listed(self, first: int) -> dict[str, Any]:
         """Return symbols and outlines as the page takes them; ``first`` is the number of the first point."""

@@ -26,6 +26,9 @@ for (const way of data.traces) {
   way.ux = unpack(way.ux, Float32Array);
   way.uy = unpack(way.uy, Float32Array);
 }
+// of points that move along bodies: they are not magnified
+const ways = data.ways || [];
+for (const one of ways) one.way = unpack(one.way, Float32Array);
 for (const f of data.fields) f.values = unpack(f.values, Uint8Array);
 const monotone = data.t.every((t, i) => i === 0 || t > data.t[i - 1]);
 // what the slider runs over: time or load where it only grows, else the number of the state
@@ -81,6 +84,9 @@ function move() {
   const w = p - a;
   for (let i = 0; i < width; i++) {
     points[i] = reference[i] + factor * ((1 - w) * moves[a * width + i] + w * moves[b * width + i]);
+  }
+  for (const { point, way } of ways) {
+    for (let c = 0; c < 2; c++) points[2 * point + c] += (1 - w) * way[2 * a + c] + w * way[2 * b + c];
   }
 }
 

@@ -79,7 +79,7 @@ class Stage:
     def points(self, e: np.ndarray, state: int | None = None) -> np.ndarray:
         """Return all points (n, 2) at nodal coordinates e (nq,); obstacles are where they are in a state."""
         solids = obstacles_of(self.results, state, 1.0)
-        return np.concatenate([_points(self.drawn, e), self.attached.points(e), *outlined(solids)])
+        return np.concatenate([_points(self.drawn, e), self.attached.points(e, state), *outlined(solids)])
 
     def listed(self) -> dict[str, Any]:
         """Return symbols and obstacles as the page takes them: the first of their points, and how many."""
@@ -131,6 +131,7 @@ def _states(results: Results, stage: Stage, extent: float, budget: int, wanted: 
     codes, step = _quantised(moves)
     return {"kind": "time" if dynamic else "load", "t": t.tolist(), "stored": max(results.nt, len(t)),
             "moves": codes, "step": step, "magnify": _magnification(stage.largest(moves), extent),
+            "ways": stage.attached.ways(stage.count, chosen) if len(t) == len(chosen) else [],
             "fields": fields(results, stage.drawn, shown, colours, wanted) if colours else [],
             **(curves(results, t) if len(t) == len(chosen) else NO_CURVES)}
 

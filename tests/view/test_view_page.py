@@ -22,6 +22,7 @@ from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tan
 import ancf2d.view.page as page_module
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results
+from ancf2d.results.symbols import symbols_of, tracks_of
 from ancf2d.study.run import load, run_case
 from ancf2d.view import make_page, serve
 
@@ -39,6 +40,47 @@ def decoded(data: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     reference = np.frombuffer(base64.b64decode(data["reference"]), "<f4").reshape(-1, 2)
     moves = np.frombuffer(base64.b64decode(data["moves"]), "<i2").reshape(len(data["t"]), -1, 2)
     return reference, moves * data["step"]
+
+
+RIDE = {
+    "bodies": {"road": {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}, "element": {"type": "rigid"},
+                        "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 2, "rhoI": 0}}},
+    "boundary_conditions": [{"type": "pin", "at": "road@0"}],
+    "loads": [{"type": "gravity", "value": [0, 3]},
+              {"type": "force", "at": {"on": "road", "s": {"type": "expression", "value": "1.5*t - 0.2"}},
+               "value": [0, -2]}],
+    "springs": [{"type": "translational", "stiffness": 1,
+                 "between": [[0, 3], {"on": "road", "s": {"type": "ramp", "t1": 1}}]}],
+    "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-4, "estimate": False}, "output": {"interval": 0.1}}
+
+
+def test_what_moves_along_a_body_is_drawn_where_it_is(tmp_path: Path) -> None:
+    """In figures and on pages, with displacements magnified, and not at all where it is off the body."""
+    (tmp_path / "ride.yaml").write_text(json.dumps(RIDE))
+    run_case(load(tmp_path / "ride.yaml"), str(tmp_path / "ride.h5"))
+    with open_results(tmp_path / "ride.h5") as results:
+        assert tracks_of(results) == {"loads.1.at": pytest.approx(1.5 * results.t - 0.2),
+                                      "springs.0.between.1": pytest.approx(results.t)}
+        for k, t in enumerate(results.t):
+            drawn = {s.kind: s for s in symbols_of(results, k, 3.0)}
+            for kind, s in (("force", 1.5 * t - 0.2), ("spring", t)):
+                assert (kind in drawn) == (-1e-9 <= s <= 1 + 1e-9)
+                if kind in drawn:
+                    at = np.array([min(s, 1.0)])
+                    wanted = results.reference("road", at) + 3.0 * results.displacement("road", at, k)
+                    np.testing.assert_allclose(drawn[kind].points[-1], wanted[0], atol=1e-9)
+        data = embedded(make_page(results).html)
+        reference, moves = decoded(data)
+        ways = {w["point"]: np.frombuffer(base64.b64decode(w["way"]), "<f4").reshape(-1, 2) for w in data["ways"]}
+        spring, force = (s["first"] for s in data["symbols"] if s["kind"] in ("spring", "force"))
+        for point, s in ((spring + 1, results.t), (force, 1.5 * results.t - 0.2)):
+            on = (s >= -1e-9) & (s <= 1 + 1e-9)
+            assert (np.isfinite(ways[point][:, 0]) == on).all()
+            for k in np.flatnonzero(on).tolist():
+                at = np.clip(s[k:k + 1], 0, 1)
+                place, move = results.reference("road", at)[0], results.displacement("road", at, k)[0]
+                np.testing.assert_allclose(reference[point] + ways[point][k], place, atol=1e-5)
+                np.testing.assert_allclose(moves[k, point], move, atol=data["step"])
 
 
 def test_the_data_are_the_states_of_the_file(tmp_path: Path) -> None:

@@ -203,6 +203,17 @@ class Case:
         return {k: s for k, s in enumerate(self.springs) if not any(isinstance(p, MovingPoint) for p in s.between)}
 
     @property
+    def moving_points(self) -> dict[str, MovingPoint]:
+        """The points that move along bodies, by where they stand in the case: ``loads.0.at``."""
+        out: dict[str, MovingPoint] = {}
+        for key_, items in (("loads", self.loads), ("masses", self.masses), ("springs", self.springs)):
+            for k, item in enumerate(items):
+                places = {"at": getattr(item, "at", None)}
+                places |= {f"between.{j}": end for j, end in enumerate(getattr(item, "between", ()))}
+                out |= {f"{key_}.{k}.{where}": at for where, at in places.items() if isinstance(at, MovingPoint)}
+        return out
+
+    @property
     def told_frequencies(self) -> tuple[float, ...]:
         """The frequencies [Hz] that the goal and the expected values are told at."""
         told = [self.goal, *self.expected]
