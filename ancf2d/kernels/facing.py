@@ -68,6 +68,8 @@ AGAINST, ASIDE = -0.3, 0.5
 BESIDE, SAME = 1.0 + 1e-6, 1e-6
 # places at which an interval between points of contact is looked at, and sections around the deepest
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
+# of how deep a point may be: what it goes at most between looks at whether it passes through
+PART = 0.2
 # entries of a branch that wait, at most: two for each level of a tree
 _DEEP = 128
 
@@ -251,28 +253,80 @@ def body_gaps(table, points, d, gaps):  # type: ignore[no-untyped-def]
         gaps[i] = np.inf if np.isnan(g) else g
 
 
+@inner_with_memory
+def _places(table, points, d, out):  # type: ignore[no-untyped-def]
+    """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
+    face(table, points, d)
+    u, none, work, across, n = np.zeros(200), np.zeros(200), np.zeros(WORK), np.zeros(WORK), len(table.item)
+    for k in range(n):
+        i = table.item[k]
+        par, mem, b = points.par[i], points.mem[i], points.field[i]
+        fields_of_item(points, i, d, u)
+        stand(par, points.p0[b:b + size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
+        out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
+    for k in range(2 * len(table.curve)):
+        par = table.curve[k // 2].copy()
+        curve_at(par, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
+        out[n + k, 0], out[n + k, 1] = work[RHO], work[RHO + 1]
+
+
+@inner_with_memory
+def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
+    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; keep sides of axes as met."""
+    for k in range(len(table.item)):
+        points.mem[table.item[k], SIDE] = side[k]
+    face(table, points, d)
+    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    for k in range(len(table.item)):
+        i = table.item[k]
+        mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
+        fields_of_item(points, i, d, u)
+        both = points.par[i, ORIGIN + BOTH] > 0.0
+        if both and mem[FOUND] == WITHIN and side[k] == 0.0:
+            mem[SIDE] = 1.0
+            g = gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+            mem[SIDE] = side[k] = -1.0 if g < 0.0 else 1.0
+        g = gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+        gaps[k] = np.inf if np.isnan(g) or mem[FREE] < 0.0 else g
+
+
 @kernel_with_memory
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
-    """Return whether a point that is apart from a body at d0 (n_full,) has passed through it at d1."""
-    face(table, points, d0)
-    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
+
+    It is looked at where it cannot have gone further than it was away, or a part of a height of the body.
+    """
+    n = len(table.item)
+    one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
+    _places(table, points, d0, one)
+    _places(table, points, d1, two)
+    mx, my, way = (two[:, 0] - one[:, 0]).mean(), (two[:, 1] - one[:, 1]).mean(), 0.0
+    for k in range(len(one)):
+        dx, dy = two[k, 0] - one[k, 0] - mx, two[k, 1] - one[k, 1] - my
+        way = max(way, 2.0 * math.sqrt(dx * dx + dy * dy))
+    thin = np.inf
     for i in table.item:
-        par, mem, b, e = points.par[i], points.mem[i], points.field[i], points.field[i + 1]
-        if mem[FOUND] != WITHIN or mem[FREE] < 0.0:
-            continue
-        fields_of_item(points, i, d0, u)
-        g, _, _, z = gap_between(par, points.p0[b:e], u, mem, own, work, across)
-        if not g > 0.0:
-            continue
-        # the same place of the curve, where that is
-        fields_of_item(points, i, d1, u)
-        m, other = size_of(par), par[ORIGIN:]
-        stand(par, points.p0[b:b + m], u[:m], mem[PLACE] if mem[FREE] > 0.0 else par[HOME], own)
-        tx, ty, _, _ = curve_at(other, points.p0[b + m:e], u[m:], z, work, across)
-        sign = (mem[SIDE] if other[BOTH] > 0.0 else other[SIGN]) / math.sqrt(tx * tx + ty * ty)
-        if sign * (tx * (own[RHO + 1] - work[RHO + 1]) - ty * (own[RHO] - work[RHO])) < -other[DEEPEST]:
-            return True
-    return False
+        thin = min(thin, points.par[i, ORIGIN + DEEPEST])
+    if way < PART * thin:
+        return False
+    kept, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    for k in range(n):
+        kept[k] = points.mem[table.item[k], SIDE]
+    side = kept.copy()
+    _look(table, points, d1, last, kept.copy())
+    _look(table, points, d0, first, side)
+    s, crossed, near = 0.0, False, first.min()
+    while not crossed:
+        s += max(near, PART * thin) / way
+        if s >= 1.0:
+            break
+        _look(table, points, d0 + s * (d1 - d0), gaps, side)
+        near = gaps.min()
+        for k in range(n):
+            crossed |= first[k] > 0.0 and last[k] > 0.0 and gaps[k] < -PART * thin
+    for k in range(n):
+        points.mem[table.item[k], SIDE] = kept[k]
+    return crossed
 
 
 @inner_with_memory

@@ -35,7 +35,7 @@ from .dynamics import to_full, twice_kinetic
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
 from .lowlevel.records import whole
 from .motion import evaluate
-from .patches import patch_forces, rates_of_constraints
+from .patches import face_bodies, patch_forces, rates_of_constraints
 from .points import amplitude_of, fields_of_item
 
 # of the largest rate: constraints that part slower than this are closed
@@ -75,6 +75,7 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = BY_CHOICE
     w.other[:] = 0.0
+    face_bodies(p, w.d)
     calls.point_sides(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
     for i in range(len(how)):
         how[i] = BY_CHOICE
