@@ -10,6 +10,8 @@ from .schema import Layers
 
 # solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
+# hyperelastic ones: the energy that a motion balances would not be that of the law
+HYPERELASTIC = ("static", "quasi_static", "eigen", "frequency_response", "state_space")
 RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling",
             "dynamic")
 # loads whose forces are those of strains, which relax too
@@ -36,16 +38,16 @@ def check_materials(checker: Any) -> None:
     for path, material in materials_of(case):
         if material in (None, INVALID) or path in checker.failed or not material.remembers:
             continue
-        name = next(key for key in ("yield", "stress_strain", "viscoelastic") if getattr(
-            material, key + "_" * (key == "yield")))
-        key, allowed = (*path, name), RELAXING if name == "viscoelastic" else KNOWING
+        name = next((key for key in ("yield", "stress_strain", "viscoelastic") if getattr(
+            material, key + "_" * (key == "yield"))), "law")
+        key, allowed = (*path, name), {"viscoelastic": RELAXING, "law": HYPERELASTIC}.get(name, KNOWING)
         if checker.solver not in allowed:
             checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
         fields = case.output.fields if case.output is not INVALID and not said else ()
         for k, field in enumerate(fields if fields is not INVALID else ()):
             if field in FIELDS:
                 checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that yields, "
-                             "follows a curve or relaxes", "N, Q, M")
+                             "follows a curve, relaxes or is hyperelastic", "N, Q, M")
         if material.viscoelastic and checker.solver == "frequency_response" and not said:
             _check_inputs(checker)
         said = True

@@ -44,7 +44,7 @@ class Section:
     that varies, an array (stations,) at the stations that were asked for. Of ``layers``, ES [N m] couples stretch
     and bending (N = EA eps - ES kappa, M = EI kappa - ES eps), and rhoS [kg] is the first moment of the mass.
     ``laws`` are those of its fibres (``fibres.Uniaxial``) layer by layer, empty where all are elastic; ``maxwell`` are
-    (modulus beside E, relaxation time [s]) of a material that relaxes.
+    (modulus beside E, relaxation time [s]) of a material that relaxes; ``neo_hooke`` tells whether it is hyperelastic.
     """
 
     height: float
@@ -63,6 +63,7 @@ class Section:
     layers: tuple[Layer, ...] = ()
     laws: tuple[Any, ...] = ()
     maxwell: tuple[tuple[float, float], ...] = ()
+    neo_hooke: bool = False
 
     @property
     def mu_k(self) -> float:
@@ -103,7 +104,7 @@ class Section:
 
 
 # the constants that may vary along a body; layers do not
-CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws", "maxwell"))
+CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws", "maxwell", "neo_hooke"))
 
 
 def laminate(width: float, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:

@@ -274,7 +274,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
-    formulation, rule = with_memory(spec.quadrature, formulation, section, rule)
+    formulation, rule = with_memory(spec, formulation, section, rule)
     smooth = knots(body.geometry)
     return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count,
                     tuple(s for s in acting if s not in smooth), spec.preset, varying, tuple(s for s, _ in breaks),

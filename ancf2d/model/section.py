@@ -13,6 +13,7 @@ from ..elements.definition import ElementType
 from ..elements.fibres import FIBRES, Uniaxial, curve, fibres_of, hardening, linear
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.maxwell import relaxing
+from ..elements.neo_hooke import neo_hookean
 from ..elements.section import Layer, Section, laminate, timoshenko
 from ..elements.shape import Array, gauss
 from .curve import Piece
@@ -56,7 +57,8 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
     laws = _laws_of(body, element, formulation)
 
     def resolve(given: Any) -> Section:
-        return replace(_resolved(given, element, formulation, k), laws=laws, maxwell=_terms_of(body))
+        return replace(_resolved(given, element, formulation, k), laws=laws, maxwell=_terms_of(body),
+                       neo_hooke=body.material is not None and body.material.law == "neo_hooke")
 
     varying = VaryingSection(body, resolve) if _varies(body) else None
     section = resolve(body) if varying is None else varying.mean
@@ -99,14 +101,32 @@ def _law(material: Material) -> Uniaxial:
     return hardening(E, material.yield_, hard.isotropic if hard else 0.0, hard.kinematic if hard else 0.0)
 
 
-def with_memory(quadrature: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
-    """Return formulation and rule of a section: one that relaxes, or with as many fibres as there are points across.
+def _neo_hookean(spec: Any, formulation: Formulation, rule: Rule) -> Formulation:
+    """Return a formulation for a neo-Hookean material. Raises SectionError for what it cannot have."""
+    at, known = ("material", "law"), [f.name for f in FORMULATIONS.values() if f.points]
+    if not formulation.points:
+        raise SectionError(at, f"formulation {formulation.name} cannot have the law neo_hooke, which gives the "
+                           "stress at points of the section", f"a type with formulation {' or '.join(known)}")
+    if not rule.uniform:
+        raise SectionError(("element", "quadrature"), "the law neo_hooke has one rule for all strains", "[nx, ny]")
+    for name in ("shear_factor", "preset"):
+        if getattr(spec, name) is not None:
+            raise SectionError(("element", name), f"the law neo_hooke has no shear factor, so that {name} cannot be "
+                               "given", f"no {name}")
+    return neo_hookean(formulation)
 
-    ``quadrature`` is what the case says of it. Raises SectionError where they are too few to bend.
+
+def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
+    """Return formulation and rule of a section whose stress is another than D times strain; those given for others.
+
+    ``spec`` is the element of the case. Of fibres there are as many as points across. Raises SectionError where these
+    are too few to bend.
     """
+    if section.neo_hooke:
+        return _neo_hookean(spec, formulation, rule), rule
     if not section.laws:
         return relaxing(formulation, len(section.maxwell)), rule
-    if quadrature in (None, "exact"):
+    if spec.quadrature in (None, "exact"):
         rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
     if rule.normal[1] < 2:
         raise SectionError(("element", "quadrature"), "one fibre through each layer does not bend",

@@ -78,6 +78,9 @@ class Layers:
             if not isinstance(layer.material.E, float | None) or not isinstance(layer.material.rho, float | None):
                 yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material varies along the body",
                             "numbers: materials of layers do not vary")
+            if layer.material.law == "neo_hooke":
+                yield Issue(("layers", k, "material", "law"), f"{{}}.layers.{k}.material.law: neo_hooke is not for "
+                            "layers", "linear, or a section {height, width}")
             if layer.material.damping is not None:
                 yield Issue(("layers", k, "material", "damping"), f"{{}}.layers.{k}.material.damping: layers cannot "
                             "damp by themselves", "damping.rayleigh of the case")

@@ -101,6 +101,9 @@ class Material:
         ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots beside E, the "
         "long-time modulus; Poisson's ratio does not change", default=None, example=[{"modulus": 0.5, "time": 0.1}])
 
+    law: str = key(Choice("linear", "neo_hooke"), "Stress by strain; neo_hooke: mu/2 (I_C - 3 - 2 ln J) + "
+                   "lambda/2 (ln J)^2 in plane stress, in formulation continuum", default="linear")
+
     @property
     def fibres(self) -> bool:
         """Whether its stress along the axis is another than E times strain, fibre by fibre."""
@@ -109,7 +112,7 @@ class Material:
     @property
     def remembers(self) -> bool:
         """Whether its stress is another than a constant stiffness times strain."""
-        return self.fibres or bool(self.viscoelastic)
+        return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"
 
     def check(self) -> Iterator[Issue]:
         """Yield laws that exclude each other, or need what is missing."""
@@ -121,6 +124,11 @@ class Material:
         if self.viscoelastic and self.fibres:
             yield Issue(("viscoelastic",), "{}: fibres that yield or follow a curve do not relax", "viscoelastic, or "
                         "yield or stress_strain")
+        if self.law == "neo_hooke" and (self.fibres or self.viscoelastic):
+            yield Issue(("law",), "{}: the law neo_hooke neither yields nor relaxes", "linear, or neither yield, "
+                        "stress_strain nor viscoelastic")
+        if self.law == "neo_hooke" and self.nu is not None and self.nu < 0.0:
+            yield Issue(("nu",), f"{{}}.nu must be at least 0 for the law neo_hooke, got {self.nu:g}")
         if self.fibres and self.E is not None and not isinstance(self.E, float | int):
             yield Issue(("E",), "{}.E varies along the body, but the curve of the material does not", "a number")
         elif self.stress_strain is not None and self.stress_strain.points and isinstance(self.E, float | int):
