@@ -73,10 +73,10 @@ def within(s: Any) -> Any:
 
 def tracks_of(results: Results) -> dict[str, np.ndarray]:
     """Return S at every state (nt,) of the points that move along bodies, by where they stand in the case."""
-    rows = np.array([row_of(results, k) for k in range(results.nt if len(results.probe_t) else 0)], int)
     # no probe has a name with dots
-    return {name: np.asarray(columns["s"])[rows] for name, columns in results.probes.items()
-            if len(rows) and "." in name and "s" in columns}
+    found = {name: columns["s"] for name, columns in results.probes.items() if "." in name and "s" in columns}
+    rows = np.array([row_of(results, k) for k in range(results.nt if found else 0)], int)
+    return {name: np.asarray(values)[rows] for name, values in found.items()}
 
 
 class _Scene:
