@@ -24,6 +24,7 @@ from .friction import hold, rub
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPoint
     from ..model.contact_tables import ContactTable
+    from ..model.model import Model
     from .system import System
 
 # penetration that counts as none, beside the extent of the scene
@@ -86,6 +87,12 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
     return depth, place, feature
+
+
+def overlap(model: Model, d: Array, t: float) -> float:
+    """Return how deep a body is in what it touches without a law [m], at points or between them, at d (n_full,)."""
+    hard = [one for one in model.contact_tables if one.pair.hard]
+    return max((float(_depths(one, d, t)[0].max(initial=0.0)) for one in hard), default=0.0)
 
 
 def _rows(one: ContactTable, d: Array, t: float, at: dict[int, tuple[float, float]]) -> tuple[Any, Array, Array]:

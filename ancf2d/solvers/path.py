@@ -11,6 +11,7 @@ from ..case import Static
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from .active_set import PENETRATION, overlap
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
@@ -229,6 +230,11 @@ class Follower:
             warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are known to "
                                    f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements "
                                    "give more digits"]
+        depth = overlap(self.model, point.d, point.t)
+        if depth > 2.0 * PENETRATION * self.model.extent:
+            warnings = [*warnings, f"at factor {point.t:.6g} a body is {depth:.2g} deep in what it touches, between "
+                                   "its points of contact, which stay where they are on a path. method: newton places "
+                                   "points there; more elements make that less"]
         turned = self.curve.system.count(point.d, point.t)
         state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)

@@ -290,6 +290,41 @@ def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() 
                   solver=solver)
 
 
+@pytest.mark.parametrize(("push", "roots"), [(-0.5, (3.926602, 7.068583)), (0.5, (1.875104, 4.694091))])
+def test_modes_about_a_state_keep_what_touches_closed(push: float, roots: tuple[float, float]) -> None:
+    """A cantilever vibrates as one with a hinged end where its tip is pressed on a stop, else as one with a free end.
+
+    omega L^2 sqrt(rhoA/EI) = roots^2 (Blevins 1979, table 8-1); the free one is hardly bent.
+    """
+    model = strip(8, solver={"type": "eigen", "modes": 2, "about": "static"}, bc=[CLAMP],
+                  loads=[{"type": "force", "at": "beam@1", "value": [0, 0.02 * push]}],
+                  obstacles={"solid": {"type": "circle", "center": [1, -0.1], "radius": 0.1}})
+    (state,) = solve(model)
+    (report,) = contact_report(model, state)
+    assert report["force"][1] == pytest.approx(max(-0.02 * push, 0.0), abs=1e-12)
+    found = [row["omega"] for row in state.report["frequencies"]]
+    np.testing.assert_allclose(found, np.square(roots), rtol=1e-3)
+
+
+@pytest.mark.parametrize(("gap", "deep"), [(0.0, True), (0.05, False)])
+def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, deep: bool) -> None:
+    """A cantilever comes down on a disc, in the same state by either method.
+
+    Where it touches between two points, arc length tells that it is in the disc there, and load steps place a point.
+    """
+    scene = {"bc": [CLAMP], "loads": [{"type": "force", "at": "beam@0.5", "value": [0, -2]}],
+             "obstacles": {"solid": {"type": "circle", "center": [1, -0.1 - gap], "radius": 0.1}}}
+    arc = {"type": "static", "method": "arc_length", "until": {"load_factor": 1}}
+    steps, path = (helpers.Solution(strip(8, solver=solver, **scene)) for solver in ("static", arc))
+    (one,), (other,) = (contact_report(s.model, s.state) for s in (steps, path))
+    assert one["force"][1] > 0.1
+    assert not steps.state.warnings
+    assert any("deep in what it touches" in w for w in path.state.warnings) == deep
+    if not deep:
+        np.testing.assert_allclose(other["force"], one["force"], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(path.r("beam@0.5"), steps.r("beam@0.5"), rtol=1e-8)
+
+
 def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep() -> None:
     with pytest.raises(CaseError, match=r"overlap in the reference, by up to 0\.1 at S = 0\.5"):
         strip(4, bc=[CLAMP], obstacles={"solid": {"type": "circle", "center": [0.5, -0.2], "radius": 0.3}})
