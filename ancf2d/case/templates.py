@@ -8,7 +8,7 @@ from .emit import text_scalar
 from .json_schema import SCHEMA_FILE, schema_comment
 
 TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
-             "controlled_arm", "latch", "cam", "snap_fit", "belt")
+             "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")
 
 
 def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> str:

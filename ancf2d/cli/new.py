@@ -15,7 +15,7 @@ from .text import command_line
 
 # as in case.TEMPLATES; repeated so that --help need not read the case format
 KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
-         "controlled_arm", "latch", "cam", "snap_fit", "belt")
+         "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")
 
 
 @click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
