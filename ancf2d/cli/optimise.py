@@ -27,10 +27,9 @@ if TYPE_CHECKING:
 
 @click.command(epilog=examples(
     "ancf2d optimise beam.yaml --vary bodies.beam.section.height=0.02:0.2 --minimise mass "
-    '--subject-to "mid.uy >= -2e-3"',
-    'ancf2d optimise bridge.yaml --vary parameters.h=0.01:0.1 --minimise "max(stress)" --subject-to "mass <= 12"',
-    "ancf2d optimise arm.yaml --vary parameters.kp=1:50 --vary parameters.kd=0.1:5 "
-    '--minimise "max((arm.theta - 1)^2)"'))
+    '--subject-to "tip.uy >= -2e-3"',
+    "ancf2d optimise beam.yaml --vary bodies.beam.section.height=0.02:0.2 --vary bodies.beam.section.width=0.02:0.2 "
+    '--minimise "max(stress)" --subject-to "mass <= 12"'))
 @case_argument
 @click.option("--vary", "vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
               help="A number of the case and its bounds. May be given several times; the search starts from the case's "

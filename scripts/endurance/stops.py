@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import resource
@@ -112,6 +113,13 @@ def damage(path: Path) -> str:
                 return "" if "VTKHDF" in file else "without its data"
         except OSError as error:
             return str(error)
+    if path.suffix == ".rows":  # a line of JSON each, of which only the last may be cut
+        try:
+            for line in path.read_text(encoding="utf-8").split("\n")[:-1]:
+                json.loads(line)
+        except ValueError as error:
+            return str(error)
+        return ""
     return "" if path.suffix in (".lock", ".csv") else "unknown"
 
 

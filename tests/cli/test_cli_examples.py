@@ -22,7 +22,8 @@ nodes: [{at: 0, coordinates: [r, r_x, r_y]}, {at: 1, coordinates: [r, r_x, r_y]}
 formulation: continuum
 """
 STEEL = BEAM.replace("{EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3}", "{height: 0.1, width: 0.1}\n"
-                     "    material: {E: 2.07e11, nu: 0.3}").replace("linear_static", "static").partition("expected")[0]
+                     "    material: {E: 2.07e11, nu: 0.3, rho: 7850}").replace("linear_static", "static")
+STEEL = STEEL.partition("expected")[0]
 
 
 def examples(name: str) -> list[str]:
@@ -34,7 +35,8 @@ def examples(name: str) -> list[str]:
 
 def invoke(line: str) -> None:
     """Run a command line up to what it asks of the shell."""
-    words = shlex.split(line.partition(" >")[0])
+    words = shlex.split(line)
+    words = words[:words.index(">")] if ">" in words else words
     result = CliRunner().invoke(main, words[1:])
     assert result.exit_code == 0, f"{line}\n{result.output}"
 
@@ -50,7 +52,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         invoke("ancf2d new swing --kind pendulum")
         swing = (folder / "swing.yaml").read_text()
         (folder / "swing.yaml").write_text(swing.replace("t_end: 1.5", "t_end: 0.1").replace("count: 8", "count: 2"))
-        for line in ("run beam.yaml", "run beam.yaml -o stored.h5", "run swing.yaml"):
+        for line in ("run beam.yaml", "run beam.yaml -o stored.h5", "run swing.yaml", "export beam.h5 tip.csv"):
             invoke(f"ancf2d {line}")
         yield folder
 
