@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from ancf2d.processors import cores
 from ancf2d.study.pool import THREADS
 
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
@@ -51,7 +52,9 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 
     everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
     if everything and cache_is_cold():
-        subprocess.run([sys.executable, "-c", COMPILE], cwd=config.rootpath, check=True)
+        # nothing runs beside it yet, so it has all processors
+        subprocess.run([sys.executable, "-c", COMPILE], cwd=config.rootpath, check=True,
+                       env={**os.environ, "OMP_NUM_THREADS": str(cores())})
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -36,7 +36,7 @@ def examples(name: str) -> list[str]:
 def invoke(line: str) -> None:
     """Run a command line up to what it asks of the shell."""
     words = shlex.split(line)
-    words = words[:words.index(">")] if ">" in words else words
+    words = words[:next((k for k, word in enumerate(words) if word in (">", ">>")), None)]
     result = CliRunner().invoke(main, words[1:])
     assert result.exit_code == 0, f"{line}\n{result.output}"
 
