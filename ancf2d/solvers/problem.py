@@ -262,10 +262,13 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     def longer(x: Array, value: float = 0.0) -> Array:
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
     tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
-    return {"feedback": feedback, "inner": n, "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
+    moving = data["moving"]
+    mass, fixed = (np.concatenate([x, np.zeros(tail if len(x) else 0)]) for x in (data["mass"], moving.fixed))
+    return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
+            "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
             "place": np.concatenate([num.place, n + np.arange(m)]),
             "full": np.concatenate([num.free, n_full + np.arange(m)]),
-            "mass": np.concatenate([data["mass"], np.zeros(tail)]), "coordinate": longer(data["coordinate"], 1.0),
+            "coordinate": longer(data["coordinate"], 1.0),
             **{key: longer(data[key]) for key in ("weights", "straining", "along", "motion_mass")}}
 
 

@@ -100,6 +100,23 @@ def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
     assert solved.course["tip"]["omega"] == pytest.approx(2 * 1.04 / (1 + r * r), rel=3e-5)
 
 
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
+def test_a_mass_moves_along_a_body_that_a_controller_drives(method: str) -> None:
+    # omega (1 + r^2) = 2 t under a moment of 2 that a controller puts out; its state rests, the latch at the end holds
+    # nothing: both give the matrices of a step numbers of their own
+    solved = ancf2d.solve({
+        "bodies": {"bar": BAR},
+        "boundary_conditions": [{"type": "pin", "at": "bar@0"},
+                                {"type": "roller", "fixed": "y", "at": "bar@1", "active": {"from": 0.9}}],
+        "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": "0.2 + 0.6*t^2"}}, "mass": 1}],
+        "controllers": {"motor": {"type": "state", "rate": {"z": "-z"}, "output": "2 + z"}},
+        "loads": [{"type": "moment", "at": "bar@0", "value": 1, "amplitude": {"type": "expression", "value": "motor"}}],
+        "solver": {"type": "dynamic", "t_end": 0.8, "tolerance": 1e-8, "method": method},
+        "output": {"probes": {"tip": "bar@1"}, "interval": 0.2}})
+    r, t = 0.2 + 0.6 * solved.course_t**2, solved.course_t
+    assert solved.course["tip"]["omega"] == pytest.approx(2 * t / (1 + r * r), rel=3e-5, abs=1e-9)
+
+
 def test_reactions_hold_a_moving_mass() -> None:
     # on a bar that two supports hold the mass moves freely: reactions follow its weight and where it is
     solved = ancf2d.solve({
