@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ..case import LoadedCase, load_case_text
+from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis, read_bounds
 from ..errors import CaseError
 from ..results import check_output
@@ -43,8 +43,7 @@ def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
     """
     options = _options(overrides)
     if isinstance(case, LoadedCase):
-        directory = os.path.dirname(case.source.file)
-        return load_case_text(case.text, case.source.file, (*case.overrides, *options), vocabulary(), directory)
+        return with_overrides(case, options, vocabulary())
     if isinstance(case, Mapping):
         return load_case_text(_as_text(case), "<mapping>", options, vocabulary())
     if isinstance(case, str) and "\n" in case:

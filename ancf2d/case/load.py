@@ -51,6 +51,12 @@ def load_case_text(text: str, name: str = "<string>", overrides: Sequence[str] =
     return _load(text, name, overrides, vocabulary, directory)
 
 
+def with_overrides(loaded: LoadedCase, more: Sequence[str], vocabulary: Vocabulary) -> LoadedCase:
+    """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
+    name = loaded.source.file
+    return _load(loaded.text, name, (*loaded.overrides, *more), vocabulary, os.path.dirname(name))
+
+
 def _load(text: str, name: str, overrides: Sequence[str], vocabulary: Vocabulary | None,
           directory: str) -> LoadedCase:
     text = text.removeprefix("\ufeff")

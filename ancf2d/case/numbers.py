@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import CaseError, Problem
+from .axes import VARY, Bounds
 from .binder import Vocabulary
 from .compose import compose
 from .emit import number_text
-from .load import LoadedCase, load_case_text
+from .load import LoadedCase, load_case_text, with_overrides
 from .nodes import LINE_BREAK, ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
 from .overrides import index_of
 
@@ -140,6 +141,23 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
             yield found
 
 
+def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[Variable]:
+    """Return the numbers at the paths of bounds. Raises CaseError with all that are none, or cannot be at a bound."""
+    found, problems = [], []
+    for one in bounds:
+        try:
+            variable = variable_at(loaded, one.path)
+            for value in (one.low, one.high):
+                with_overrides(loaded, [variable.override(value)], vocabulary)
+            found.append(variable)
+        except CaseError as error:
+            problems += [Problem(p.message, file=f"{VARY}{one.text}", expected=p.expected, near=p.near)
+                         for p in error.problems]
+    if problems:
+        raise CaseError(problems)
+    return found
+
+
 def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocabulary) -> tuple[str, bool]:
     """Return a case's text with other numbers at some paths, and whether it is the text of the file otherwise.
 
@@ -148,7 +166,7 @@ def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocab
     """
     directory = os.path.dirname(loaded.source.file)
     sets = [v.override(value) for v, value in zip(numbers_at(loaded, values), values.values(), strict=True)]
-    whole = load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *sets), vocabulary, directory).completed
+    whole = with_overrides(loaded, sets, vocabulary).completed
     changed = None if loaded.overrides else _replaced(loaded.text, values)
     if changed is not None:
         try:

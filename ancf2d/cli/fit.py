@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from .options import (
+    all_of,
     case_argument,
     case_stem,
     debug_option,
     examples,
+    force_option,
     json_option,
     quiet_option,
     set_option,
+    vary_option,
 )
 from .session import Session
 from .text import command_line, many, number, table
@@ -30,25 +32,24 @@ if TYPE_CHECKING:
 @click.option("--data", "data_file", type=click.Path(), required=True, metavar="FILE.csv",
               help="Measured columns: t, factor or hz, then PROBE.QUANTITY, as 'export' writes them; empty cells were "
               "not measured.")
-@click.option("--vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
-              help="A number of the case and its bounds. May be given several times.")
+@vary_option
 @click.option("--sigma", multiple=True, metavar="PROBE.QUANTITY=S",
               help="Standard deviation of the noise in a column, in its units; default: columns are weighted by their "
               "ranges. May be given several times.")
 @click.option("--starts", type=click.IntRange(min=1, max=1000), default=1, show_default=True, metavar="N",
               help="Number of searches, from the case's own numbers and others between the bounds; the best is taken.")
 @set_option
-@click.option("--out", "-o", type=click.Path(), metavar="FITTED.yaml",
+@click.option("-o", "--output", type=click.Path(), metavar="FITTED.yaml",
               help="The case with its fitted numbers; default: the case's name with -fitted, in the working directory.")
 @click.option("--results", type=click.Path(), metavar="FILE.h5",
               help="File of parameters, data and model; default: the case's name with -fit.h5.")
-@click.option("--force", is_flag=True, help="Replace files that ancf2d did not write.")
+@force_option
 @json_option
 @quiet_option
 @debug_option
 @click.pass_obj
 def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], sigma: tuple[str, ...], starts: int,
-            overrides: tuple[str, ...], out: str | None, results: str | None, force: bool) -> int:
+            overrides: tuple[str, ...], output: str | None, results: str | None, force: bool) -> int:
     """Find the numbers of a case with which it agrees best with measured data.
 
     Prints each number with its standard error, and writes the case with these numbers. 'ancf2d plot' draws data and
@@ -56,38 +57,27 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
     """
     session.subject = {"case": case}
     from ..case.axes import read_bounds
-    from ..errors import CaseError, Problem
     from ..results import check_output
     from ..study.digests import inputs_of
     from ..study.fit import fit
     from ..study.fit_data import read_data
-    from ..study.fit_file import write_fit, write_fitted
+    from ..study.fit_file import write_case, write_fit
     from ..study.run import load
 
-    problems: list[Problem] = []
-    found: list[Any] = []
-    readers: tuple[Callable[[], Any], ...] = (lambda: load(case, overrides), lambda: read_data(data_file),
-                                              lambda: read_bounds(vary), lambda: _noise(sigma))
-    for read in readers:
-        try:
-            found.append(read())
-        except CaseError as error:
-            problems += error.problems
-    if problems:
-        raise CaseError(problems)
-    loaded, data, bounds, noise = found
-    out = out if out is not None else f"{case_stem(case)}-fitted.yaml"
+    loaded, data, bounds, noise = all_of(lambda: load(case, overrides), lambda: read_data(data_file),
+                                         lambda: read_bounds(vary), lambda: _noise(sigma))
+    output = output if output is not None else f"{case_stem(case)}-fitted.yaml"
     results = results if results is not None else f"{case_stem(case)}-fit.h5"
-    for path in (out, results):
+    for path in (output, results):
         check_output(path, force, data_file, *inputs_of(loaded))
     told = fit(loaded, data, bounds, noise, starts)
-    told.warnings += write_fitted(told, out, force)
+    told.warnings += write_case(loaded, {row.path: row.value for row in told.rows}, output, session.command_line, force)
     write_fit(told, results, session.command_line, force)
     for text in told.warnings:
         session.warn(text)
-    session.print_json({**told.as_json(), "output": out, "results": results})
+    session.print_json({**told.as_json(), "output": output, "results": results})
     session.out(report(told))
-    session.out(f"\nwrote {out}; data and model in {results}; next: {command_line('plot', results)}")
+    session.out(f"\nwrote {output}; data and model in {results}; next: {command_line('plot', results)}")
     return 0
 
 

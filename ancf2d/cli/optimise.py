@@ -8,6 +8,7 @@ import click
 
 from .failures import FAILED
 from .options import (
+    all_of,
     case_argument,
     case_stem,
     debug_option,
@@ -16,12 +17,12 @@ from .options import (
     json_option,
     quiet_option,
     set_option,
+    vary_option,
 )
 from .session import Bar, Session
 from .text import command_line, many, number, say, table
 
 if TYPE_CHECKING:
-    from ..case import LoadedCase
     from ..study.optimise import Optimum
 
 
@@ -31,9 +32,7 @@ if TYPE_CHECKING:
     "ancf2d optimise beam.yaml --vary bodies.beam.section.height=0.02:0.2 --vary bodies.beam.section.width=0.02:0.2 "
     '--minimise "max(stress)" --subject-to "mass <= 12"'))
 @case_argument
-@click.option("--vary", "vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
-              help="A number of the case and its bounds. May be given several times; the search starts from the case's "
-              "values.")
+@vary_option
 @click.option("--minimise", required=True, metavar="EXPRESSION",
               help="What is to become as small as possible: an expression over goal, mass, strain_energy, parameters, "
               "PROBE.QUANTITY and SUPPORT.fx, fy or m (of the last state), and max(...) and min(...) of such an "
@@ -65,11 +64,12 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     from ..case.axes import read_bounds
     from ..results import check_output
     from ..study.digests import inputs_of
+    from ..study.fit_file import write_case
     from ..study.optimise import optimise, problem_of, write_optimisation
     from ..study.record import Progress
     from ..study.run import load
 
-    bounds, loaded = read_bounds(vary), load(case, overrides)
+    bounds, loaded = all_of(lambda: read_bounds(vary), lambda: load(case, overrides))
     place = output if output is not None else f"{case_stem(case)}-best.yaml"
     for path in (place, history):
         check_output(path, force, *inputs_of(loaded))
@@ -77,36 +77,23 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     with Bar("optimising", session.shows_progress) as bar:
         found = optimise(problem, method, iterations, Progress(compiling=session.note_once),
                          lambda point: bar.update(0.0, f"{minimise} = {number(point.value)}", 0.0))
+    found.warnings += write_case(loaded, {row["path"]: row["value"] for row in found.rows}, place,
+                                 session.command_line, force)
     for text in found.warnings:
         session.warn(text)
-    kept = _write_best(found, loaded, place, force, session.command_line)
     result = {**found.as_json(), "output": place}
     if history is not None:
         write_optimisation(found, loaded, history, session.command_line, force=force)
         result["history"] = history
     session.print_json(result)
     session.out(report(found))
-    session.out(f"\nwrote {place}{'' if kept else ' (with defaults, without comments)'}; next: "
-                + command_line("run", place))
+    session.out(f"\nwrote {place}; next: {command_line('run', place)}")
     if history is not None:
         session.out(f"results in {history}; next: {command_line('plot', history)}")
     if not found.found:
         say(f"error: {found.message}", err=True)
         return FAILED
     return 0
-
-
-def _write_best(found: Optimum, loaded: LoadedCase, place: str, force: bool, how: str) -> bool:
-    """Write the case with the best values; return whether it has the comments of the first one."""
-    from ..case.numbers import text_with
-    from ..results.target import MARK, replacing
-    from ..study.run import vocabulary
-
-    text, kept = text_with(loaded, {row["path"]: row["value"] for row in found.rows}, vocabulary())
-    lines = [line for line in text.splitlines(keepends=True) if not line.startswith(f"# {MARK}")]
-    with replacing(place, force) as private:
-        private.write_text(f"# {MARK}: {how}\n" + "".join(lines), encoding="utf-8")
-    return kept
 
 
 def report(found: Optimum) -> str:

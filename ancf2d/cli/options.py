@@ -86,6 +86,21 @@ def _case_name(ctx: click.Context, parameter: click.Parameter, value: Any) -> An
     return STDIN if value == "-" else value
 
 
+def all_of(*readers: Callable[[], Any]) -> list[Any]:
+    """Return what each of some functions returns. Raises CaseError with the problems of all."""
+    from ..errors import CaseError
+
+    found, problems = [], []
+    for read in readers:
+        try:
+            found.append(read())
+        except CaseError as error:
+            problems += error.problems
+    if problems:
+        raise CaseError(problems)
+    return found
+
+
 def case_stem(case: str) -> str:
     """Return what files are called by default that are made of a case."""
     from ..case.compose import STDIN
@@ -100,6 +115,9 @@ set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VAL
                           help="Override a value of the case, e.g. bodies.beam.element.count=32 or "
                                "loads.0.value=[0,-500]; PATH+=ITEM appends to a list, PATH=null removes a key or an "
                                "item. May be given several times.")
+vary_option = click.option("--vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
+                           help="A number of the case and its bounds. May be given several times. The search begins "
+                           "with the values of the case.")
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
 scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, "
                                 "e.g. tcp://127.0.0.1:8786, instead of in processes on this machine.")

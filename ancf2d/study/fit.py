@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, LoadedCase, load_case_text
-from ..case.axes import VARY, Bounds
-from ..case.numbers import Variable, variable_at
+from ..case import Dynamic, LoadedCase, with_overrides
+from ..case.axes import Bounds
+from ..case.numbers import Variable, numbers_between, variable_at
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from .fit_data import Data, Watch, check_data, comparable
@@ -116,17 +115,11 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
 
 def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]
                ) -> list[Variable]:
-    problems, variables = check_data(loaded, data), []
-    for one in bounds:
-        try:
-            variables.append(variable_at(loaded, one.path))
-            load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, variables[-1].override(one.low)),
-                           vocabulary(), os.path.dirname(loaded.source.file))
-            load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, variables[-1].override(one.high)),
-                           vocabulary(), os.path.dirname(loaded.source.file))
-        except CaseError as error:
-            problems += [Problem(p.message, file=f"{VARY}{one.text}", expected=p.expected, near=p.near)
-                         for p in error.problems]
+    problems, variables = check_data(loaded, data), list[Variable]()
+    try:
+        variables = numbers_between(loaded, bounds, vocabulary())
+    except CaseError as error:
+        problems += error.problems
     for name, noise in sigma.items():
         if name not in data.names:
             problems.append(Problem(f"the data have no column '{name}'", file=f"--sigma {name}={noise:g}",
@@ -173,9 +166,8 @@ class _Problem:
 
     def case(self, z: Array) -> LoadedCase:
         """Return the case at z. Raises CaseError."""
-        options = (v.override(x) for v, x in zip(self.variables, self.values(z), strict=True))
-        return load_case_text(self.loaded.text, self.loaded.source.file, (*self.loaded.overrides, *options),
-                              vocabulary(), os.path.dirname(self.loaded.source.file))
+        options = [v.override(x) for v, x in zip(self.variables, self.values(z), strict=True)]
+        return with_overrides(self.loaded, options, vocabulary())
 
     def model(self, z: Array) -> Array:
         """Return what the case has at z in place of the data. Raises CaseError and ComputationError."""

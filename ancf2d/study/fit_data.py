@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, LoadFactor, Static, load_case_text
+from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, LoadFactor, Static, with_overrides
 from ..case.binder import nearest
 from ..case.compose import read_text
 from ..elements.shape import Array
@@ -170,8 +169,7 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
         keys = {"from": solver.from_, "to": solver.to, "tolerance": solver.tolerance}
         more += [f"solver.{name}=null" for name, value in keys.items() if value is not None]
         more.append(f"solver.frequencies={data.x.tolist()}")
-    return load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *more), vocabulary(),
-                          os.path.dirname(loaded.source.file))
+    return with_overrides(loaded, more, vocabulary())
 
 
 def _steps(shares: Array, least: int) -> int:

@@ -1,13 +1,15 @@
-"""What a fit writes: the case with its fitted numbers, and data beside model in a result file."""
+"""What fits and designs write: the case with the numbers that were found, and data beside model in a result file."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..case import LoadedCase
 from ..case.numbers import text_with
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..results import Column, ResultWriter
@@ -17,19 +19,20 @@ from .fit import Fit
 from .run import result_header, vocabulary
 
 
-def write_fitted(fit: Fit, path: str | os.PathLike[str], force: bool = False) -> list[str]:
-    """Write the case with its fitted numbers, in the words of its file where these have a place there.
+def write_case(loaded: LoadedCase, values: Mapping[str, float], path: str | os.PathLike[str], how: str,
+               force: bool = False) -> list[str]:
+    """Write a case with other numbers at some paths, in the words of its file where these have a place there.
 
-    Returns what is to be told of it. Raises ResultsError.
+    Its first line says ``how`` they were found. Returns what is to be told of it. Raises ResultsError.
     """
-    loaded = fit.loaded
-    text, _ = text_with(loaded, {row.path: row.value for row in fit.rows}, vocabulary())
+    text, kept = text_with(loaded, values, vocabulary())
+    lines = [line for line in text.splitlines(keepends=True) if not line.startswith(f"# {MARK}")]
     with replacing(path, force) as private:
-        private.write_text(f"# {MARK}: fitted to {fit.data.file or 'data'}\n{text}", encoding="utf-8")
-    others = inputs_of(loaded)[1:]
-    if others and Path(path).absolute().parent != Path(loaded.source.file).absolute().parent:
-        return [f"'{path}' names files that it is read with; they are beside '{loaded.source.file}'"]
-    return []
+        private.write_text(f"# {MARK}: {how}\n" + "".join(lines), encoding="utf-8")
+    told = [] if kept else [f"'{path}' has the case with its defaults, without comments"]
+    if inputs_of(loaded)[1:] and Path(path).absolute().parent != Path(loaded.source.file).absolute().parent:
+        told.append(f"'{path}' names files that it is read with; they are beside '{loaded.source.file}'")
+    return told
 
 
 def write_fit(fit: Fit, path: str | os.PathLike[str], command: str = "", force: bool = False) -> None:

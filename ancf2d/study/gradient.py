@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, Eigen, Goal, LoadedCase, Static, load_case_text
+from ..case import Dynamic, Eigen, Goal, LoadedCase, Static, with_overrides
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
@@ -207,8 +206,7 @@ def _tight(loaded: LoadedCase) -> LoadedCase:
 
 def varied(loaded: LoadedCase, variable: Variable, h: float) -> LoadedCase:
     """Return a case with one of its numbers changed by h. Raises CaseError where that is no case."""
-    options = (*loaded.overrides, variable.override(variable.value + h))
-    return load_case_text(loaded.text, loaded.source.file, options, vocabulary(), os.path.dirname(loaded.source.file))
+    return with_overrides(loaded, [variable.override(variable.value + h)], vocabulary())
 
 
 def size_of(variable: Variable, extent: float) -> float:

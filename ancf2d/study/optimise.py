@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..case import LoadedCase, load_case_text
+from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
-from ..case.numbers import Variable, numbers_at
+from ..case.numbers import Variable, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..results import Column, ResultWriter
@@ -20,7 +20,7 @@ from ..solvers.differences import Quotient
 from .gradient import Study
 from .measures import MASS, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
-from .run import result_header
+from .run import result_header, vocabulary
 from .sensitivity import on_its_mesh
 
 METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
@@ -89,7 +89,7 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
     # the sides that constraints compare with tell what is large
     measures = [read_measure(minimise, "--minimise", words, parameters), *(m for m, _, _ in read),
                 *(side for _, side, _ in read)]
-    variables = numbers_at(loaded, [one.path for one in bounds])
+    variables = numbers_between(loaded, bounds, vocabulary())
     return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal), kinds, list(constraints))
 
 
@@ -132,9 +132,7 @@ class _Search:
         """Return the case solved at y. Raises ComputationError that says where."""
         key = y.tobytes()
         if self._last is None or self._last[0] != key:
-            loaded = self.loaded
-            here = load_case_text(loaded.text, loaded.source.file, (*loaded.overrides, *self.sets(y)), _vocabulary(),
-                                  str(Path(loaded.source.file).parent))
+            here = with_overrides(self.loaded, self.sets(y), vocabulary())
             try:
                 self.warnings[key] = []
                 study = Study(here, self.problem.measures, self.progress, self.warnings[key].append)
@@ -187,12 +185,6 @@ class _Search:
     def known_slopes(self) -> list[Array]:
         """Return the derivatives at all places where they were asked for."""
         return list(self._slopes.values())
-
-
-def _vocabulary() -> Any:
-    from .run import vocabulary
-
-    return vocabulary()
 
 
 def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, progress: Progress | None = None,

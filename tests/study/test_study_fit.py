@@ -15,7 +15,7 @@ from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.study.fit import Fit, fit
 from ancf2d.study.fit_data import data_of, read_data
-from ancf2d.study.fit_file import write_fit, write_fitted
+from ancf2d.study.fit_file import write_case, write_fit
 from ancf2d.study.run import load
 from scripts import measured_cantilever as strip
 
@@ -166,17 +166,20 @@ def test_the_fitted_case_keeps_the_words_of_its_file(tmp_path: Path) -> None:
     loaded = load(tmp_path / "bent.yaml")
     found = fit(loaded, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), read_bounds([f"{EI}=100:1e4"]))
     out = tmp_path / "fitted.yaml"
-    assert write_fitted(found, out) == []
+    assert write_case(loaded, {EI: found.rows[0].value}, out, "fitted") == []
     text = out.read_text()
     assert "# a comment that stays" in text
     assert "# EI is a guess" in text
     assert found.rows[0].value == load(out).case.bodies["beam"].section.EI
     # it is ancf2d's own, and replaced without force
-    write_fitted(found, out)
+    fitted = load(out)
+    write_case(fitted, {EI: found.rows[0].value}, out, "fitted again")
+    assert out.read_text() == text.replace("fitted", "fitted again", 1)
     # what stands nowhere in the file is in the completed case
-    other = fit(load(tmp_path / "bent.yaml", [f"{EI}=900"]), found.data, read_bounds([f"{EI}=100:1e4"]))
-    write_fitted(other, out)
-    assert other.rows[0].value == load(out).case.bodies["beam"].section.EI
+    other = load(tmp_path / "bent.yaml", [f"{EI}=900"])
+    (told,) = write_case(other, {EI: 901.0}, out, "fitted")
+    assert told == f"'{out}' has the case with its defaults, without comments"
+    assert load(out).case.bodies["beam"].section.EI == 901.0
     write_fit(found, tmp_path / "fit.h5")
     with open_results(tmp_path / "fit.h5") as results:
         assert results.tables["fit"]["value"][0] == found.rows[0].value

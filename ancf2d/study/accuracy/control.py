@@ -6,19 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...case import Dynamic, FrequencyResponse, LoadedCase
+from ...case import Dynamic, FrequencyResponse, LoadedCase, with_overrides
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
 from ..goal import Answer, goal_kind
 from ..order import Estimate
 from ..record import Progress
-from ..run import Outcome, describe_goal, prepare
+from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from .fidelity import BEAM, choose_types
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
-from .setting import Level, with_overrides, with_setting
+from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
@@ -100,7 +100,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
         return None
     if goal is not None and goal.hz is not None:
         return None
-    return with_overrides(loaded, (f"solver.tolerance={min(error, solver.resolution)!r}",))
+    return with_overrides(loaded, [f"solver.tolerance={min(error, solver.resolution)!r}"], vocabulary())
 
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from ...case import Body, Case, Dynamic, LoadedCase, load_case_text
+from ...case import Body, Case, Dynamic, LoadedCase, with_overrides
 from ...case.emit import written
 from ...model.curve import share_count, stretches, turning
 from ...model.plan import acting_points
@@ -147,11 +146,4 @@ def overrides(case: Case, setting: Setting) -> list[str]:
 
 def with_setting(loaded: LoadedCase, setting: Setting, more: Sequence[str] = ()) -> LoadedCase:
     """Return a case with a setting, as if it had been written so. Raises CaseError."""
-    return with_overrides(loaded, (*overrides(loaded.case, setting), *more))
-
-
-def with_overrides(loaded: LoadedCase, more: Sequence[str]) -> LoadedCase:
-    """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
-    chosen = (*loaded.overrides, *more)
-    return load_case_text(loaded.text, loaded.source.file, chosen, vocabulary(),
-                          os.path.dirname(loaded.source.file))
+    return with_overrides(loaded, (*overrides(loaded.case, setting), *more), vocabulary())
