@@ -133,6 +133,15 @@ class MovingPatch:
         np.add.at(full, dofs, -(G.T @ f))
         return xi, full[self.mesh.dofs[m]]
 
+    def carried(self, d: Array, v: Array, t: float) -> tuple[float, Array, Array]:
+        """Return mass, position and velocity (2,) of what moves here at d with rates v (n_full,); 0 off the body."""
+        m = self.element(t) if self.mass else OFF
+        if m == OFF:
+            return 0.0, np.zeros(2), np.zeros(2)
+        _, G, p0, _ = self._place(m, t)
+        r = p0 + G @ d[self.dofs[m]]
+        return self.mass, r[:2], (G @ v[self.dofs[m]])[:2] + rates_of(self.course, t)[0] * r[2:4]
+
     def crossings(self, times: Sequence[float]) -> list[float]:
         """Return the times between some in which s is smooth at which the point enters another element."""
         out: list[float] = []

@@ -12,6 +12,8 @@ FORMAT = "ancf2d-results"
 FORMAT_VERSION = 1
 # solvers whose states are those of times
 OVER_TIME = ("dynamic", "quasi_static")
+# how events are told, behind the name of what begins or ends
+EVENT_WORDS = "begins", "ends"
 SECTION_KINDS = ("interpolated", "tangent", "theta")
 
 

@@ -15,10 +15,12 @@ import yaml
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results
+from ancf2d.results.records import EVENT_WORDS
 
 ALONG_LOAD = 9  # arrows of a distributed load
 NEAR = 1e-9  # of the arc length: what has not left a body
 STEP = 1e-3  # of the arc length: what the direction of an axis is read from
+ALWAYS = -math.inf, math.inf
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Symbol:
 
     ``on`` holds the body and S of each point, None for a point of the ground; ``tracks`` the names in ``tracks_of`` of
     those that move along their bodies. A symbol that ``turns`` keeps its angle with the axis at its first point.
-    ``gravity`` has no points: it acts everywhere.
+    ``gravity`` has no points: it acts everywhere. ``acts`` are the times at which it begins and ends.
     """
 
     kind: str
@@ -37,6 +39,7 @@ class Symbol:
     on: tuple[tuple[str, float] | None, ...] = ()
     turns: bool = False
     tracks: tuple[str | None, ...] = ()
+    acts: tuple[float, float] = ALWAYS
 
 
 def _with_numbers(value: Any) -> Any:
@@ -93,6 +96,17 @@ class _Scene:
         found = self.case.get(key)
         return [self._named(e, f"{key}.{k}") for k, e in enumerate(found) if isinstance(e, dict)
                 ] if isinstance(found, list) else []
+
+    def window(self, entry: dict[str, Any], path: str) -> tuple[float, float]:
+        """Return the times at which something begins and ends, as the case says or, of conditions, as events tell."""
+        active = entry.get("active")
+        if not isinstance(active, dict):
+            return ALWAYS
+        name, found = entry.get("name", path), self.results.summary.get("events") or []
+        happened = {event["what"]: float(event["t"]) for event in found}
+        begins, ends = (happened.get(f"{name} {word}", math.inf) for word in EVENT_WORDS)
+        return (begins if "after" in active else active.get("from", -math.inf),
+                ends if "until" in active else active.get("to", math.inf))
 
     def _named(self, entry: dict[str, Any], path: str) -> dict[str, Any]:
         """Return an entry whose points that move have their names in ``tracks_of``."""
@@ -242,11 +256,17 @@ _DRAWN: dict[str, Callable[[_Scene, dict[str, Any]], Iterator[Symbol]]] = {
 def symbols_of(results: Results, state: int | None, scale: float, at: int | None = None) -> list[Symbol]:
     """Return the symbols of a file's case in a state (None: reference), displacements magnified by ``scale``.
 
-    What moves along bodies is where it is in the state ``at`` (None: the same state, or where it begins).
+    What moves along bodies is where it is in the state ``at`` (None: the same state, or where it begins), and what
+    begins and ends is there only while it acts; without a state all is.
     What a case says in a way that needs more than its text, such as expressions as values, has no symbol.
     """
     scene = _Scene(results, state, scale, state if at is None else at)
-    return [symbol for key, drawn in _DRAWN.items() for entry in scene.entries(key) for symbol in drawn(scene, entry)]
+    found = [replace(symbol, acts=scene.window(entry, f"{key}.{k}")) for key, drawn in _DRAWN.items()
+             for k, entry in enumerate(scene.entries(key)) for symbol in drawn(scene, entry)]
+    if scene.at is None:
+        return found
+    t = float(results.t[scene.at])
+    return [symbol for symbol in found if symbol.acts[0] <= t < symbol.acts[1]]
 
 
 # ---------------------------------------------------------------------- outlines

@@ -122,4 +122,4 @@ def pass_break(motion: Any, piece: int) -> None:
     if motion.dt > 0.0:
         s.numbers[GRID] = np.floor(t / motion.dt + NEAR)
     elif kinks.any() or not (sampled or t in motion.moving.times):
-        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], 10.0 * motion.first_step())
+        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], (1.0 if begun else 10.0) * motion.first_step())

@@ -64,7 +64,8 @@ class Balance:
     def __init__(self, model: Model, stepper: Stepper) -> None:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
-        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan])  # total at the start, largest change, size, springs' energy
+        # total at the start, largest change, size; what springs store and masses that move have at the start
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan])
 
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
@@ -77,16 +78,20 @@ class Balance:
         potential = self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain
         total = kinetic + own - dead - row.work + row.lost
+        # what drives a mass along a body does work on it, too: what the mass gains
+        carried = self.energies.carried(d, v, row.side)[0]
+        given = (springs if self.stepper.tracks else 0.0) + carried
         if np.isnan(self.numbers[0]):
-            self.numbers[0], self.numbers[3] = total, springs
+            self.numbers[0], self.numbers[3] = total, given
         if row.kind != INSIDE:
             # forces do some work on round-off of positions: energies below that are none
             felt = largest_share(self.model.external(row.side)[:self.model.n_q], self.model.weights)
             self.numbers[2] = max(self.numbers[2], STILL * self.model.extent * felt)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
-        work = row.work + (springs - self.numbers[3] if self.stepper.tracks else 0.0) + dead + potential
-        return {"kinetic": kinetic, "strain": strain, "potential": potential, "dissipated": row.lost, "work": work}
+        work = row.work + given - float(self.numbers[3]) + dead + potential
+        return {"kinetic": kinetic + carried, "strain": strain, "potential": potential, "dissipated": row.lost,
+                "work": work}
 
     @property
     def drift(self) -> float:
@@ -179,7 +184,8 @@ class Run:
 
     def _tell_lost(self, v: Array, first: State) -> None:
         """Tell with the first state what supports and joints took of the kinetic energy of the rates v (n_full,)."""
-        given, kinetic = self.balance.energies.kinetic(v), first.history["kinetic"]
+        energies = self.balance.energies
+        given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
         if given == 0.0:
             return
         lost = given - kinetic
@@ -230,7 +236,9 @@ class Run:
         state.last = True
         numbers = self.stepper.s.numbers
         assert state.v is not None
-        px, py, h = self.balance.energies.momentum(state.d, state.v)
+        energies = self.balance.energies
+        momentum = energies.momentum(state.d, state.v) + energies.carried(state.d, state.v, state.side)[1]
+        px, py, h = momentum.tolist()
         state.report = {
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}

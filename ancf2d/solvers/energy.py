@@ -11,6 +11,7 @@ import numpy as np
 from ..case import Constant
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad
+from ..interactions.moving import MovingPatch
 from ..model.mesh import Index
 from ..model.model import Model
 from ..model.timing import Signal
@@ -55,10 +56,15 @@ class Kinds:
 
 
 class Energies:
-    """Kinetic, strain and potential energy and the momentum of one model at states (d, v) in full coordinates."""
+    """Kinetic, strain and potential energy and the momentum of one model at states (d, v) in full coordinates.
+
+    ``kinetic`` and ``momentum`` are those of bodies and what rests on them, ``carried`` has both of masses that move
+    along bodies.
+    """
 
     def __init__(self, model: Model) -> None:
         self.model, self.kinds = model, Kinds(model)
+        self.moving = [p for p in model.interactions.points if isinstance(p, MovingPatch) and p.mass]
         self.gravity = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if has_potential(load)]
 
     @cached_property
@@ -72,6 +78,15 @@ class Energies:
         """Return v^T M v/2."""
         v = v[:self.model.n_q]
         return 0.5 * float(v @ (self.M @ v))
+
+    def carried(self, d: Array, v: Array, t: float) -> tuple[float, Array]:
+        """Return kinetic energy and momentum (3,), as ``momentum`` has it, of masses that move along bodies at t."""
+        energy, momentum = 0.0, np.zeros(3)
+        for patch in self.moving:
+            mass, r, rate = patch.carried(d, v, t)
+            energy += 0.5 * mass * float(rate @ rate)
+            momentum += mass * np.array([*rate, r[0] * rate[1] - r[1] * rate[0]])
+        return energy, momentum
 
     def strain(self, d: Array, t: float) -> float:
         """Return the elastic energy of elements and springs."""

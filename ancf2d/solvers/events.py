@@ -23,11 +23,11 @@ from ..model.point_patch import PointConstraint, PointPatch
 from ..model.points import dot
 from ..model.switched import CLOSED, HELD, HELD_ANGLE, caught, is_off
 from ..model.timing import Answer
+from ..results.records import EVENT_WORDS
 from .linear import dense
 
-# what a case has that may begin and end, and how messages say that it does
+# what a case has that may begin and end
 SECTIONS = ("boundary_conditions", "joints", "springs", "loads")
-WORDS = ("begins", "ends")
 # of a gradient: what is left of it where others make the constraint hold
 SAME = 1e-7
 
@@ -253,10 +253,10 @@ class Events:
                 window = self._own.get(id(self.model.timing.window(active)), active)
                 begin, end = (math.inf, math.inf) if window is None else window.times
                 happened = [begin, end] if begin < min(end, t_end) or begin == end else []
-                for t, what in zip(happened, WORDS, strict=False):
+                for t, what in zip(happened, EVENT_WORDS, strict=False):
                     if (t > 0.0 or (t == 0.0 and isinstance(window, Latch))) and t <= t_end:
                         out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
-                        if section == SECTIONS[0] and what == WORDS[0] and names[k] in self.impulses:
+                        if section == SECTIONS[0] and what == EVENT_WORDS[0] and names[k] in self.impulses:
                             out[-1]["impulse"] = self.impulses[names[k]]
         out.sort(key=lambda event: event["t"])
         if t_end < case.solver.t_end:

@@ -122,7 +122,8 @@ def energies(model: Model, state: State) -> dict[str, float]:
     if state.v is None:
         return {"strain": state.energy, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
-    return {"strain": state.energy, "kinetic": moving.kinetic(state.v), "potential": moving.potential(state.d)}
+    kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]
+    return {"strain": state.energy, "kinetic": kinetic, "potential": moving.potential(state.d)}
 
 
 def unbalanced_forces(model: Model, state: State) -> float:

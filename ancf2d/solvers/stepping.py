@@ -11,7 +11,7 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels import advance as kernels
-from ..kernels.consistent import consistent, onto_constraints
+from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import forces, inertia_at, to_full
 from ..kernels.impact import begin
 from ..kernels.lowlevel.records import Record
@@ -186,13 +186,16 @@ class Stepper:
             self.m.restart(self.s)
 
     def first_step(self) -> float:
-        """Return a step in which little happens, by rates and accelerations at the start."""
+        """Return a step in which little happens: by rates and accelerations at the start, and by what damping takes."""
         weights = self.p.weights
         size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
         speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
         times = [self._largest()]
         times += [size / speed] if speed > 0.0 else []
         times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
+        energy = kinetic(self.p, self.w, self.s, self.t)
+        lost = forces(self.p, self.w, self.s.z, self.s.v)[1]
+        times += [energy / lost] if energy > 0.0 and lost > 0.0 else []
         order = self.method.order if self.m is None else self.m.order
         return min(times) * 0.1 * self.tolerance ** (1.0 / order)
 

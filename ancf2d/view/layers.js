@@ -164,9 +164,12 @@ function mark(kind, x, y, angle) {
     pen.stroke();
   }
 }
+function acts({ acts: [begin, end] }) {
+  return data.kind !== "time" || (state.at >= (begin ?? -Infinity) && state.at < (end ?? Infinity));
+}
 function drawSymbols(X, Y, [, right, top]) {
   let gravities = 0;
-  for (const symbol of data.symbols) {
+  for (const symbol of data.symbols.filter(acts)) {
     const i = 2 * symbol.first;
     if (symbol.kind === "gravity") {
       const half = data.outlines.gravity.unit * INCH;

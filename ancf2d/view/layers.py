@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -93,7 +95,8 @@ class Attached:
     """The points of symbols, which move with the bodies; a second one beside each symbol that turns."""
 
     def __init__(self, results: Results, extent: float) -> None:
-        self.symbols: list[Symbol] = symbols_of(results, None, 1.0)[:MAX_SYMBOLS]
+        found = (s for s in symbols_of(results, None, 1.0) if s.acts[0] < math.inf)
+        self.symbols: list[Symbol] = [*islice(found, MAX_SYMBOLS)]
         self.arm = ARM * extent
         self.ground = np.array([p for s in self.symbols for p in s.points]).reshape(-1, 2)
         places = [place for s in self.symbols for place in s.on]
@@ -153,7 +156,8 @@ class Attached:
         out = []
         for k, symbol in zip(self._first(), self.symbols, strict=True):
             out.append({"kind": symbol.kind, "angle": symbol.angle, "first": first + k,
-                        "arm": arms if symbol.turns else None})
+                        "arm": arms if symbol.turns else None,
+                        "acts": [t if math.isfinite(t) else None for t in symbol.acts]})
             arms += symbol.turns
         kinds = {s.kind for s in self.symbols}
         return {"symbols": out, "outlines": {name: {"lines": mark.lines, "unit": mark.unit, "filled": mark.filled,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from ancf2d.plot.kinds import build
 from ancf2d.results import Results, ResultWriter, open_results
 from ancf2d.study.fields_of_states import StatesWithFields
 from ancf2d.study.run import load_case, run_case, vocabulary
+from ancf2d.view.page import make_page
 
 L, H, B, F = 2.0, 0.4, 0.1, -1000.0
 I, A = B * H**3 / 12, B * H
@@ -92,6 +95,32 @@ def test_everything_of_a_case_has_its_symbol(tmp_path: Path) -> None:
     assert {k: angles[k] for k in expected} == pytest.approx(expected, abs=1e-6)
     np.testing.assert_allclose([s.points[0, 0] for s in found if s.kind == "small force"], np.linspace(1, 2, 9))
     np.testing.assert_allclose(next(s.points for s in found if s.kind == "spring"), [[2, 0], [2, 1]])
+
+
+SWITCHED = """
+boundary_conditions: [{type: pin, at: a@0, active: {to: 1}}, {name: hook, type: clamp, at: a@1, active: {after: t > 9}}]
+springs: [{type: translational, between: [a@1, [2, 1]], active: {from: 1, until: a > 1}}]
+loads: [{type: force, at: a@1, value: [1, 0], active: {after: b > 1, until: b > 2}}, {type: moment, at: a@1, value: 2}]
+"""
+
+
+def test_what_does_not_act_in_a_state_is_not_drawn(tmp_path: Path) -> None:
+    """Times are those of the case, those of conditions of the events; the page has them all."""
+    body = tangent_body("a", 1, 2.0, 0.1)
+    e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
+    events = [{"t": 0.5, "what": "loads.0 begins"}, {"t": 1.5, "what": "loads.0 ends"},
+              {"t": 2.0, "what": "springs.0 ends"}]
+    with ResultWriter(tmp_path / "a.h5", {**HEADER, "case_completed": SWITCHED}, [body], e0) as w:
+        for t in (0.0, 0.5, 1.0, 1.5, 2.0):
+            w.append(t, 0 * e0, {}, {})
+        w.finish({"status": "converged", "events": events})
+    with open_results(tmp_path / "a.h5") as results:
+        found = [[s.kind for s in build(results, "shape", state=k).symbols] for k in range(5)]
+        listed = json.loads(re.findall(r'id="data">(.*?)</script>', make_page(results).html, re.S)[0])["symbols"]
+    assert found == [["pin", "moment"], ["pin", "force", "moment"], ["spring", "force", "moment"], ["spring", "moment"],
+                     ["moment"]]
+    assert {s["kind"]: s["acts"] for s in listed} == {
+        "pin": [None, 1], "spring": [1, 2], "force": [0.5, 1.5], "moment": [None, None]}
 
 
 def test_gravity_stands_beside_the_axes_and_within_the_figure(tmp_path: Path) -> None:

@@ -96,8 +96,13 @@ def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
         "initial": {"rotation_rate": {"omega": 2}},
         "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-8, "method": method},
         "output": {"probes": {"tip": "bar@1"}, "interval": 0.25}})
-    r = 0.2 + 0.6 * solved.course_t**2
+    r, found = 0.2 + 0.6 * solved.course_t**2, solved.summary
     assert solved.course["tip"]["omega"] == pytest.approx(2 * 1.04 / (1 + r * r), rel=3e-5)
+    # both are those of bar and mass, whose velocity along the bar ends at 1.2; what they gain is the work of the drive
+    assert found["momentum"]["angular"] == pytest.approx(2.08, rel=3e-5)
+    assert found["energy"]["kinetic"] == pytest.approx(0.5 * 2.08**2 / 1.64 + 0.72, rel=3e-5)
+    assert found["energy"]["work"] == pytest.approx(0.5 * 2.08**2 / 1.64 + 0.72 - 2.08, abs=6e-5)
+    assert found["energy_drift"] < 3e-5
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])

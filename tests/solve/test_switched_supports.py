@@ -69,6 +69,19 @@ def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, a
     assert solved.summary["energy_drift"] < 1e-7
 
 
+@pytest.mark.parametrize(("method", "share"), [("radau5", 1e-4), ("generalized_alpha", 1e-2)])
+def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, share: float) -> None:
+    """A beam that is caught comes to rest at once, in steps far below those before: nearly all of it is dissipated."""
+    body = {**ROD, "section": {"height": 0.02, "width": 0.02}, "element": {"type": "reissner3", "count": 2},
+            "material": {"E": 2e9, "nu": 0.3, "rho": 1000, "damping": {"kelvin_voigt": 1.0}}}
+    solved = solve(bodies={"rod": body}, t_end=0.3, initial={"velocity": [0, -2]}, solver={
+        "type": "dynamic", "t_end": 0.3, "tolerance": 1e-7, "method": method, "estimate": False},
+        boundary_conditions=[{"name": "grip", "type": "clamp", "at": "rod@0", "active": {"from": 0.1}}])
+    energy = solved.summary["energy"]
+    assert energy["dissipated"] > 0.79
+    assert energy["kinetic"] + energy["strain"] + energy["dissipated"] == pytest.approx(0.5 * 0.4 * 4, rel=share)
+
+
 @pytest.mark.parametrize("element", ["rigid", "reissner3", "vallejo", "cable", "2d2n"])
 def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str) -> None:
     """A beam that turns freely with omega = 3 is caught at 69 degrees, and swings about that angle."""

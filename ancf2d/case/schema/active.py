@@ -72,11 +72,15 @@ class Active:
 
     def at(self, t: float) -> bool:
         """Whether it acts at t: where it begins it does, where it ends not any more."""
-        begin, end = self.times
-        return begin <= t < end
+        return _within(self.times, t)
 
 
 ACTIVE, ACTIVE_DOC = Record(Active), "When it acts (dynamic; default: always)"
+
+
+def _within(times: tuple[float, float], t: float) -> bool:
+    """Whether t is at the first time or behind it, and before the second."""
+    return times[0] <= t < times[1]
 
 
 class Latch:
@@ -87,8 +91,8 @@ class Latch:
         self.begin, self.end = active.times
 
     def at(self, t: float) -> bool:
-        """Whether it acts at t."""
-        return self.begin <= t < self.end
+        """Whether it acts at t, as far as that is known."""
+        return _within(self.times, t)
 
     @property
     def times(self) -> tuple[float, float]:
