@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ..case import Dynamic, LinearStatic, Static, Units
+from ..case import Units
 from ..case.units import unit_label, with_unit
 from .failures import FAILED, expected_met
 from .session import Session
@@ -211,7 +211,7 @@ def built_report(model: Any) -> str:
     lines.append(f"matrix: {matrix_text(model)}, {size}")
     formulations = ", ".join(dict.fromkeys(m.plan.formulation.name for m in model.meshes.values() if not m.plan.rigid))
     lines.append(f"kernels: force, tangent and energy of {formulations or 'no body'}")
-    left_out = ["mass matrix (static)"] if isinstance(model.case.solver, LinearStatic | Static) else []
+    left_out = ["mass matrix (static)"] if model.case.solver.balances else []
     left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
     left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
     lines.append("left out: " + ", ".join(left_out))
@@ -228,7 +228,7 @@ def matrix_text(model: Any) -> str:
     """Return which matrix and factorisation a model's tangent gets."""
     from ..solvers.linear import make_matrix
 
-    if isinstance(model.case.solver, Dynamic):
+    if model.case.solver.moves:
         # inertia on the diagonal, multipliers behind what they act on
         return _MATRICES["SymmetricBand" if model.numbering.fronts is None else "SymmetricFronts"]
     kind = type(make_matrix(model)).__name__

@@ -10,18 +10,13 @@ import numpy as np
 
 from ..case import (
     Active,
-    Buckling,
     Case,
     Dynamic,
     Fluid,
     GroundPoint,
-    LinearStatic,
     LoadedCase,
-    LoadFactor,
     MovingPoint,
     Point,
-    QuasiStatic,
-    SmallMotions,
     Static,
 )
 from ..elements.shape import Array, UnsolvableBasisError
@@ -58,35 +53,25 @@ RAPID, AT_LEAST = 1e3, 1e-3
 
 def timing_of(case: Case) -> Timing:
     """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
-    scaled = isinstance(case.solver, Buckling) and not case.flows
-    if scaled or (isinstance(case.solver, Static) and case.solver.method != "newton"):
+    if (case.solver.scales and not case.flows) or case.solver.on_path:
         return PathTiming()
-    return TimeTiming() if isinstance(case.solver, Dynamic | QuasiStatic) else Timing()
+    return TimeTiming() if case.solver.timed else Timing()
 
 
 def must_be_held(case: Case) -> bool:
     """Return whether the solver looks for an equilibrium, so that nothing may move freely."""
-    if isinstance(case.solver, SmallMotions):
+    if case.solver.vibrates:
         # at frequency 0 the response is an equilibrium
-        return case.solver.about == "static" or 0.0 in getattr(case.solver, "hz", ())
-    return isinstance(case.solver, LinearStatic | Static | QuasiStatic | Buckling)
+        return getattr(case.solver, "about", "") == "static" or 0.0 in getattr(case.solver, "hz", ())
+    return case.solver.balances or case.solver.scales
 
 
 def weighs(case: Case) -> bool:
     """Return whether the solver follows a mechanism to where gravity holds it."""
     solver = case.solver
-    static = isinstance(solver, SmallMotions) or (isinstance(solver, Static) and solver.method == "newton")
-    return static and course_of(case)[1] > 0.0 and any(
+    static = solver.vibrates or (isinstance(solver, Static) and not solver.on_path)
+    return static and solver.course[1] > 0.0 and any(
         any(load.acceleration or ()) and load.name not in case.inputs for load in case.loads)
-
-
-def course_of(case: Case) -> tuple[float, float]:
-    """Return the load factors or times that a case goes through, as (lowest, highest)."""
-    solver = case.solver
-    if isinstance(solver, Dynamic | QuasiStatic):
-        return 0.0, solver.t_end
-    end = solver.until.value if isinstance(solver, Static) and isinstance(solver.until, LoadFactor) else 1.0
-    return min(0.0, end), max(0.0, end)
 
 
 def support_names(case: Case) -> list[str]:
@@ -218,8 +203,7 @@ class _Builder:
             if not isinstance(what.velocity, float):
                 course: Any = Signal(what.velocity)
             else:
-                course = (Signal(None, what.velocity) if isinstance(self.case.solver, Dynamic)
-                          else Velocity(what.velocity))
+                course = Signal(None, what.velocity) if self.case.solver.moves else Velocity(what.velocity)
             self.loads.flows += flow_patches(self.meshes[what.on], what, course)
 
     def add_masses(self) -> None:
@@ -250,16 +234,16 @@ class _Builder:
     def check_motions(self) -> None:
         """Look for prescribed motions that no body can follow."""
         solver = self.case.solver
-        moving = isinstance(solver, Dynamic)
+        moving = solver.moves
         # a path raises its constant motion from the reference before it begins; a static solution ends where it is told
         from_reference = ((self.case.initial is None or self.case.initial.from_ == "rest") if moving
-                          else isinstance(solver, Static) and not isinstance(self.timing, PathTiming))
+                          else isinstance(solver, Static) and not solver.on_path)
         names = [n for n, _ in self.supports]
         for motion in motions(self.equations):
             # a static displacement or angle may well begin at a step
             starts = from_reference and (moving or motion.key in ("x", "y"))
             found = [motion.start_problem(self.extent)] if starts else []
-            found += [motion.jump_problem(solver.t_end)] if isinstance(solver, Dynamic) else []
+            found += [motion.jump_problem(solver.end)] if moving else []
             for message, expected in filter(None, found):
                 self.report(("boundary_conditions", names.index(motion.owner), motion.key), message, expected)
 
@@ -278,11 +262,11 @@ class _Builder:
         """
         equations = self.equations
         rows, linear = equations.rows, len(equations.rows)
-        if isinstance(self.case.solver, LinearStatic) and equations.constraints:
+        if self.case.solver.linear and equations.constraints:
             rows = [*rows, *map(linear_row, equations.constraints)]
             elimination = eliminate(rows, self.size)
         names = [n for n, _ in self.supports]
-        bad, combined = inconsistent(elimination, rows, *course_of(self.case)), dict(elimination.redundant)
+        bad, combined = inconsistent(elimination, rows, *self.case.solver.course), dict(elimination.redundant)
         for number_ in bad:
             row = rows[number_]
             path: tuple[Any, ...] = ("bodies", row.owner) if row.owner in self.meshes else ("joints",)
@@ -330,7 +314,7 @@ class _Builder:
         """Look for a body that overlaps an obstacle in the reference."""
         if not pair.hard:
             return
-        gaps = pair.gaps(np.zeros(len(self.e0)), course_of(self.case)[0])
+        gaps = pair.gaps(np.zeros(len(self.e0)), self.case.solver.course[0])
         k = int(np.argmin(gaps))
         if gaps[k] < -OVERLAP * self.extent:
             self.report(("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the reference, by up "
@@ -391,7 +375,7 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
         raise CaseError(b.problems)
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
-    moving = isinstance(b.case.solver, Dynamic)
+    moving = b.case.solver.moves
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches, *b.loads.flows], len(b.e0), moving,
                        moving or symmetric(b.loads, contacts))

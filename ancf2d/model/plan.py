@@ -13,7 +13,6 @@ import numpy as np
 from ..case import (
     Body,
     Case,
-    Dynamic,
     Element,
     ElementDefinition,
     Layers,
@@ -22,7 +21,6 @@ from ..case import (
     Point,
     Polyline,
     Selective,
-    SmallMotions,
 )
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
@@ -301,11 +299,12 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, Bod
     """
     plans, problems = {}, []
     acting, points = acting_points(loaded.case), acting_at(loaded.case)
-    moving = moving or isinstance(loaded.case.solver, Dynamic)
+    solver = loaded.case.solver
+    moving = moving or solver.moves
     if len(loaded.case.bodies) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
                                           f"at most {MAX_BODIES}")]
-    weighed = isinstance(loaded.case.solver, Dynamic | SmallMotions) or loaded.case.steady_rotation is not None or any(
+    weighed = solver.moves or solver.vibrates or loaded.case.steady_rotation is not None or any(
         load.acceleration is not None for load in loaded.case.loads)
     for name, body in loaded.case.bodies.items():
         try:

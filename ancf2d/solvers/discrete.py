@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..case import Dynamic, LinearStatic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.mesh import Index
@@ -49,8 +48,8 @@ class DiscreteModel:
         self._model, self._system, num = model, System(model), model.numbering
         # where each unknown, in the order of the nodal coordinates, stands in the matrices of the system
         self._order: Index = np.argsort(num.free)
-        self._moving = isinstance(model.case.solver, Dynamic)
-        self._linear = isinstance(model.case.solver, LinearStatic)
+        self._moving = model.case.solver.moves
+        self._linear = model.case.solver.linear
         self._reference = np.zeros(len(num.place))
         self._rates = RateForces(model)
 

@@ -124,7 +124,7 @@ def left_out(case: Case) -> list[str]:
 
 def takes_guess(case: Case) -> bool:
     """Whether the solver of a case can begin from a guess of its last state."""
-    return isinstance(case.solver, Static) and case.solver.method == "newton"
+    return isinstance(case.solver, Static) and not case.solver.on_path
 
 
 def initial_state(model: Model) -> State:

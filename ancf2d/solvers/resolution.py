@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Dynamic, Eigen
+from ..case import Eigen
 from ..elements.shape import Array, gauss
 from ..interactions.forces import LoadSet
 from ..kernels.elements import natural_power, natural_slope, viscous_force
@@ -209,8 +209,7 @@ class Resolution:
         """Look at a state of a motion, unless the last look was a short time ago."""
         if not self.looks or state.v is None or state.t <= self.next:
             return
-        assert isinstance(self.solver, Dynamic)
-        self.next = state.t + 0.999 * self.solver.t_end / LOOKS
+        self.next = state.t + 0.999 * self.solver.end / LOOKS
         self.count += 1
         known = state.history
         natural = sum(body.natural(state) for body in self._bodies.values())
@@ -228,9 +227,9 @@ class Resolution:
 
     def warnings(self, state: State) -> list[str]:
         """Return what to say of the last state, of its modes, or of the motion that it ends."""
-        if not self.looks or isinstance(self.solver, Buckling):
+        if not self.looks or self.solver.scales:
             return []
-        if isinstance(self.solver, Dynamic):
+        if self.solver.moves:
             return self._of_motion()
         if isinstance(self.solver, Eigen):
             if self.model.case.steady_rotation is not None:

@@ -329,11 +329,11 @@ def why_not(model: Model) -> str:
         return "materials remember the way to a state"
     if any(pair.item.friction for pair in model.contacts):
         return "friction depends on the way to a state"
-    if isinstance(solver, Static) and solver.method != "newton" and not isinstance(solver.until, LoadFactor | None):
+    if solver.on_path and not isinstance(getattr(solver, "until", None), LoadFactor):
         return "the end of the path depends on the case"
-    if isinstance(solver, Buckling) and (model.loads.flows or not model.symmetric):
+    if solver.scales and (model.loads.flows or not model.symmetric):
         return "loads have no potential"
-    if isinstance(solver, Buckling) and next(unscaled(model), None) is not None:
+    if solver.scales and next(unscaled(model), None) is not None:
         return "constant loads have moved the model before"
     if not isinstance(solver, LinearStatic | Static | Eigen | Buckling):
         return "the solver has no states of equilibrium"
@@ -348,4 +348,4 @@ def response(model: Model, states: Sequence[Any], modes: Sequence[tuple[str, int
         return Vibration(model, state, modes)
     if isinstance(solver, Buckling):
         return Instability(model, state, factors)
-    return Equilibrium(model, state, isinstance(solver, LinearStatic))
+    return Equilibrium(model, state, solver.linear)

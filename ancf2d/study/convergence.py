@@ -186,7 +186,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
         raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to study the convergence "
                                               "of",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
-    if steps is not None and not isinstance(loaded.case.solver, Dynamic):
+    if steps is not None and not loaded.case.solver.moves:
         raise CaseError(loaded.source.problem(("solver", "type"), "there are no time steps to refine",
                                               expected="solver: {type: dynamic}, or meshes to refine"))
     if steps is None:

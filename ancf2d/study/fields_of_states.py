@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Dynamic, LinearStatic, QuasiStatic, Static, Stiffness, load_case_text
+from ..case import Dynamic, Stiffness, load_case_text
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results
 from ..solvers.fields import FIELDS, FieldReader
@@ -85,8 +85,8 @@ class StatesWithFields(Results):
         t, turned = float(self.t[i]), self.turned(i)
         if turned is None:
             turned = model.turns.from_reference(d)
-        if isinstance(model.case.solver, LinearStatic | Static | QuasiStatic):
-            return equilibrium_at(self._system, t, d, turned, isinstance(model.case.solver, LinearStatic))
+        if model.case.solver.balances:
+            return equilibrium_at(self._system, t, d, turned, model.case.solver.linear)
         if self._motion is not None and self.holds("v"):
             v[:model.n_q] = self.v(i)
             return self._motion.at(t, d, v, turned)
@@ -124,5 +124,5 @@ def _told(model: Model) -> list[str]:
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())
-    balanced = isinstance(model.case.solver, LinearStatic | Static | QuasiStatic | Dynamic) or not model.constraints
+    balanced = model.case.solver.balances or model.case.solver.moves or not model.constraints
     return [f.name for f in FIELDS.values() if (solid if f.over else balanced)]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, LoadedCase, with_overrides
+from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
 from ..case.numbers import Variable, numbers_between, variable_at
 from ..elements.shape import Array
@@ -145,7 +145,7 @@ class _Problem:
         self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
-        self.moves = isinstance(loaded.case.solver, Dynamic)
+        self.moves = loaded.case.solver.moves
         self.last: tuple[Any, Array] | None = None
 
     def values(self, z: Array) -> list[float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, LoadFactor, Static, with_overrides
+from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, Static, with_overrides
 from ..case.binder import nearest
 from ..case.compose import read_text
 from ..elements.shape import Array
@@ -113,14 +113,13 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
     if not isinstance(solver, kinds[data.axis]):  # type: ignore[arg-type]
         say(f"the data are over {data.axis}, but the case is not {ABSCISSAE[data.axis]}")
         return problems
-    if isinstance(solver, Static) and (solver.method != "newton" or not isinstance(solver.until, LoadFactor | None)):
+    if solver.on_path:
         say("the load factor does not tell the states of a path apart", "method: newton")
     elif data.axis != "hz":
-        end = solver.t_end if isinstance(solver, Dynamic) else _end(solver)
-        low, high = sorted((0.0, end))
+        (low, high), end = solver.course, solver.end
         if data.x[0] < low - 1e-9 * abs(end) or data.x[-1] > high + 1e-9 * abs(end):
             say(f"the data go from {data.x[0]:g} to {data.x[-1]:g}, the case from {low:g} to {high:g}")
-        elif isinstance(solver, LinearStatic) and not np.all(data.x == 1.0):
+        elif solver.linear and not np.all(data.x == 1.0):
             say("linear statics has one state, of factor 1", "data at factor 1, or solver static")
     probes = [*loaded.case.output.probes]
     for name in data.names:
@@ -139,10 +138,6 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif quantity in RATES.values() and data.axis == "factor":
             say(f"column '{name}': a static state has no {quantity}")
     return problems
-
-
-def _end(solver: Any) -> float:
-    return float(getattr(getattr(solver, "until", None), "value", 1.0))
 
 
 def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
@@ -164,7 +159,7 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
         more.append(f"output.{taken}={step!r}" if even else "output.every=1")
         more.append(f"solver.t_end={float(min(solver.t_end, max(data.x[-1], step)))!r}")
     elif isinstance(solver, Static):
-        more.append(f"solver.steps={_steps(data.x / _end(solver), solver.steps or 1)}")
+        more.append(f"solver.steps={_steps(data.x / solver.end, solver.steps or 1)}")
     elif isinstance(solver, FrequencyResponse):
         keys = {"from": solver.from_, "to": solver.to, "tolerance": solver.tolerance}
         more += [f"solver.{name}=null" for name, value in keys.items() if value is not None]

@@ -228,7 +228,7 @@ class _Watch:
     """Follows the goal of a motion from state to state; ``whole`` compares responses over all frequencies."""
 
     def __init__(self, goal: Goal | None, solver: Solver, whole: bool) -> None:
-        self.goal, self.solver, self.moves, self.whole = goal, solver, isinstance(solver, Dynamic), whole
+        self.goal, self.solver, self.moves, self.whole = goal, solver, solver.moves, whole
         self.course: list[float] = []
         self.largest = 0.0
         self.last: Any = None

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, Eigen, Goal, LoadedCase, Static, with_overrides
+from ..case import Eigen, Goal, LoadedCase, Static, with_overrides
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
@@ -92,7 +92,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     observer = Observer(model)
     observer.forces |= forces
     out: dict[str, Any] = {"probes": observer.observe(state)}
-    out["energy"] = dict(state.history) if isinstance(model.case.solver, Dynamic) else energies(model, state)
+    out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
     if reacts:
         out["reactions"] = reactions(model, state)
     for one in states:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, Goal, LoadedCase
+from ..case import Goal, LoadedCase
 from ..case.nodes import Mark, Origin
 from ..case.series import series
 from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Tree, named_in, renamed, syntax
@@ -50,7 +50,7 @@ class Vocabulary:
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
-        rates = QUANTITIES if isinstance(case.solver, Dynamic) else QUANTITIES[:5]
+        rates = QUANTITIES if case.solver.moves else QUANTITIES[:5]
         self.probes = tuple(case.output.probes)
         found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
         supports = [s.name for s in case.boundary_conditions if s.name]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..case import Case, Dynamic, QuasiStatic, Static
+from ..case import Case, Static
 from ..model.model import Model
 
 if TYPE_CHECKING:
@@ -49,12 +49,7 @@ class Clock:
 
 def run_end(case: Case) -> float:
     """Return the time or load factor that a run ends at; infinite for a path, which may pass its last one before."""
-    solver = case.solver
-    if isinstance(solver, Dynamic | QuasiStatic):
-        return solver.t_end
-    if isinstance(solver, Static) and solver.method != "newton":
-        return float("inf")
-    return float(getattr(getattr(solver, "until", None), "value", 1.0))
+    return float("inf") if case.solver.on_path else case.solver.end
 
 
 def beside(probes: dict[str, dict[str, float]], more: dict[str, dict[str, float]], what: str
@@ -75,7 +70,7 @@ class Recorder:
         self.observer, self.resolution = Observer(model), Resolution(model)
         self.fields = FieldReader(model) if writer is not None else None
         self.every, self.end = self.case.output.every or 1, run_end(self.case)
-        self.moves = isinstance(self.case.solver, Dynamic)
+        self.moves = self.case.solver.moves
         self.state: State | None = None
         self.probes: dict[str, dict[str, float]] = {}
         self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}

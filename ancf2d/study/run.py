@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, Dynamic, LoadedCase, Vocabulary, load_case
+from ..case import Case, LoadedCase, Vocabulary, load_case
 from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
@@ -103,7 +103,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
         progress.warn(text)
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
-    if out is None and checkpoints is not None and isinstance(loaded.case.solver, Dynamic):
+    if out is None and checkpoints is not None and loaded.case.solver.moves:
         writer = _keeper(loaded, model, checkpoints)
     try:
         return _solve(loaded, model, writer, progress, warnings, conclude, begin)
@@ -272,7 +272,7 @@ def _resumes(case: Case, out: str, progress: Progress) -> bool:
     from ..results import part_path, read_checkpoint
 
     part, name, found = part_path(out), solver_name(case), None
-    if not isinstance(case.solver, Dynamic):
+    if not case.solver.moves:
         why = f"a run of solver {name} has no checkpoints"
     elif not part.exists():
         why = f"there is no unfinished '{part}'"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..case import Dynamic, Goal, LoadedCase, load_case_text
+from ..case import Goal, LoadedCase, load_case_text
 from ..errors import UNSOLVED, ResultsError, verdict
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
@@ -110,7 +110,7 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
     options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
         return _judged(solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary)
-    if not job.force and isinstance(loaded.case.solver, Dynamic) and part_path(job.output).exists():
+    if not job.force and loaded.case.solver.moves and part_path(job.output).exists():
         try:
             return run_case(loaded, job.output, resume=True, progress=progress, **options).summary
         except ResultsError:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Buckling, Case, Dynamic, LinearStatic, SmallMotions
+from ..case import Case, Dynamic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
@@ -197,21 +197,21 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     from ..kernels.lowlevel.records import Record
     from ..kernels.matrix import scatter_patches
 
-    num, none, out = model.numbering, Record(no_group()), list[Callable[[], object]]()
+    solver, num, none, out = model.case.solver, model.numbering, Record(no_group()), list[Callable[[], object]]()
     tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
     d = np.zeros(len(num.place))
     if not all(mesh.plan.rigid for mesh in model.meshes.values()):
         out.append(partial(force_tangent, none, d, 1.0, d, matrix.target, *tables))
-        if not isinstance(model.case.solver, LinearStatic):
+        if not model.case.solver.linear:
             out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
-        if model.moves or isinstance(model.case.solver, LinearStatic | SmallMotions | Buckling):
+        if model.moves or solver.linear or solver.vibrates or solver.scales:
             out.append(partial(tangent_action, none, d, d, d))
         if model.loads.natural:
             out.append(partial(natural_slope, none, d, d))
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
-    if model.hangs or isinstance(model.case.solver, SmallMotions | Buckling):
+    if model.hangs or solver.vibrates or solver.scales:
         from ..kernels.matrix import scatter_classes
         from ..solvers.linear import matrix_of_one
 

@@ -28,6 +28,29 @@ def _about() -> Any:
                "equilibrium under the loads", default="reference")
 
 
+class Kind:
+    """What a solver declares to the rest of the code, which asks for no solver by its name."""
+
+    # whether it computes a motion; states over time from 0 to t_end; equilibria, whose balance gives section forces;
+    # these for small displacements alone; what vibrates about a state; load factors
+    moves = timed = balances = linear = vibrates = scales = False
+
+    @property
+    def on_path(self) -> bool:
+        """Whether it follows a path along which the load factor itself is found."""
+        return False
+
+    @property
+    def end(self) -> float:
+        """The load factor or time that it ends at; on a path it is found."""
+        return 1.0
+
+    @property
+    def course(self) -> tuple[float, float]:
+        """The load factors or times that it goes through, as (lowest, highest)."""
+        return min(0.0, self.end), max(0.0, self.end)
+
+
 @record
 class LoadFactor:
     """Follow the path up to a load factor."""
@@ -61,17 +84,19 @@ class BranchAt:
 
 
 @record
-class LinearStatic:
+class LinearStatic(Kind):
     """Static equilibrium for small displacements."""
 
     tag = "linear_static"
+    balances = linear = True
 
 
 @record
-class Static:
+class Static(Kind):
     """Static equilibrium, or an equilibrium path, with large displacements."""
 
     tag = "static"
+    balances = True
     steps: int | None = key(Integer(), "Number of load steps: each raises the load by at most 1/steps of the total; "
                             "with arc_length, the maximum number of steps", default=None)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative size of the last Newton "
@@ -87,6 +112,16 @@ class Static:
         example={"load_factor": 1})
     branch: BranchAt | None = key(Record(BranchAt), "Where to leave the path, and to which side (arc_length)",
                                   default=None, example={"at": 1, "direction": 1})
+
+    @property
+    def on_path(self) -> bool:
+        """Whether the load factor is found along the path."""
+        return self.method != "newton"
+
+    @property
+    def end(self) -> float:
+        """The load factor that it ends at; on a path it is found."""
+        return self.until.value if isinstance(self.until, LoadFactor) else 1.0
 
     def check(self) -> Iterator[Issue]:
         """Yield ends of the path that the method cannot find."""
@@ -104,22 +139,29 @@ class Static:
 
 
 @record
-class QuasiStatic:
+class QuasiStatic(Kind):
     """Equilibrium over time without inertia, for creep, slow cycles and thermal histories."""
 
     tag = "quasi_static"
+    timed = balances = True
     t_end: float = key(Number("s", gt=0), "End of the time; it begins at 0 with the response that takes no time",
                        example=100)
     tolerance: float = key(Number("", gt=0, lt=1), "Error that a step may make, relative to the largest displacement; "
                            "steps adapt to it", default=STEP_TOLERANCE)
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
 
+    @property
+    def end(self) -> float:
+        """The end of the time."""
+        return self.t_end
+
 
 @record
-class Eigen:
+class Eigen(Kind):
     """Natural frequencies, damping and modes."""
 
     tag = "eigen"
+    vibrates = True
     modes: int = key(Integer(), "Number of modes, from the lowest; if damping makes them complex, the number of "
                      "complex pairs, to which real eigenvalues are added", default=10)
     about: str = _about()
@@ -129,10 +171,11 @@ class Eigen:
 
 
 @record
-class FrequencyResponse:
+class FrequencyResponse(Kind):
     """Response of the probes to oscillating loads and motions, as a function of the frequency."""
 
     tag = "frequency_response"
+    vibrates = True
     inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), INPUTS_DOC,
                                   example=["shaker"])
     from_: float | None = key(Number("Hz", gt=0), "Lowest frequency", default=None, example=1)
@@ -180,10 +223,11 @@ class FrequencyResponse:
 
 
 @record
-class StateSpace:
+class StateSpace(Kind):
     """Linear model x' = A x + B u, y = C x + D u of small motions, for controller design."""
 
     tag = "state_space"
+    vibrates = True
     inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), "Names of "
                                   "the loads and prescribed motions that are the inputs; u = 1 stands for the value in "
                                   "the case. Their amplitudes over time are ignored, and they do not act on the "
@@ -203,18 +247,20 @@ class StateSpace:
 
 
 @record
-class Buckling:
+class Buckling(Kind):
     """Load factors at which the linear static state buckles."""
 
     tag = "buckling"
+    scales = True
     modes: int = key(Integer(), "Number of load factors, from the lowest", default=4)
 
 
 @record
-class Dynamic:
+class Dynamic(Kind):
     """Motion over time."""
 
     tag = "dynamic"
+    moves = timed = True
     t_end: float = key(Number("s", gt=0), "End of the motion", example=1)
     dt: float | None = key(Number("s", gt=0), "Fixed time step", default=None, example=1e-3)
     tolerance: float | None = key(Number("", gt=0, lt=1), "Relative error for adaptive time steps (without dt: "
@@ -234,6 +280,11 @@ class Dynamic:
                          "10 and 100 times the tolerance", default=True)
     until: str | None = key(Condition(), "The motion ends once this holds (default: at t_end)", default=None,
                             example="tip.y < 0")
+
+    @property
+    def end(self) -> float:
+        """The end of the time."""
+        return self.t_end
 
     @property
     def local_error(self) -> float:

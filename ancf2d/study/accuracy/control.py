@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...case import Dynamic, FrequencyResponse, LoadedCase, with_overrides
+from ...case import FrequencyResponse, LoadedCase, with_overrides
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
@@ -165,7 +165,7 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
 
 def _tolerance_of(pursuit: Pursuit) -> float | None:
     """Return the tolerance that time steps are begun with, None where nothing moves."""
-    return pursuit.wanted if isinstance(pursuit.loaded.case.solver, Dynamic) else None
+    return pursuit.wanted if pursuit.loaded.case.solver.moves else None
 
 
 def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:

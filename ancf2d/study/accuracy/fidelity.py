@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...case import Dynamic, Rectangle
+from ...case import Rectangle
 from ..variants import Variant
 from .mesh import Ladder
 from .pursuit import Pursuit, apart
@@ -33,7 +33,7 @@ def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
     case = pursuit.loaded.case
     goal = case.goal
     # a rigid body alone has a course over time, but no equilibrium to tell of
-    moves = isinstance(case.solver, Dynamic) or len(case.bodies) > 1
+    moves = case.solver.moves or len(case.bodies) > 1
     out = [RIGID, CABLE, BEAM] if moves else [CABLE, BEAM]
     if goal is not None and goal.model == "continuum" and isinstance(case.bodies[name].section, Rectangle):
         out += CONTINUUM[::-1]
