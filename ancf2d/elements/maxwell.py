@@ -26,7 +26,8 @@ Terms = tuple[tuple[float, float], ...]
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
     """Fill the internal strains, h_i of each term, and the strains themselves; the last number is the time step.
 
-    The last reference values of a point are (g_i, tau_i) of each term, and their number.
+    The last reference values of a point are (g_i, tau_i) of each term, and their number. A time step below 0 is a share
+    of the springs that the slope has, at the strains that are remembered.
     """
     n, last, clock = len(eps), len(ref) - 1, len(new) - 1
     terms = int(ref[last, 0])
@@ -37,7 +38,8 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         g, tau = ref[last - 2 * (terms - k), 0], ref[last - 2 * (terms - k) + 1, 0]
         for l in range(lanes):
             x = old[clock, l] / tau
-            keeps, takes = np.exp(-x), -np.expm1(-x) / x if x > 0.0 else 1.0
+            keeps = np.exp(-x) if x > 0.0 else 1.0
+            takes = -np.expm1(-x) / x if x > 0.0 else (-old[clock, l] if x < 0.0 else 1.0)
             for i in range(n):
                 at = (1 + k) * n + i
                 h = keeps * old[at, l] + takes * (eps[i, l] - old[clock - n + i, l])

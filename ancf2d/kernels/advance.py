@@ -91,6 +91,13 @@ def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
     return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
 
 
+@inner
+def _recall(m, p, h, x):  # type: ignore[no-untyped-def]
+    """Let materials that relax be as they are at the fraction x of the step."""
+    if len(p.clocks) > 0:
+        calls.inside(m.calls, (p, m.own, h, x))
+
+
 @addressed
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     """Return (work, loss) up to the fraction ``end`` of the step, by four Lobatto points of its interpolation."""
@@ -99,9 +106,11 @@ def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
         x = end * (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)[k]
         f = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
         interpolate(m, p, s, h, x, at.z, at.v, at.a)
+        _recall(m, p, h, x)
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)
         done += f * one
         lost += f * two
+    _recall(m, p, h, 0.0)
     return end * h * done, end * h * lost
 
 
@@ -114,13 +123,11 @@ def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _store(p, rows, r, t, since, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
+def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-untyped-def]
     rows.t[r], rows.number[r], rows.kind[r] = t, number, kind
     copy_rows(p.points.mem, rows.turns[r])
     copy_rows(p.sliding.memory, rows.feet[r])
     copy(p.states, rows.states[r])
-    for k in p.clocks:
-        rows.states[r, k] = t - since
     copy(at.turned[0], rows.turned[r])
     copy(at.z, rows.z[r])
     copy(at.v, rows.v[r])
@@ -138,6 +145,18 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
         copy(s.turned[0], out[0])
         copy(s.turned[1], out[1])
         turn_on(p.turning, w.d, w.v, h, out[0], out[1])
+
+
+@inner
+def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: ignore[no-untyped-def]
+    """Store the state at a time inside the step of length h from t."""
+    x, work, lost = (time - t) / h, 0.0, 0.0
+    if plan.tracks:
+        work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
+    interpolate(m, p, s, h, x, at.z, at.v, at.a)
+    _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
+    _recall(m, p, h, x)
+    _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
 
 
 @inner
@@ -200,6 +219,7 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
             scale = p.feedback.scale[i - p.inner]
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
+        _recall(m, p, h, 1.0)
         s.numbers[LOST] += remember_elements(p, w.d, w.amps)
         for k in p.clocks:
             p.states[k] = 0.0
@@ -314,19 +334,14 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if needed > left and stored > 0:
             # done again by the next call, which has room for its states
             return FULL, stored, logged, outcome, iterations
-        work, lost = 0.0, 0.0
         for _ in range(min(inside, left)):
-            x = (rows.wanted[next_wanted] - t) / h
-            if plan.tracks:
-                work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
-            interpolate(m, p, s, h, x, at.z, at.v, at.a)
-            _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
-            _store(p, rows, stored, rows.wanted[next_wanted], t, logged, INSIDE, at, s.numbers[WORK] + work,
-                   s.numbers[LOST] + lost)
+            _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
+        _recall(m, p, h, 0.0)
         if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
+        work, lost = 0.0, 0.0
         if plan.tracks:
             work, lost = _work_of_step(m, p, w, s, at, t, h)
             s.numbers[WORK] += work
@@ -345,5 +360,5 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
             kind = CHECK if needed > 0 and not at_end else END
             last = rows.wanted[next_wanted] if at_end else end
-            _store(p, rows, stored, last, last, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
+            _store(p, rows, stored, last, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

@@ -117,5 +117,7 @@ lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
 accept, restart = (_call(_nothing, _MOTION, None) for _ in range(2))
+# (p, own, length of the step, fraction of it): what materials that relax remember there
+inside = _call(_nothing, None, None, _f, _f)
 work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

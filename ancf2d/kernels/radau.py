@@ -24,6 +24,7 @@ from .motion import (
     DONE,
     HELD_STEP,
     HELD_TIME,
+    LOST,
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
@@ -33,7 +34,8 @@ from .motion import (
 )
 from .moving import add_moving_product
 from .patches import violation
-from .reused_tangent import count, place, tangent, turn, turns
+from .reused_tangent import count, tangent, turn, turns
+from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
 
 # unknowns that are worked on at a time
 TILE = 128
@@ -103,9 +105,9 @@ class Radau(NamedTuple):
     of the error estimate; tolerance of Newton's increments; full : a tangent for every step; damped : whether tangents
     depend on rates; multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of
     the stages; B, C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have
-    turned at a stage since the tangent's state; held (3,) : time and length of the step that the factors are of, and
-    iterations of this one; facing (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows
-    (s, TILE) to work in.
+    turned at a stage since the tangent's state; held (4,) : time and length of the step that the factors are of,
+    iterations of this one, and energy that relaxing took; facing (2, pairs) : directions of the vectors at the
+    tangent's state; F (s, s), rows (s, TILE) to work in; relaxing : what materials that relax remember at the stages.
     """
 
     c: Any
@@ -138,6 +140,7 @@ class Radau(NamedTuple):
     facing: Any
     F: Any
     rows: Any
+    relaxing: Any
 
 
 @inner
@@ -291,6 +294,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     stages = len(m.c)
     for i in range(stages):
         place(m, p, w, s, i)
+        as_at_stage(m.relaxing, i)
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
         # second rates are differences of rates, which are as large as this
@@ -312,6 +316,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
+            as_at_stage(m.relaxing, i)
             calls.forces(p.calls, (p, w, m.y, m.V[i]))
             residual(p, w, m.V[i], m.A[i])
             copy(w.R, m.R[i])
@@ -330,6 +335,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             _rates(m, s, h, False)
             return DONE, iteration, rate
         _rates(m, s, h, True)
+        relax(m, p, w, s)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
@@ -344,21 +350,25 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     for i in range(len(m.c)):
         evaluate(p.programs, t + m.c[i] * h, m.amps[i])
+    begin_stages(m, h)
     while True:
         _predict(m, p, s, h)
         _rates(m, s, h, False)
+        relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
             s.numbers[HELD_STEP] = 0.0
+            as_at_start(m.relaxing)
             return SINGULAR, 1, 0.0, s.numbers[CONTRACTION]
         kept = s.numbers[HELD_TIME] < t
         turns(m, p, w, s)
         outcome, iterations, rate = _iterate(m, p, w, s, h)
+        as_at_start(m.relaxing)
         if outcome == DONE:
             break
         s.numbers[HELD_STEP] = 0.0
         if not kept:
             return outcome, iterations, 0.0, rate
-    m.held[2] = iterations
+    m.held[2], m.held[3] = iterations, lost_in_relaxing(m, p, w, s)
     error = _error(m, p, w, s, h, kept)
     _finish(m, p, s, h)
     return DONE, iterations, error, max(rate, 1e-3)
@@ -367,6 +377,7 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 @addressed
 def radau_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep the stages, which the next step goes on from, and the tangent while it serves."""
+    s.numbers[LOST] += m.held[3]
     copy_rows(m.X, array_at(s.extra, 0, m.X.shape))
     count(s, m.held[2])
 

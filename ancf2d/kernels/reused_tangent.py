@@ -8,20 +8,13 @@ from __future__ import annotations
 
 from . import calls
 from .dynamics import FACTORS, directions, factor, to_full, turned
-from .lowlevel.arrays import copy, copy_rows
+from .lowlevel.arrays import copy
 from .lowlevel.jit import inner
 from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME, evaluate
+from .stages import as_at_stage, place, stiffen
 
 # what a tangent and its factors cost, in iterations
 MAKING = 1.5
-
-
-@inner
-def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Fill m.y with the unknowns at stage i, and the signals there."""
-    for k in range(len(m.y)):
-        m.y[k] = s.z[k] * p.coordinate[k] + m.X[i, k]
-    copy_rows(m.amps[i], w.amps)
 
 
 @inner
@@ -54,6 +47,8 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     z, v = s.extra[stages], s.extra[stages + 1]
     evaluate(p.programs, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
+    as_at_stage(m.relaxing, stages // 2)
+    stiffen(m.relaxing, complex(0.0, 0.0), h, False)
     if m.damped:
         calls.forces_tangent(p.calls, (p, w, z, v, 1.0))
         copy(A, B)
@@ -61,7 +56,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     directions(p, w.d, m.facing[0], m.facing[1])
     if len(p.moving.fixed) > 0:
         calls.moving_mass(p.calls, (p, 1.0, M))
-    factored = _factors(m, p, w, h)
+    factored = _relaxing_factors(m, p, w, z, v, h) if len(m.relaxing.runs) > 0 else _factors(m, p, w, h)
     if len(p.moving.fixed) > 0:
         copy(p.moving.fixed, M)
     return factored
@@ -93,12 +88,42 @@ def _factors(m, p, w, h):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _relaxing_factors(m, p, w, z, v, h):  # type: ignore[no-untyped-def]
+    """Do as ``_factors`` with a modulus for each band, at the held unknowns z with rates v."""
+    size, A, B, M, q = len(w.A), w.A, m.B, p.mass, m.relaxing
+    for i in range(size):
+        B[i] = B[i] - A[i] if m.damped else 0.0
+    for k in range(len(m.mus)):
+        f = m.mus[k] / h
+        g = f * (f + p.alpha)
+        C, real, imag = m.C[k], g.real, g.imag
+        stiffen(q, m.mus[k], h, False)
+        calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
+        for i in range(size):
+            C[i] = A[i]
+        stiffen(q, m.mus[k], h, True)
+        calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
+        for i in range(size):
+            a = C[i].real
+            C[i] = complex(a + real * M[i], A[i] - a + imag * M[i]) + f * B[i]
+        w.counts[FACTORS] += 1
+        if not calls.factor_complex(p.calls, (p, C, w.y)):
+            return False
+    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
+    stiffen(q, complex(m.mu, 0.0), h, False)
+    calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
+    for i in range(size):
+        B[i] = A[i] + real * B[i] + mass * M[i]
+    return factor(p, w, m.B)
+
+
+@inner
 def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
     """Return whether the tangent of an earlier step is taken on.
 
-    Point laws and joints remember where they were: theirs could not be made again.
+    Point laws, joints and laws with memory remember where they were: theirs could not be made again.
     """
-    if m.full or p.patched:
+    if m.full or p.patched or len(p.states) > 0:
         return False
     # steps of one length differ by the round-off of the times between them
     return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h

@@ -168,13 +168,23 @@ class Model:
     @cached_property
     def clocks(self) -> Index:
         """Where ``states`` hold the time since the last accepted state, of laws that relax."""
-        found, first = [np.zeros(0, dtype=np.int64)], 0
-        for pool, group in zip(self.pools, self.groups, strict=True):
-            law, size = pool.plan.formulation.law, group.values.memory.states.size
+        runs = [first + size - 1 + size * np.arange(points) for _, first, points, size, *_ in self.relaxing[0].tolist()]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *runs])
+
+    @cached_property
+    def relaxing(self) -> tuple[Index, Array]:
+        """Where ``states`` hold what relaxes, and the terms (m, 2), modulus and time [s].
+
+        Rows of the former are (group, first number, points, numbers of a point, strains, first term, terms).
+        """
+        runs, terms, first = list[list[int]](), list[tuple[float, float]](), 0
+        for k, (pool, group) in enumerate(zip(self.pools, self.groups, strict=True)):
+            law, size, own = pool.plan.formulation.law, group.values.memory.states.size, pool.plan.section.maxwell
             if law.timed:
-                found.append(first + np.arange(law.state - 1, size, law.state))
+                runs.append([k, first, size // law.state, law.state, law.strains, len(terms), len(own)])
+                terms += own
             first += size
-        return np.concatenate(found)
+        return np.array(runs, dtype=np.int64).reshape(-1, 7), np.array(terms).reshape(-1, 2)
 
     def set_step(self, h: float) -> None:
         """Set the time [s] since the last accepted state, of laws that relax: infinite where all has relaxed."""
@@ -184,11 +194,6 @@ class Model:
     def maxwell(self) -> list[tuple[tuple[float, float], ...]]:
         """The Maxwell terms of materials that relax, each set of them once."""
         return [terms for terms in dict.fromkeys(m.plan.section.maxwell for m in self.meshes.values()) if terms]
-
-    @property
-    def relaxes(self) -> bool:
-        """Whether any body has a law of time."""
-        return any(m.plan.formulation.law.timed for m in self.meshes.values())
 
     @property
     def remembers(self) -> list[str]:

@@ -22,8 +22,10 @@ from ..kernels.conserving import (
 )
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import Step, method_of
-from ..kernels.newmark import Newmark, newmark_accept, newmark_go_on, newmark_restart, newmark_step
+from ..kernels.newmark import Newmark, newmark_accept, newmark_go_on, newmark_inside, newmark_restart, newmark_step
 from ..kernels.radau import TILE, Radau, radau_accept, radau_restart, radau_step
+from ..kernels.stages import radau_inside, relaxing
+from ..model.mesh import Index
 from .schemes import Integrator, spectral_radius
 
 MAX_ITERATIONS = 12
@@ -32,36 +34,43 @@ TIGHT = 1e-10
 CONSERVING = 1e-18
 
 
+# what ``Model.relaxing`` tells
+Relaxes = tuple[Index, Array]
+
+
 class Kernels(NamedTuple):
     """The functions of a family of integrators.
 
-    ``work`` of those that know the work of a step themselves, ``go_on`` of those that go on behind an impact.
+    ``inside`` of those that step materials that relax, ``work`` of those that know the work of a step themselves,
+    ``go_on`` of those that go on behind an impact.
     """
 
     step: Any
     accept: Any
     restart: Callable[[Any, Any], None]
+    inside: Any = None
     work: Any = None
     go_on: Any = None
 
 
 # by the kind of their own tuples
 KERNELS = {
-    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, go_on=newmark_go_on),
-    Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, conserving_work),
-    Radau: Kernels(radau_step, radau_accept, radau_restart),
+    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
+    Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
+    Radau: Kernels(radau_step, radau_accept, radau_restart, radau_inside),
 }
 
 
 class Maker(NamedTuple):
     """What makes an integrator: the order of its error in h, its polynomials of a step, its own tuple.
 
-    ``make(spec, p, tolerance, end)`` takes the record of a problem, and the Step where steps are to end.
+    ``make(spec, p, tolerance, end, relaxing)`` takes the record of a problem, the Step where steps are to end, and
+    ``Model.relaxing``.
     """
 
     order: int
     basis: Array
-    make: Callable[[Dynamic, Any, float, Step], Any]
+    make: Callable[[Dynamic, Any, float, Step, Relaxes], Any]
 
 
 def cubic() -> Array:
@@ -83,7 +92,7 @@ def by_rates(c: Array) -> Array:
 
 def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool = True) -> Maker:
     """Return what makes Newmark's method with alpha_m and alpha_f of a spectral radius at infinity, if it has any."""
-    def make(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Newmark:
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Newmark:
         am, af = alphas(spectral_radius(spec) if radius else 1.0)
         gamma = 0.5 + af - am
         return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
@@ -91,7 +100,7 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
     return Maker(3, cubic(), make)
 
 
-def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Conserving:
+def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
     n = len(p.weights)
     return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", end,
                       np.zeros(len(p.place)), np.zeros(n), np.zeros(n), np.zeros(n),
@@ -120,7 +129,7 @@ def radau(stages: int) -> Maker:
     """Return what makes Radau IIA with an odd number of stages."""
     c = radau_nodes(stages)
 
-    def make(spec: Dynamic, p: Any, tolerance: float, end: Step) -> Radau:
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step, relaxes: Relaxes) -> Radau:
         A = collocation(c)
         W = np.linalg.inv(A)
         values, right = np.linalg.eig(W)
@@ -144,7 +153,8 @@ def radau(stages: int) -> Maker:
                      np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
                      np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
-                     cosine, sine, np.zeros(3), np.zeros((2, len(p.pairs))), F, row)
+                     cosine, sine, np.zeros(4), np.zeros((2, len(p.pairs))), F, row,
+                     relaxing(*relaxes, A[-1].copy(), p.states))
 
     return Maker(stages + 1, by_rates(c), make)
 
@@ -165,20 +175,22 @@ class Method:
     ``functions`` are those that it is called by (``kernels.calls``).
     """
 
-    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float) -> None:
+    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes) -> None:
         order, basis, make = MAKERS[name]
         method = method_of(order, basis, len(p.weights))
-        self.own = Record(make(spec, p, tolerance, method.end))
+        self.own = Record(make(spec, p, tolerance, method.end, relaxes))
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
-        self.functions = self._functions(p.layout, p.sided)
+        self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None)
 
-    def _functions(self, problem: Any, sided: bool) -> dict[Any, tuple[Any, ...]]:
+    def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
         out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
                calls.work: (work, problem)}
         if kernels.work is not None:
             out[calls.work_of_step] = kernels.work, problem, own
+        if relaxes:
+            out[calls.inside] = kernels.inside, problem, own
         if sided:
             out[calls.restart] = kernels.go_on, own
         return out

@@ -356,7 +356,7 @@ def of_elements(model: Model) -> list[Compilation]:
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     """Return what compiles everything for a motion, what takes longest first."""
     name, p = spec.method or default_method(model), nothing()
-    own = calls.compilations(Method(name, spec, p, 0.0).functions) if name in MAKERS else []
+    own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing).functions) if name in MAKERS else []
     called = functions(model)
     slides = calls.sliding_forces in called
     patched = slides or calls.point_forces in called

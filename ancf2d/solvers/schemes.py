@@ -80,13 +80,11 @@ SCHEMES: dict[str, Scheme] = {m.name: m.scipy for m in _LIST if m.scipy is not N
 DEFAULT = "radau5"
 # of scenes with impacts
 IMPACTS = "generalized_alpha"
-# of materials that relax: the first of these steps where no method is named
-RELAXING = ("generalized_alpha", "hht", "newmark")
 
 
 def default_method(model: Model) -> str:
     """Return the method of a case that names none."""
-    return IMPACTS if model.sided or model.relaxes else DEFAULT
+    return IMPACTS if model.sided else DEFAULT
 
 
 def spectral_radius(spec: Dynamic) -> float:
@@ -157,12 +155,6 @@ def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
                f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
 
 
-def _relaxes(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """Strains that change linearly in a step are exact where forces are those of its end."""
-    if model.relaxes and scheme.name not in RELAXING:
-        yield ("method", f"{scheme.name} cannot step viscoelastic materials", " or ".join(RELAXING))
-
-
 def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Steps of one stage alone end where nothing overlaps and nothing pulls."""
     if model.sided and scheme.name not in ("generalized_alpha", "hht"):
@@ -174,7 +166,7 @@ def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
         yield ("method", f"{scheme.name} cannot step contact between bodies ({names})", "generalized_alpha")
 
 
-RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _relaxes, _impacts)
+RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)
 
 
 def method_problems(model: Model) -> list[Problem]:

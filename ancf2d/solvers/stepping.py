@@ -69,7 +69,8 @@ class Stepper:
         # None where SciPy steps
         self.m: Method | None = None
         if self.method.name in MAKERS:
-            self.m = Method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance))
+            self.m = Method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance),
+                            model.relaxing)
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0

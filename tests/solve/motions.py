@@ -53,7 +53,8 @@ class Ride:
                             np.zeros(0) if every else wanted[:-1], every)
         if tight:
             stepper = self.stepper
-            stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight)
+            stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight,
+                               self.model.relaxing)
         self.chunk, self.rows = chunk, []
 
     def start(self) -> Ride:
