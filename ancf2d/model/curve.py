@@ -1,4 +1,4 @@
-"""The axes of bodies in pieces, divided into elements that are equally long."""
+"""The axes of bodies in pieces, each divided into elements that are equally long."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..case import Arc, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
 from .axis import Axis, AxisError, Bend, Smooth, check_closed, curve, spline
+from .grading import Grading, runs
 
 Array = NDArray[np.float64]
 
@@ -264,34 +265,66 @@ def _stretches(whole: Sequence[Piece], nodes: Sequence[float]) -> list[Piece]:
     return [part for p, found in zip(whole, _inside(whole, nodes), strict=True) for part in _split(p, found)]
 
 
-def stretches(geometry: Geometry, nodes: Sequence[float]) -> list[float]:
-    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arc length) cut a geometry into."""
-    return [p.length for p in _stretches(_undivided(geometry)[0], nodes)]
+def stretches(geometry: Geometry, nodes: Sequence[float], grading: Grading | None = None) -> list[float]:
+    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arc length) cut a geometry into.
+
+    Of graded elements these are not lengths, but what elements are shared by; then the nodes given cut it, too.
+    """
+    whole = _undivided(geometry)[0]
+    if grading is None:
+        return [p.length for p in _stretches(whole, nodes)]
+    ends = _ends(_stretches(whole, [*nodes, *grading.nodes]))
+    return np.diff(grading.shares(ends)).tolist()
 
 
-def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (),
-              refine: int = 1, kinks: Sequence[float] = ()) -> tuple[Piece, ...]:
+def _ends(pieces: Sequence[Piece]) -> Array:
+    """Return the places S where pieces begin, and 1."""
+    ends = np.array([*(p.s0 for p in pieces), pieces[-1].s0 + pieces[-1].length])
+    return ends / ends[-1]
+
+
+def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (), refine: int = 1,
+              kinks: Sequence[float] = (), grading: Grading | None = None) -> tuple[Piece, ...]:
     """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
 
     A piece is split at each of ``nodes`` (fractions S of the body's arc length), unless all of them are ends of the
     equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
-    element is then divided into ``refine`` ones.
+    element is then divided into ``refine`` ones. Graded elements are pieces of their own where they differ.
     """
     whole = _undivided(geometry)[0]
     regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
                                                         strict=True))
-    if all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE
-           for p, found in zip(regular, _inside(whole, nodes), strict=True) for sigma in found):
+    if grading is not None:
+        parts = _graded(_stretches(whole, [*nodes, *grading.nodes]), count, refine, grading)
+    elif all(abs(sigma / p.l - round(sigma / p.l)) <= AT_NODE
+             for p, found in zip(regular, _inside(whole, nodes), strict=True) for sigma in found):
         parts = [part for p, found in zip(regular, _inside(whole, kinks), strict=True) for part in _cut(p, found)]
     else:
         some = _stretches(whole, nodes)
         shares = share_count([p.length for p in some], max(count, len(some)))
         parts = [replace(p, count=n) for p, n in zip(some, shares, strict=True)]
+    if grading is None:
+        parts = [replace(p, count=refine * p.count) for p in parts]
     length = whole[-1].s0 + whole[-1].length
     # where a closed axis ends, it begins
     at = [s * length for s in kinks] + ([0.0] if is_closed(geometry) and 1.0 in kinks else [])
-    return tuple(replace(p, count=refine * p.count, kink=(p.s0 > 0.0 or is_closed(geometry)) and any(
+    return tuple(replace(p, kink=(p.s0 > 0.0 or is_closed(geometry)) and any(
         abs(sigma - p.s0) <= TOGETHER * length for sigma in at)) for p in parts)
+
+
+def _graded(some: Sequence[Piece], count: int, refine: int, grading: Grading) -> list[Piece]:
+    """Return stretches divided into graded elements, ``count`` times ``refine`` in all: pieces of equal ones."""
+    ends = _ends(some)
+    x, length = grading.shares(ends), some[-1].s0 + some[-1].length
+    counts = share_count(np.diff(x).tolist(), max(count, len(some)))
+    parts = []
+    for k, (piece, n) in enumerate(zip(some, counts, strict=True)):
+        s = grading.places(np.linspace(x[k], x[k + 1], n * refine + 1))
+        s[0], s[-1] = ends[k], ends[k + 1]
+        found = runs(length * np.diff(s))
+        at = np.cumsum([part for part, _ in found])[:-1].tolist()
+        parts += [replace(p, count=m) for p, (_, m) in zip(_split(piece, at), found, strict=True)]
+    return parts
 
 
 def _cut(piece: Piece, places: list[float]) -> list[Piece]:

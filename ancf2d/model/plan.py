@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -30,6 +31,7 @@ from ..elements.section import Section
 from ..errors import CaseError, Problem
 from .axis import AxisError
 from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
+from .grading import grading_of, too_short
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_memory
@@ -86,7 +88,8 @@ class BodyPlan:
     @property
     def split(self) -> list[float]:
         """Places S where something acts and elements meet that are unequal or each have strains of their own."""
-        return [p.s0 / self.length for p in self.pieces if p.continues]
+        ends = (p.s0 / self.length for p in self.pieces if p.continues)
+        return [s for s in ends if any(abs(s - at) <= TOGETHER for at in self.acting)]
 
     def section_at(self, s: Array) -> Section:
         """Return the section constants at places S (n,): arrays (n,) where they vary, else numbers."""
@@ -97,12 +100,11 @@ class BodyPlan:
 
         Where two pieces meet it is the second one that continues the first, and the first one of a corner.
         """
-        sigma = s * self.length
-        found = self.pieces[0]
-        for piece in self.pieces[1:]:
-            if sigma - piece.s0 > (-1 if piece.continues else 1) * 1e-12 * self.length:
-                found = piece
-        return self.pieces.index(found), min(max(sigma - found.s0, 0.0), found.length)
+        sigma, limit = s * self.length, 1e-12 * self.length
+        k = bisect_right(self.pieces, sigma + limit, lo=1, key=lambda p: p.s0) - 1
+        if k > 0 and not self.pieces[k].continues and sigma - self.pieces[k].s0 <= limit:
+            k -= 1
+        return k, min(max(sigma - self.pieces[k].s0, 0.0), self.pieces[k].length)
 
     def inside(self) -> list[float]:
         """Return the places S where something acts inside an element, mid-nodes included."""
@@ -252,15 +254,16 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
         raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
     usual = _of_layers(element) if isinstance(body.section, Layers) else element.formulation
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", usual)))
-    # a flexible body without one is refused
-    assert spec.count is not None
-    refine = spec.refine or 1
+    assert spec.number is not None  # a flexible body without one is refused
+    refine, grading = spec.refine or 1, grading_of(spec)
     free, breaks = not has_regular_nodes(spec), profile_breaks(body)
     # where the section jumps, each side has strains of its own; those of theta have no coordinates at nodes
     own = [] if element.has_theta else [s for s, jump in breaks if jump]
     kinks = [*own, *(points if _with_kinks(element, moving) else ())] if free else []
     kinks += jumps(body.geometry) if knows_curvature(element) else []
-    pieces = pieces_of(body.geometry, spec.count, acting if free else (), refine, kinks)
+    pieces = pieces_of(body.geometry, spec.number, acting if free else (), refine, kinks, grading)
+    if unequal := too_short(spec, [p.l for p in pieces], TOGETHER):
+        raise RefusedError(*unequal)
     curved = any(p.kappa != 0.0 for p in pieces)
     theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation, curved)
@@ -274,14 +277,14 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     section, varying = resolve_section(body, element, formulation, k)
     formulation, rule = with_memory(spec, formulation, section, rule)
     smooth = knots(body.geometry)
-    return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.count,
+    return BodyPlan(name, element, formulation, rule, section, pieces, refine * spec.number,
                     tuple(s for s in acting if s not in smooth), spec.preset, varying, tuple(s for s, _ in breaks),
                     is_closed(body.geometry))
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
     """Resolve a rigid body, whatever its count: a bar per straight piece, or short stretches of a curve in a frame."""
-    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "refine"):
+    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "grading", "refine"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain, so {key} has no effect",
                                f"no {key}")
@@ -380,8 +383,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if plan.element.common_coefficients and plan.length <= plan.section.height and plan.count > 1:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
                    "of their sections, so results are off by half and more under transverse load on a body this short. "
-                   "Use "
-                   "patel in formulation continuum")
+                   "Use patel in formulation continuum")
     turn = max(float(np.abs(p.turns()).max()) for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element turns by {turn:.2g} rad, which can cost some per cent of "

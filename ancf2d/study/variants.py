@@ -10,12 +10,14 @@ from typing import Any
 
 from ..case import Body, Case, LoadedCase, Selective, Source, read_definition
 from ..case.binder import listed, nearest
+from ..case.emit import written
 from ..elements import registry
 from ..elements.definition import ElementType
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import RIGID_TYPE
 from ..errors import CaseError
 from ..model.curve import stretches
+from ..model.grading import grading_of
 from ..model.own_element import DefinitionError, own_element
 from ..model.plan import acting_points, has_regular_nodes
 from .run import vocabulary
@@ -122,7 +124,8 @@ def flexible(case: Case) -> dict[str, Body]:
 def stretches_of(case: Case) -> dict[str, list[float]]:
     """Return the lengths of the stretches of each body that has a mesh: each needs an element at least."""
     acting = acting_points(case)
-    return {name: stretches(body.geometry, () if has_regular_nodes(body.element) else acting[name])
+    return {name: stretches(body.geometry, () if has_regular_nodes(body.element) else acting[name],
+                            grading_of(body.element))
             for name, body in flexible(case).items()}
 
 
@@ -135,7 +138,7 @@ def check_flexible(loaded: LoadedCase, instead: str) -> None:
 
 def count_of(body: Body) -> int:
     """Return the number of elements that a case gives a body (one per piece where it leaves that open)."""
-    return (body.element.count or pieces(body)) * (body.element.refine or 1)
+    return (body.element.number or pieces(body)) * (body.element.refine or 1)
 
 
 def distribute(case: Case, total: int) -> dict[str, int]:
@@ -189,13 +192,14 @@ def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[st
     """Return the ``element`` of a body for a variant and a mesh of ``count`` elements, as a case has it.
 
     The mesh is the refinement of one of ``base`` elements where the one is a multiple of the other. A type of its own
-    keeps what the case says of it; another one has its own defaults, and of the case only its nodes, the shear factor,
-    where it shears, and the preset, where the paper has the type.
+    keeps what the case says of it; another one has its own defaults, and of the case only its nodes and grading, the
+    shear factor, where it shears, and the preset, where the paper has the type.
     """
     own = body.element
     same = variant.type is None or (variant.type, variant.order, variant.definition) == (own.type, own.order, None)
     data: dict[str, Any] = {"shear_factor": own.shear_factor,
-                            "nodes": "regular" if has_regular_nodes(own) else own.nodes}
+                            "nodes": "regular" if has_regular_nodes(own) else own.nodes,
+                            "grading": written(own.grading)}
     data |= divided(count, base)
     if same:
         data.update(type=own.type, order=own.order, preset=own.preset, definition=own.definition,

@@ -28,7 +28,7 @@ MORE = 20
 
 def refined(loaded: LoadedCase) -> LoadedCase:
     """Return the case with twice as many elements in every body."""
-    bodies = {name: body if body.element.count is None else
+    bodies = {name: body if body.element.number is None else
               replace(body, element=replace(body.element, refine=2 * (body.element.refine or 1)))
               for name, body in loaded.case.bodies.items()}
     return replace(loaded, case=replace(loaded.case, bodies=bodies))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 from ..binder import Issue
@@ -105,6 +106,7 @@ class Selective:
 QUADRATURE = ByShape(text=Choice("exact"), list=POINTS_RULE, map=Record(Selective))
 SHEAR_FACTOR = ByShape(number=Number("", gt=0, le=10), text=Choice("timoshenko", "none"))
 ORDER = Vector(Integer(1, 8), "p, q")
+NODES = ByShape(text=Choice("acting", "regular"), list=ListOf(Number(ge=0, le=1), "numbers", 2))
 
 
 @record
@@ -113,8 +115,8 @@ class Element:
 
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
-    count: int | None = key(Integer(), "Number of elements; a polyline or path needs at least one per piece",
-                            default=None, example=8)
+    count: int | None = key(Integer(), "Number of elements; a polyline or path needs at least one per piece "
+                            "(default where nodes are given: one between two of them)", default=None, example=8)
     order: tuple[int, int] | None = key(
         ORDER, "Polynomial degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
         example=[2, 1])
@@ -129,12 +131,18 @@ class Element:
                              "0.5, 2 x 2 Gauss points)", default=None)
     definition: str | None = key(Text("the name of a file"), "File that defines an element of your own, relative to "
                                  "the case", default=None)
-    nodes: str | None = key(Choice("acting", "regular"), "Where nodes are placed. acting: wherever a support, joint, "
-                            "spring, mass or load acts, and at the ends of line loads; count is divided among the "
-                            "stretches between these points in proportion to their lengths, with at least one "
-                            "element each, all of equal length. regular: "
-                            "all elements of a straight piece or arc are equally long (default: acting; "
-                            "regular with preset paper)", default=None)
+    nodes: str | tuple[float, ...] | None = key(
+        NODES, "Where nodes are placed. acting: wherever a support, joint, "
+        "spring, mass or load acts, and at the ends of line loads; count is divided among the "
+        "stretches between these points in proportion to their lengths, with at least one "
+        "element each, all of equal length. regular: "
+        "all elements of a straight piece or arc are equally long (default: acting; "
+        "regular with preset paper). A list: the places S from 0 to 1 where elements end, and wherever something "
+        "acts; count, where given, is divided equally among them", default=None)
+    grading: float | Profile | None = key(
+        ProfileOf(gt=0), "Unequal elements. A number: the length of elements at the end of the body over that at its "
+        "start, in a geometric series between. A profile in s: lengths are proportional to it (default: equal)",
+        default=None, example=10)
     refine: int | None = key(Integer(), "Divide each of the 'count' elements into this many; all nodes of the coarser "
                              "mesh remain nodes (default: 1)", default=None)
     mass: float | None = key(Number("kg", gt=0), "Mass of a rigid body (default: that of its section)", default=None)
@@ -153,12 +161,13 @@ class Element:
             yield Issue(("definition",), f"{{}}: type {self.type} and a definition exclude each "
                         "other", "type user, or no type, with 'definition'")
         if self.type == "auto":
-            given = [k for k in ("count", "nodes", "refine", "order", "formulation", "quadrature", "shear_factor",
-                                 "preset") if getattr(self, k) is not None]
+            given = [k for k in ("count", "nodes", "grading", "refine", "order", "formulation", "quadrature",
+                                 "shear_factor", "preset") if getattr(self, k) is not None]
             if given:
                 yield Issue((given[0],), f"{{}}: {given[0]} cannot be given with type auto, which chooses it")
-        elif self.count is None and self.type != "rigid":
+        elif self.number is None and self.type != "rigid":
             yield Issue((), "{}.count is missing: number of elements", "a whole number >= 1")
+        yield from self._places()
         if (self.type == "ancf") != (self.order is not None):
             yield (Issue((), "{}.order is missing: type ancf needs its degrees [p, q]",
                          "p from 1 to 8, q from 1 to 5") if self.type == "ancf" else
@@ -169,6 +178,29 @@ class Element:
             for k in ("mass", "inertia"):
                 if getattr(self, k) is not None:
                     yield Issue((k,), f"{{}}: {k} is for type rigid only, not for {self.type}")
+
+
+    @property
+    def number(self) -> int | None:
+        """The number of elements before they are refined: count, or one between two of the nodes given."""
+        return self.count if self.count is not None or not isinstance(self.nodes, tuple) else len(self.nodes) - 1
+
+    def _places(self) -> Iterator[Issue]:
+        if not isinstance(self.nodes, tuple):
+            return
+        if self.grading is not None:
+            yield Issue(("grading",), "{}: nodes that are given and grading exclude each other", "one of the two")
+        for i, (a, b) in enumerate(pairwise(self.nodes)):
+            if not a < b:
+                yield Issue(("nodes", i + 1), f"{{}}.nodes must increase, got {b:g} after {a:g}")
+                return
+        for i, end in ((0, 0.0), (len(self.nodes) - 1, 1.0)):
+            if self.nodes[i] != end:
+                yield Issue(("nodes", i), f"{{}}.nodes must run from 0 to 1, got {self.nodes[i]:g} "
+                            f"{'at the start' if i == 0 else 'at the end'}", f"{end:g}")
+        if self.count is not None and self.count < len(self.nodes) - 1:
+            yield Issue(("count",), f"{{}}.count must be >= {len(self.nodes) - 1}, one element between two of the "
+                        f"nodes given, got {self.count}")
 
 
 @record(kw_only=True)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from ...case import Body, Case, Dynamic, LoadedCase, with_overrides
 from ...case.emit import written
 from ...model.curve import share_count, stretches, turning
+from ...model.grading import grading_of
 from ...model.plan import acting_points
 from ..goal import Answer
 from ..run import vocabulary
@@ -101,7 +102,7 @@ def least(body: Body, acting: Sequence[float] = ()) -> int:
     ``acting`` are the places S where something acts. More where that makes elements of stretches equally long, or
     nearly so.
     """
-    lengths = stretches(body.geometry, acting)
+    lengths = stretches(body.geometry, acting, grading_of(body.element))
     fewest = len(lengths)
     fewest = max(fewest, math.ceil(turning(body.geometry) / ARC - 1e-9))
 
@@ -117,7 +118,7 @@ def least(body: Body, acting: Sequence[float] = ()) -> int:
 def meshed(case: Case, types: dict[str, Variant]) -> dict[str, Mesh]:
     """Return how the mesh of each body that deforms begins, once ``types`` replace those of the case."""
     acting = acting_points(case)
-    return {name: Mesh(least(body, acting[name]), len(stretches(body.geometry, acting[name])))
+    return {name: Mesh(least(body, acting[name]), len(stretches(body.geometry, acting[name], grading_of(body.element))))
             for name, body in bodies_with_meshes(case, types).items()}
 
 
@@ -136,7 +137,8 @@ def overrides(case: Case, setting: Setting) -> list[str]:
             count, mesh = setting.counts[name], meshes[name]
             data = element_data(body, variant, count, mesh.least if mesh.stretches > 1 else count)
             # an order is seen only where no kink moves through the elements
-            data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
+            if not isinstance(body.element.nodes, tuple):
+                data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
         out.append(f"bodies.{name}.element={json.dumps(data)}")
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):
         solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False)
