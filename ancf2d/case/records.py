@@ -13,10 +13,12 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from .binder import Binder, Path, dotted, listed
-from .kinds import Book, JsonSchema, Kind
+from .kinds import Book, JsonSchema, Kind, ListOf, MapOf
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
 _REQUIRED: Any = dataclasses.MISSING
+# how alike a misspelt key and a key are at least; most places that a word is said to belong to
+TYPO, FEW = 0.8, 3
 
 
 class Key(NamedTuple):
@@ -257,7 +259,8 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
         if name in keys or (tag and name == "type"):
             continue
         free = [k for k in keys if k not in node.entries]
-        near = binder.nearest(name, free) or binder.nearest(name, keys)
+        near, places = binder.nearest(name, free, TYPO), [] if binder.full else elsewhere(cls, name, path)
+        near = near or ("" if places else binder.nearest(name, free) or binder.nearest(name, keys))
         meant.add(near)
         where = f" in {dotted(path)}" if path else ""
         of = f" of type {tag}" if tag else ""
@@ -266,10 +269,61 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
             of += f"; it belongs to {listed(owners)}"
         elif name.isdigit():
             of += "; write decimals with a point, not a comma"
-        wanted = "" if near or owners else listed(keys) if keys else "no key but type"
+        wanted = "" if near or owners else listed(places or keys) if places or keys else "no key but type"
         binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
                     wanted, near)
     return meant
+
+
+def elsewhere(cls: type, name: str, path: Path) -> list[str]:
+    """Return where in a record at a path a word belongs that is none of its keys: a few places, or none.
+
+    What others call a key is in ``familiar`` of its record; else it may be a key, or a type, below the record.
+    """
+    told = cls.__dict__.get("familiar", {}).get(name)
+    if told is not None:
+        return [told]
+    head = f"{dotted(path)}." if path else ""
+    return _places(cls, name, head) or (_places(cls, name[:-1], head) if name.endswith("s") else [])
+
+
+def _places(cls: type, word: str, head: str) -> list[str]:
+    """Return the places of a key or type below a record, where there are few; those that are the least deep."""
+    level, seen = [(head, cls)], {cls}
+    while level:
+        found, deeper = dict[str, None](), []
+        for before, record in level:
+            for k in keys_of(record).values():
+                for step, below, in_list in _below(k.kind):
+                    if word and tag_of(below) == word:
+                        found[f"{before}{k.name}: " + ("[{}]" if in_list else "{}").format(_sketch(below))] = None
+                    if word in keys_of(below):
+                        found[f"{before}{k.name}{step}.{word}"] = None
+                    if below not in seen:
+                        seen.add(below)
+                        deeper.append((f"{before}{k.name}{step}.", below))
+        if found:
+            return list(found) if len(found) <= FEW else []
+        level = deeper
+    return []
+
+
+def _below(kind: Any, step: str = "", in_list: bool = False) -> Iterator[tuple[str, type, bool]]:
+    """Yield the records that a value may hold, the step to each, and whether they stand in a list."""
+    if isinstance(kind, Record | OneOf):
+        for cls in kind.options.values() if isinstance(kind, OneOf) else [kind.cls]:
+            yield step, cls, in_list
+    elif isinstance(kind, ListOf | MapOf):
+        in_list = isinstance(kind, ListOf)
+        yield from _below(kind.item, f"{step}.{'0' if in_list else 'NAME'}", in_list)
+    for one in kind.kinds.values() if isinstance(kind, ByShape) else ():
+        yield from _below(one, step, in_list)
+
+
+def _sketch(cls: type) -> str:
+    """Return the mapping that a record needs at least: ``{type: gravity, value: [0, -9.81]}``."""
+    needed = [f"{k.name}: {'...' if k.example is None else k.example}" for k in keys_of(cls).values() if k.required]
+    return "{" + ", ".join([f"type: {tag_of(cls)}", *needed]) + "}"
 
 
 def mark_below(node: Node, below: Path, path: Path) -> Mark:

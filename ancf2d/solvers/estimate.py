@@ -32,9 +32,8 @@ ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
-# times the tolerance: errors beyond are told. Random ones of single steps add up to about the square root of their
-# number times the tolerance
-MISSED, RANDOM = 10.0, 2.0
+# times the tolerance: errors beyond are told
+MISSED = 10.0
 # fewer steps than so many between two breaks are no longer where they are to be twice as long
 BROKEN = 4
 
@@ -154,30 +153,28 @@ class Estimate:
         if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
             return ["the steps are too large for this motion: differences from runs with longer steps show order "
                     f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
-        flat = order is not None and self.factor ** order < ASYMPTOTIC
-        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, flat)
+        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
 
-    def _missed(self, estimate: float, flat: bool) -> list[str]:
+    def _missed(self, estimate: float, order: float) -> list[str]:
         """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion.
 
-        ``flat``: the error with ten times the tolerance is about the same.
+        ``order``: the power of the tolerance that errors are seen to grow with.
         """
         case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
         # nobody has asked for the default, and what solves to an accuracy judges its runs itself
         asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
-        limit = max(MISSED, RANDOM * count**0.5) * tolerance
-        # differences that do not shrink may be the errors of the motion with ten times the tolerance
-        if estimate <= (self.factor * limit if flat else limit) or not asked:
+        if estimate <= MISSED * tolerance or not asked:
             return []
         said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
                 f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
-        if estimate <= count * tolerance and flat:
+        if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
             return [said + "Ten times the tolerance leaves about the same error: the steps skip fast vibrations, "
                     "which only a much smaller tolerance resolves. If they do not matter, use a larger one"
                     + self._jump()]
         if estimate <= count * tolerance:
-            return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance"
-                    + self._jump()]
+            smaller = tolerance * (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
+            return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance, about "
+                    f"{smaller:.1g}" + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
         return [said + f"The errors of {count} steps do not add up to this: they grow, because the motion is "
                 "sensitive to its initial state, as chaotic motions are. A smaller tolerance only postpones the time "

@@ -48,7 +48,7 @@ class Exact:
 
 EXACT = {
     "pendulum1_reissner3": Exact("pendulum_1", ("tip",), 2e-5),
-    "pendulum1_cable": Exact("pendulum_1", ("tip",), 2e-5),
+    "pendulum1_cable": Exact("pendulum_1_euler_bernoulli", ("tip",), 2e-5),
     "pendulum2_reissner3": Exact("pendulum_2", ("tip",), 5e-5),
     "slider_crank_reissner3": Exact("slider_crank", ("middle",), 3e-4, step={"h": 5e-4}),
     "slider_crank_rigid": Exact("slider_crank_rigid", ("middle",), 3e-4, step={"h": 5e-4}),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,12 @@ def pendulum(section: Section, length: float, times: Sequence[float], count: int
 def pendulum_1(times: Sequence[float], count: int = 2, h: float = 1e-3) -> Array:
     """Return the tip of the paper's first pendulum."""
     return pendulum(rectangle(2.07e11, 0.3, 2766.67, 0.008, 0.03125), 1.8, times, count, h)
+
+
+def pendulum_1_euler_bernoulli(times: Sequence[float], count: int = 2, h: float = 1e-3) -> Array:
+    """Return the tip of the paper's first pendulum with hardly any shear strain and rotary inertia."""
+    section = rectangle(2.07e11, 0.3, 2766.67, 0.008, 0.03125)
+    return pendulum(replace(section, kGA=1e3 * section.kGA, rhoI=1e-3 * section.rhoI), 1.8, times, count, h)
 
 
 def pendulum_2(times: Sequence[float], count: int = 8, h: float = 1.25e-3) -> Array:
@@ -109,5 +116,5 @@ def free_rod(times: Sequence[float], count: int = 3, h: float = 0.01) -> Array:
 
 
 MOTIONS: dict[str, Callable[..., Array]] = {
-    f.__name__: f for f in (pendulum_1, pendulum_2, double_pendulum, slider_crank, slider_crank_rigid, four_bar,
-                            spin_up, free_rod)}
+    f.__name__: f for f in (pendulum_1, pendulum_1_euler_bernoulli, pendulum_2, double_pendulum, slider_crank,
+                            slider_crank_rigid, four_bar, spin_up, free_rod)}

@@ -135,9 +135,20 @@ class FormatNumber(Integer):
         return "1, the only format that this version reads"
 
 
+# what others call keys of a case, and where those are
+OTHERS = {
+    "forces": "loads", "supports": "boundary_conditions", "boundary": "boundary_conditions",
+    "constraints": "boundary_conditions or joints", "hinges": "joints", "dampers": "springs", "nodes": "bodies",
+    "mesh": "bodies.NAME.element", "analysis": "solver", "time": "solver.t_end", "probes": "output.probes",
+    "probe": "output.probes", "variables": "parameters", "constants": "parameters",
+}
+
+
 @record(kw_only=True)
 class Case:
     """A case: the model, the solver, and the results that are wanted."""
+
+    familiar = OTHERS
 
     format: int = key(FormatNumber(), "Version of this format", default=1)
     title: str = key(Text(number=True), "Title of the case", default="")
