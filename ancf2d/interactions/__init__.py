@@ -6,6 +6,7 @@ and models take them from there. The order of imports is that of the reference.
 
 from .body_loads import Distributed, Eigenstrain, Gravity, Temperature
 from .contact import Contact
+from .flow import Fluid, Transport
 from .forces import FollowerForce, Force, Moment, Torque
 from .inertia import Mass
 from .joints import PinJoint, SliderJoint, WeldJoint
@@ -16,7 +17,8 @@ from .supports import Clamp, Fix, Pin, Prescribed, Roller
 from .tendons import Tendon
 
 __all__ = [
-    "Circle", "Clamp", "Contact", "Distributed", "Eigenstrain", "Fix", "FollowerForce", "Force", "Gravity", "HalfPlane",
-    "Mass", "Moment", "Pin", "PinJoint", "PolylineObstacle", "Prescribed", "PrismaticJoint", "Roller",
-    "RotationalSpring", "SliderJoint", "Temperature", "Tendon", "Torque", "TranslationalSpring", "WeldJoint",
+    "Circle", "Clamp", "Contact", "Distributed", "Eigenstrain", "Fix", "Fluid", "FollowerForce", "Force", "Gravity",
+    "HalfPlane", "Mass", "Moment", "Pin", "PinJoint", "PolylineObstacle", "Prescribed", "PrismaticJoint", "Roller",
+    "RotationalSpring", "SliderJoint", "Temperature", "Tendon", "Torque", "TranslationalSpring", "Transport",
+    "WeldJoint",
 ]

@@ -25,7 +25,6 @@ from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
 from ..model.timing import Answer, Clocked, Signal
-from .flow import fluid_weight
 from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
 from .formulas import ALONG_BODY, LOCAL, density_formula, is_formula, weights_of
 
@@ -90,10 +89,11 @@ class Gravity:
                 forces = np.multiply.outer(np.array(self.value), mass_weights(cls.sampler))[:, None]
                 dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
                 out.dead.append(context.dead(dofs, Q, gravity=True))
-        for fluid in context.fluids:
-            for elements, weights in fluid_weight(context.meshes[fluid.on], fluid.rhoA):
+        for flow in context.flows:
+            mesh = context.meshes[flow.on]
+            for elements, weights in flow.weights(mesh):
                 forces = np.multiply.outer(np.array(self.value), weights)[:, None]
-                out.dead.append(context.dead(*_element_loads(context.meshes[fluid.on], elements, forces), gravity=True))
+                out.dead.append(context.dead(*_element_loads(mesh, elements, forces), gravity=True))
         for mass in context.masses:
             if isinstance(mass.at, MovingPoint):
                 out.patches.append(context.moving(mass.at, [mass.mass * a for a in self.value]))

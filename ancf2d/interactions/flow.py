@@ -13,7 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..case.schema.case import Fluid, Transport
+from ..case.declare import key, record
+from ..case.kinds import Name, Number
+from ..case.records import ByShape, OneOf
+from ..case.schema.amplitudes import Amplitude
+from ..case.schema.case import register
 from ..elements.formulations import Sampler
 from ..elements.formulations.base import across_mass, cross, product_points
 from ..elements.point_laws import MAX_MEM, PointLaw
@@ -171,29 +175,61 @@ def _of_body(mesh: BodyMesh, turning: bool) -> Iterator[tuple[Index, Array, Arra
         yield elements, at.S, at.slope, np.stack([np.zeros_like(mass), sign * mass], axis=1)
 
 
-def flow_patches(mesh: BodyMesh, what: Fluid | Transport, velocity: Callable[[float], float]) -> list[FlowPatch]:
-    """Return the forces of material that moves along a body."""
-    if isinstance(what, Fluid):
-        return [FlowPatch(mesh, FLOW, _of_fluid(mesh, what.rhoA), velocity)]
-    out = [FlowPatch(mesh, FLOW, _of_body(mesh, False), velocity)]
-    if mesh.plan.element.has_theta:
-        out.append(FlowPatch(mesh, TURNING, _of_body(mesh, True), velocity))
-    return out
+VELOCITY = ByShape(number=Number("m/s"), map=OneOf(Amplitude))
+VELOCITY_DOC = "Velocity along the axis, over time in motions"
 
 
-def fluid_mass(mesh: BodyMesh, density: float) -> Iterator[tuple[Index, Array]]:
-    """Yield coordinates (m, n) and the matrix (n, n) of the mass that a fluid adds to the elements of each class."""
-    nc = mesh.plan.element.components
-    for elements, S, _, masses in _of_fluid(mesh, density):
-        m = masses[:, 0]
-        if m.any():
-            M = np.zeros((mesh.dofs.shape[1],) * 2)
-            M[0::nc, 0::nc] = M[1::nc, 1::nc] = (S * m[:, None]).T @ S
-            yield mesh.dofs[elements], M
+@record
+class Transport:
+    """A body whose material moves along its axis, through its supports, from S = 0 to S = 1."""
+
+    on: str = key(Name("the name of a body"), "Body whose material moves", refers="bodies", example="belt")
+    velocity: float | Amplitude = key(VELOCITY, VELOCITY_DOC, example=20)
+
+    def patches(self, mesh: BodyMesh, velocity: Callable[[float], float]) -> list[FlowPatch]:
+        """Return the forces of the material that moves."""
+        out = [FlowPatch(mesh, FLOW, _of_body(mesh, False), velocity)]
+        if mesh.plan.element.has_theta:
+            out.append(FlowPatch(mesh, TURNING, _of_body(mesh, True), velocity))
+        return out
+
+    def masses(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
+        """Yield nothing: the mass is that of the body."""
+        yield from ()
+
+    def weights(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
+        """Yield nothing: the weight is that of the body."""
+        yield from ()
 
 
-def fluid_weight(mesh: BodyMesh, density: float) -> Iterator[tuple[Index, Array]]:
-    """Yield elements and int rhoA s_k dx (n_shape,) of the fluid in the elements of each class."""
-    for elements, S, _, masses in _of_fluid(mesh, density):
-        if masses[:, 0].any():
-            yield elements, masses[:, 0] @ S
+@record
+class Fluid:
+    """A fluid that a body carries along its axis, from S = 0 to S = 1."""
+
+    on: str = key(Name("the name of a body"), "Body that carries the fluid", refers="bodies", example="pipe")
+    rhoA: float = key(Number("kg/m", gt=0), "Mass of the fluid per length", example=2)
+    velocity: float | Amplitude = key(VELOCITY, VELOCITY_DOC, example=20)
+
+    def patches(self, mesh: BodyMesh, velocity: Callable[[float], float]) -> list[FlowPatch]:
+        """Return the forces of the fluid that moves."""
+        return [FlowPatch(mesh, FLOW, _of_fluid(mesh, self.rhoA), velocity)]
+
+    def masses(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
+        """Yield coordinates (m, n) and the matrix (n, n) of the mass that it adds to the elements of each class."""
+        nc = mesh.plan.element.components
+        for elements, S, _, masses in _of_fluid(mesh, self.rhoA):
+            m = masses[:, 0]
+            if m.any():
+                M = np.zeros((mesh.dofs.shape[1],) * 2)
+                M[0::nc, 0::nc] = M[1::nc, 1::nc] = (S * m[:, None]).T @ S
+                yield mesh.dofs[elements], M
+
+    def weights(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
+        """Yield elements and int rhoA s_k dx (n_shape,) of the fluid in the elements of each class."""
+        for elements, S, _, masses in _of_fluid(mesh, self.rhoA):
+            if masses[:, 0].any():
+                yield elements, masses[:, 0] @ S
+
+
+register("transport", Transport, ("on", "velocity"), ("patches", "masses", "weights"))
+register("fluid", Fluid, ("on", "velocity"), ("patches", "masses", "weights"))

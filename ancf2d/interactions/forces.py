@@ -15,7 +15,7 @@ from ..case.kinds import Choice, Name, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
-from ..case.schema.case import Fluid, register
+from ..case.schema.case import register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
@@ -79,13 +79,13 @@ class LoadSet:
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load needs to find its place: meshes, points, its amplitude, and the point masses of the scene."""
+    """What a load needs to find its place: meshes, points, its amplitude, the point masses and flows of the scene."""
 
     meshes: dict[str, BodyMesh]
     point: Callable[[Any], PointRef]
     amplitude: Callable[[float], float]
     masses: Sequence[Any] = ()
-    fluids: Sequence[Fluid] = ()
+    flows: Sequence[Any] = ()
     # what follows another amplitude
     follow: Callable[[Amplitude], Callable[[float], float]] | None = None
 

@@ -12,7 +12,6 @@ from ..case import (
     Active,
     Case,
     Dynamic,
-    Fluid,
     GroundPoint,
     LoadedCase,
     MovingPoint,
@@ -23,7 +22,7 @@ from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
 from ..interactions.body_contact import BodyPair, body_pairs
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
-from ..interactions.flow import Velocity, flow_patches
+from ..interactions.flow import Velocity
 from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
@@ -204,7 +203,7 @@ class _Builder:
                 course: Any = Signal(what.velocity)
             else:
                 course = Signal(None, what.velocity) if self.case.solver.moves else Velocity(what.velocity)
-            self.loads.flows += flow_patches(self.meshes[what.on], what, course)
+            self.loads.flows += what.patches(self.meshes[what.on], course)
 
     def add_masses(self) -> None:
         for mass in self.case.masses:
@@ -215,7 +214,7 @@ class _Builder:
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.factor(load), self.case.masses,
-                                  [f for f in self.case.flows if isinstance(f, Fluid)], self.timing.follow)
+                                  self.case.flows, self.timing.follow)
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..case import Fluid
 from ..elements.shape import Array
-from ..interactions.flow import fluid_mass
 from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.lowlevel.records import Record
 from ..kernels.matrix import Band, Csr, scatter_classes
@@ -306,8 +304,7 @@ def coriolis_matrix(model: Model, omega: float) -> csr_matrix:
 def fluid_masses(model: Model) -> Iterator[tuple[Index, Array]]:
     """Yield coordinates (m, n) and matrix (n, n) of the fluids that bodies carry."""
     for what in model.case.flows:
-        if isinstance(what, Fluid):
-            yield from fluid_mass(model.meshes[what.on], what.rhoA)
+        yield from what.masses(model.meshes[what.on])
 
 
 def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:

@@ -20,12 +20,10 @@ from .case import (
     BodyInitial,
     Case,
     Damping,
-    Fluid,
     Initial,
     Rayleigh,
     RotationRate,
     SteadyRotation,
-    Transport,
     register,
 )
 from .controllers import Controller, Pid, StateController
@@ -52,12 +50,12 @@ from .solvers import (
 
 __all__ = [
     "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
-    "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression", "Fluid",
+    "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression",
     "FrequencyResponse", "Gated", "Geometry", "Goal", "GroundPoint", "Initial", "Latch", "Layers", "LimitPoints",
     "Line", "LinePiece", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MaxwellTerm", "MovingPoint",
     "Output", "PathGeometry", "Pid", "Point", "PointExpression", "Polyline", "Probe", "ProbeReaches", "Profile",
     "ProfileExpression", "ProfileTable", "QuasiStatic", "Ramp", "Rayleigh", "Rectangle", "RotationRate", "Section",
     "Selective", "Sine", "SmallMotions", "Solver", "Spline", "StateController", "StateSpace", "Static",
-    "SteadyRotation", "Stiffness", "StressStrain", "Table", "Transport", "Units", "Windowed", "amplitude_of",
+    "SteadyRotation", "Stiffness", "StressStrain", "Table", "Units", "Windowed", "amplitude_of",
     "register",
 ]

@@ -8,10 +8,9 @@ from typing import Any, TypeVar
 from ...errors import PluginError
 from ..binder import INVALID, Binder, Issue, Path, dotted, nearest
 from ..declare import key, record
-from ..kinds import Integer, ListOf, MapOf, Name, Number, Text, Vector
+from ..kinds import Integer, ListOf, MapOf, Number, Text, Vector
 from ..nodes import Node, quoted
 from ..records import ByShape, OneOf, Record, Registered, RegisteredRecord, keys_of, tag_of
-from .amplitudes import Amplitude
 from .body import Body
 from .controllers import Controller, ControllerKind, Identifiers
 from .output import Expected, Goal, Output, Units
@@ -99,27 +98,9 @@ class SteadyRotation:
     about: tuple[float, float] = key(PLACE, "Centre", default=(0.0, 0.0), example=[0, 0])
 
 
-@record
-class Transport:
-    """A body whose material moves along its axis, through its supports, from S = 0 to S = 1."""
-
-    on: str = key(Name("the name of a body"), "Body whose material moves", refers="bodies", example="belt")
-    velocity: float | Amplitude = key(ByShape(number=Number("m/s"), map=OneOf(Amplitude)),
-                                      "Velocity along the axis, over time in motions", example=20)
-
-
-@record
-class Fluid:
-    """A fluid that a body carries along its axis, from S = 0 to S = 1."""
-
-    on: str = key(Name("the name of a body"), "Body that carries the fluid", refers="bodies", example="pipe")
-    rhoA: float = key(Number("kg/m", gt=0), "Mass of the fluid per length", example=2)
-    velocity: float | Amplitude = key(ByShape(number=Number("m/s"), map=OneOf(Amplitude)),
-                                      "Velocity along the axis, over time in motions", example=20)
-
-
-def _one_or_more(cls: type) -> ByShape:
-    return ByShape(map=Record(cls), list=ListOf(Record(cls), f"{cls.__name__.lower()}s", 1))
+def _one_or_more(what: str) -> ByShape:
+    kind = RegisteredRecord()
+    return ByShape(map=kind, list=ListOf(kind, what, 1))
 
 
 class FormatNumber(Integer):
@@ -176,11 +157,11 @@ class Case:
                                   "frequency_response)", default=None)
     steady_rotation: SteadyRotation | None = key(
         Record(SteadyRotation), "Steady rotation of the frame (static, eigen, frequency_response)", default=None)
-    transport: Transport | tuple[Transport, ...] | None = key(
-        _one_or_more(Transport), "Bodies whose material moves through their supports, one or a list (eigen, "
+    transport: Any = key(
+        _one_or_more("transports"), "Bodies whose material moves through their supports, one or a list (eigen, "
         "frequency_response, state_space, buckling, dynamic)", default=None)
-    fluid: Fluid | tuple[Fluid, ...] | None = key(
-        _one_or_more(Fluid), "Fluids that bodies carry, one or a list (eigen, frequency_response, state_space, "
+    fluid: Any = key(
+        _one_or_more("fluids"), "Fluids that bodies carry, one or a list (eigen, frequency_response, state_space, "
         "buckling, dynamic)", default=None)
     solver: Solver = key(OneOf(Solver), "What to compute, and how")
     goal: Goal | None = key(Record(Goal), "Value whose accuracy matters", default=None)
@@ -196,9 +177,9 @@ class Case:
         return getattr(self.solver, "inputs", ())
 
     @property
-    def flows(self) -> tuple[Transport | Fluid, ...]:
+    def flows(self) -> tuple[Any, ...]:
         """What moves along bodies: their own material, and fluids."""
-        out: list[Transport | Fluid] = []
+        out: list[Any] = []
         for one in (self.transport, self.fluid):
             out += [] if one is None else one if isinstance(one, tuple) else [one]
         return tuple(out)
@@ -246,6 +227,8 @@ DECLARED: dict[str, dict[str, Any]] = {
     "masses": {},
     "obstacles": {},
     "contacts": {},
+    "transport": {},
+    "fluid": {},
 }
 
 
@@ -273,4 +256,5 @@ def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: t
 
 
 def _kind(where: str) -> Any:
-    return keys_of(Case)[where].kind.item  # type: ignore[attr-defined]
+    kind: Any = keys_of(Case)[where].kind
+    return kind.kinds["map"] if isinstance(kind, ByShape) else kind.item
