@@ -10,6 +10,7 @@ import yaml
 from ancf2d.plot.curves import FAMILIES, NEGLIGIBLE, chosen_names, names_of, quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
+from ancf2d.results.responses import smooth, spacing
 
 # default of what is drawn, and frequencies from which axes are logarithmic: highest beside lowest
 DISPLACEMENTS, DECADE = ("ux", "uy"), 10.0
@@ -23,13 +24,13 @@ def _responses(source: Source, inputs: list[str], probes: list[str], quantities:
     names = [tuple(column[:-len(".re")].rsplit(".", 2)) for column in table if column.endswith(".re")]
     for asked, k, what in ((inputs, 0, "input"), (probes, 1, "probe"), (quantities, 2, "probe quantity")):
         chosen_names(asked, list(dict.fromkeys(name[k] for name in names)), what, file)
-    hz, found = np.asarray(table["hz"], float), []
+    hz, scale, found = np.asarray(table["hz"], float), spacing(source.results), []
     for one, probe, q in names:
         if one in (inputs or [one]) and probe in (probes or [probe]) and q in (quantities or DISPLACEMENTS):
             column = f"{one}.{probe}.{q}"
             H = np.asarray(table[f"{column}.re"], float) + 1j * np.asarray(table[f"{column}.im"], float)
             label = f"{one}: {probe} {q}" if len({name[0] for name in names}) > 1 else f"{probe} {q}"
-            found.append((source.name(label), FAMILIES.get(q, q), table.units[f"{column}.re"], hz, H))
+            found.append((source.name(label), FAMILIES.get(q, q), table.units[f"{column}.re"], *smooth(hz, H, scale)))
     top = max((float(np.abs(H).max(initial=0.0)) for *_, H in found), default=0.0)
     yield from (f for f in found if quantities or np.abs(f[-1]).max(initial=0.0) > NEGLIGIBLE * top or not top)
 

@@ -15,6 +15,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.mesh import Index
 from ..model.model import Model
+from ..results.responses import interpolated
 from .factors import Factors
 from .inputs import Complex, Input, Inputs, Output, Quadratic, Space, outputs, projected_values, within_constraints
 from .linearised import small_motions
@@ -290,21 +291,6 @@ def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, A
 def _direct_parts(inputs: Sequence[Input], probes: Sequence[Output]) -> Array:
     """Return what each input adds to each output by itself (inputs, outputs)."""
     return np.array([[probe.direct.get(one.name, 0.0) for probe in probes] for one in inputs])
-
-
-def interpolated(x: Array, values: Complex, at: Array) -> tuple[Complex, Array]:
-    """Return the cubics through the four nearest of ``values`` (m, ...), and the largest of these in size."""
-    count = min(4, len(x))
-    first = np.clip(np.searchsorted(x, at) - count // 2, 0, len(x) - count)
-    some = first[:, None] + np.arange(count)
-    near = x[some]
-    weights = np.ones(near.shape)
-    for i in range(count):
-        for j in range(count):
-            if j != i:
-                weights[:, i] *= (at - near[:, j]) / (near[:, i] - near[:, j])
-    shape = (*weights.shape, *(1,) * (values.ndim - 1))
-    return (weights.reshape(shape) * values[some]).sum(axis=1), np.abs(values[some]).max(axis=1)
 
 
 def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Complex]:

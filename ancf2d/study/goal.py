@@ -78,7 +78,7 @@ class Curves:
 
     def at(self, hz: Array) -> Any:
         """Return the responses at other frequencies, by the cubics that the points were placed for."""
-        from ..solvers.frequency_response import interpolated
+        from ..results.responses import interpolated
 
         if np.array_equal(hz, self.hz):
             return self.H

@@ -239,6 +239,20 @@ def test_points_are_placed_where_responses_bend(tau: float, points: int) -> None
             assert H[near].max() == pytest.approx(4 / omega**2 / (2 * zeta), rel=0.01)
 
 
+def test_circles_of_resonances_are_drawn_round() -> None:
+    """Straight lines between points at which cubics give the response to 1e-3 would turn by half a radian."""
+    case = over_a_range(1e-4, 5, count=6)
+    case["solver"]["to"] = 1.0
+    (plane,) = ancf2d.solve(case).plot("nyquist", input="shaker", quantity="uy", probe="tip").axes
+    H = plane.lines[0].get_xdata() + 1j * plane.lines[0].get_ydata()
+    H = H[np.abs(H) > 0.3 * np.abs(H).max()]
+    turns = np.abs(np.angle(np.diff(H)[1:] / np.diff(H)[:-1]))
+    assert turns.max() < 0.2
+    # the circle of one mode through 0: H = static share/(1 - r^2 + 2 i zeta r)
+    radius = 0.5 * np.abs(H).max()
+    assert np.abs(H + 1j * radius) == pytest.approx(radius, rel=0.01)
+
+
 def test_points_of_undamped_responses_come_to_an_end() -> None:
     case = over_a_range(0.0, 20, count=12)
     del case["bodies"]["beam"]["material"]
