@@ -99,7 +99,7 @@ def by_formula(s, rate, par):  # type: ignore[no-untyped-def]
 
 def spring_formula(text: str) -> Any:
     """Return the record of a spring's formula in u and v."""
-    return formula_record([renamed(syntax(text, "u"), {"": Quantity("u")})], ("u", "v"))
+    return formula_record([renamed(syntax(text, "u"), {"": Quantity("u")})], ("u", "v"), [str(text)])
 
 
 def uses_rate(text: str) -> bool:
@@ -113,7 +113,8 @@ def density_formula(density: tuple[float | Profile, float | Profile]) -> tuple[A
     for value in density:
         assert not isinstance(value, ProfileTable)
         trees.append(Constant(value) if isinstance(value, float) else value.tree)
-    return formula_record(trees, LOCAL), any("theta" in named_in(tree) for tree in trees)
+    texts = [str(getattr(value, "value_", value)) for value in density]
+    return formula_record(trees, LOCAL, texts), any("theta" in named_in(tree) for tree in trees)
 
 
 def is_formula(density: Any) -> bool:

@@ -11,6 +11,7 @@ from ..kernels.dynamics import to_full
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import SIZE, evaluate
 from ..model.feedback import ANGLE
+from ..model.formulas import check_formulas
 from .state import Row
 
 
@@ -82,13 +83,16 @@ class Answers:
 
     def check(self, h: float) -> None:
         """Raise the ComputationError of what has no value here, or a time h on as the motion goes."""
-        if self.feedback.rank == 0 and not self.feedback.conditions:
-            return
-        motion, row = self.motion, self.motion.here()
-        d, v, _ = motion.full(row)
-        turned, z = motion.model.turns.at(d, row.turned), row.z[motion.p.inner:]
-        for ahead in (0.0, h):
-            self.feedback.check(motion.t + ahead, self.feedback.values(d + ahead * v, v, turned, z))
+        motion, model, row = self.motion, self.motion.model, self.motion.here()
+        d, v, a = motion.full(row)
+        turned, inner = model.turns.at(d, row.turned), motion.p.inner
+        for x in (0.0, h):
+            # what is not finite stands still
+            d, v = (np.where(np.isfinite(step), q + step, q) for q, step in (
+                (d, x * v + 0.5 * x * x * a), (v, x * a)))
+            states = row.z[inner:] + x * row.v[inner:]
+            self.feedback.check(motion.t + x, self.feedback.values(d, v, turned, states))
+            check_formulas(model.interactions.points, d, v, motion.t + x)
 
     def resume(self, sizes: Array) -> None:
         """Go on from a checkpoint."""

@@ -179,11 +179,20 @@ def test_a_spring_by_formula_is_the_spring_that_it_says():
     assert total == pytest.approx(0.5 * J * 4, rel=1e-8)
 
 
-def test_an_expression_without_a_value_is_told():
-    """sqrt(0.1 - theta) has none beyond 0.1."""
-    with pytest.raises(ComputationError, match=r"sqrt\(0.1 - hub.theta\).* has no value") as caught:
-        ride(arm("1 + sqrt(0.1 - hub.theta)"), 1.0, tolerance=1e-6, estimate=False)
-    assert caught.value.failure.at["hub.theta"] == pytest.approx(0.1, abs=1e-2)
+@pytest.mark.parametrize(("more", "what", "name", "bound"), [
+    ({}, "expression '1 [+] sqrt", "hub.theta", 0.1),
+    ({"springs": [{"type": "rotational", "between": [[0, 0], "arm@0"], "force": "sqrt(0.1 - u)"}]},
+     "formula 'sqrt", "u", 0.1),
+    ({"loads": [{"type": "distributed", "on": "arm", "value": [0, "10*sqrt(0.1 - vy)"]}]}, "formula '10", "vy", 0.1),
+    ({"solver": {"until": "1 + sqrt(0.1 - hub.theta) > 2"}}, "condition '1 [+] sqrt", "hub.theta", 0.1)])
+def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str, bound: float) -> None:
+    """sqrt(0.1 - x) has none beyond 0.1, wherever it stands; the message has the value of x."""
+    scene = {**arm("1 + sqrt(0.1 - hub.theta)" if not more else "1"), "initial": {"rotation_rate": {"omega": 0.05}},
+             **more}
+    until = scene.pop("solver", {})
+    with pytest.raises(ComputationError, match=f"{what}.* has no value") as caught:
+        ride(scene, 3.0, tolerance=1e-6, estimate=False, **until)
+    assert caught.value.failure.at[name] == pytest.approx(bound, abs=2e-2)
 
 
 @pytest.mark.parametrize(("changes", "words"), [
