@@ -203,10 +203,16 @@ class Element:
                         f"nodes given, got {self.count}")
 
 
+# what others write below a body
+OTHERS = {"support": "boundary_conditions of the case", "supports": "boundary_conditions of the case",
+          "load": "loads of the case", "loads": "loads of the case", "nodes": "element.count", "mesh": "element"}
+
+
 @record(kw_only=True)
 class Body:
     """A beam, a cable or a rigid bar."""
 
+    familiar = OTHERS
     geometry: Geometry = key(OneOf(Geometry), "Reference axis")
     section: Section | None = key(
         ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Layers, ("layers",)), (Rectangle, ())),

@@ -76,10 +76,18 @@ class MaxwellTerm:
     time: float = key(Number("s", gt=0), "Relaxation time", example=0.1)
 
 
+# what others call keys of a material
+OTHERS = {
+    "density": "rho", "young": "E", "youngs_modulus": "E", "youngs": "E", "modulus": "E", "elastic_modulus": "E",
+    "poisson": "nu", "poissons_ratio": "nu", "poisson_ratio": "nu", "expansion": "alpha", "yield_stress": "yield",
+}
+
+
 @record
 class Material:
     """An isotropic material, elastic unless it says more."""
 
+    familiar = OTHERS
     E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
     nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
     rho: float | Profile | None = key(ProfileOf("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, "
