@@ -7,8 +7,13 @@ from typing import Any
 
 import helpers as h
 import numpy as np
+import pytest
 
+from ancf2d.case import load_case_text
 from ancf2d.kernels.advance import CHECK, INSIDE
+from ancf2d.model.build import build_model
+from ancf2d.solvers import stepping
+from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
 from ancf2d.solvers.methods import Method
@@ -111,6 +116,30 @@ class Ride:
 def ride(scene: dict[str, Any], t_end: float, **how: Any) -> Ride:
     """Return a scene moved to ``t_end``."""
     return Ride(scene, t_end, **how).start().on()
+
+
+def resumed_behind_events(case: str, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Return the states of a case of motion, which goes on bit for bit from the checkpoints beside each event."""
+    # every state ends a chunk, from which a run can go on
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(stepping, "LOG_ROWS", 7)
+
+    def states(kept: Any = None) -> list[Any]:
+        model = build_model(load_case_text(case))
+        return list(solve_dynamic(model, model.case.solver, kept))
+
+    whole = states()
+    for event in whole[-1].report["events"]:
+        behind = next(k for k, s in enumerate(whole) if s.t > event["t"] and s.checkpoint is not None)
+        for k in (behind - 1, behind):
+            if whole[k].checkpoint is None:
+                continue
+            rest = states(whole[k].checkpoint)
+            assert [s.t for s in rest] == [s.t for s in whole[k + 1:]]
+            assert all(a.d.tobytes() == b.d.tobytes() for a, b in zip(rest, whole[k + 1:], strict=True))
+            for name in ("events", "energy_drift", "accuracy"):
+                assert rest[-1].report.get(name) == whole[-1].report.get(name)
+    return whole
 
 
 def orders(errors: list[float]) -> np.ndarray:

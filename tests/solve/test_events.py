@@ -7,14 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motions import resumed_behind_events
 from scipy.optimize import brentq
 
 import ancf2d
-from ancf2d.case import load_case_text
 from ancf2d.errors import ComputationError
-from ancf2d.model.build import build_model
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
 
 # a point of mass 1 that moves along x alone, as good as free
 BODY = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -215,26 +212,7 @@ output: {interval: 0.05, probes: {end: bar@1}}
 
 
 def test_a_motion_goes_on_across_events_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
-    monkeypatch.setattr(stepping, "LOG_ROWS", 7)
-
-    def states(kept: Any = None) -> list[Any]:
-        model = build_model(load_case_text(CASE))
-        return list(solve_dynamic(model, model.case.solver, kept))
-
-    whole = states()
-    events = whole[-1].report["events"]
-    assert len(events) == 3
-    for event in events:
-        behind = next(k for k, s in enumerate(whole) if s.t > event["t"] and s.checkpoint is not None)
-        for k in (behind - 1, behind):
-            if whole[k].checkpoint is None:
-                continue
-            rest = states(whole[k].checkpoint)
-            assert [s.t for s in rest] == [s.t for s in whole[k + 1:]]
-            assert all(a.d.tobytes() == b.d.tobytes() for a, b in zip(rest, whole[k + 1:], strict=True))
-            for name in ("events", "energy_drift", "accuracy"):
-                assert rest[-1].report[name] == whole[-1].report[name]
+    assert len(resumed_behind_events(CASE, monkeypatch)[-1].report["events"]) == 3
 
 
 def test_conditions_are_checked() -> None:

@@ -1,4 +1,4 @@
-"""Functions that are sent to other processes."""
+"""What tests of studies share: a cantilever, and functions that are sent to other processes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,24 @@ import time
 from pathlib import Path
 
 import numpy as np
+
+BEAM = """\
+title: Cantilever
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}
+    element: {type: cable, count: 2}
+boundary_conditions:
+  - {name: root, type: clamp, at: beam@0}
+loads:
+  - {name: tip, type: force, at: beam@1, value: [0, -3]}
+solver: {type: linear_static}
+output:
+  probes:
+    tip: beam@1
+"""
+GOAL = "goal: {probe: tip, quantity: uy}\n"
 
 
 def square(x: float) -> float:

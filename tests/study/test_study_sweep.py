@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from jobs import BEAM, GOAL
 
 from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
@@ -21,23 +22,6 @@ from ancf2d.study.sweep import plan, run_sweep
 from ancf2d.study.sweep_rows import Sweep, short_names, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
-BEAM = """\
-title: Cantilever
-bodies:
-  beam:
-    geometry: {type: line, start: [0, 0], end: [2, 0]}
-    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}
-    element: {type: cable, count: 2}
-boundary_conditions:
-  - {name: root, type: clamp, at: beam@0}
-loads:
-  - {name: tip, type: force, at: beam@1, value: [0, -3]}
-solver: {type: linear_static}
-output:
-  probes:
-    tip: beam@1
-"""
-GOAL = "goal: {probe: tip, quantity: uy}\n"
 
 
 @pytest.fixture(autouse=True)

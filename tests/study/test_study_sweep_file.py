@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jobs import BEAM, GOAL
 
 from ancf2d.case.axes import read_axes, read_distributions
 from ancf2d.errors import CaseError, ResultsError
@@ -23,30 +24,13 @@ from ancf2d.study.sweep import plan, run_sweep
 from ancf2d.study.sweep_rows import Sweep
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
-BEAM = """\
-title: Cantilever
-bodies:
-  beam:
-    geometry: {type: line, start: [0, 0], end: [2, 0]}
-    section: {EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3}
-    element: {type: cable, count: 2}
-boundary_conditions:
-  - {name: root, type: clamp, at: beam@0}
-loads:
-  - {name: tip, type: force, at: beam@1, value: [0, -3]}
-solver: {type: linear_static}
-goal: {probe: tip, quantity: uy}
-output:
-  probes:
-    tip: beam@1
-"""
 EI, F = "bodies.beam.section.EI", "loads.tip.value"
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "beam.yaml").write_text(BEAM)
+    (tmp_path / "beam.yaml").write_text(BEAM + GOAL)
     return tmp_path
 
 
