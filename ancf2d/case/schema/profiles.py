@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +19,7 @@ from ..syntax import Constant, ExpressionError, quantities_of, syntax
 from .amplitudes import Expression, ExpressionText
 
 # places between 0 and 1 at which the bounds of a profile are checked, beside those of a table
-SAMPLES = 1000
+PLACES = tuple(k / 1000 for k in range(1001))
 
 
 @record
@@ -106,6 +106,13 @@ def _end_slope(h0: float, h1: float, d0: float, d1: float) -> float:
 Profile = ProfileExpression | ProfileTable
 
 
+# studies read the same formula for every run
+@lru_cache(maxsize=64)
+def _samples(profile: Profile) -> tuple[float, ...]:
+    """Return the values of a profile at ``PLACES``. Raises ComputationError where it has none."""
+    return tuple(map(profile.value, PLACES))
+
+
 @record
 class PointExpression(Expression):
     """A formula in s and in what the motion tells of the point that a load acts on."""
@@ -176,7 +183,10 @@ class ProfileOf(ByShape):
 
     def _outside(self, profile: Any, binder: Binder) -> str | None:
         """Return where a profile leaves its bounds, or None."""
-        values = [(profile.value(s), s) for s in (i / SAMPLES for i in range(SAMPLES + 1))]
+        if isinstance(profile, ProfileTable) and all(map(self.number.inside, profile.value_)):
+            # between its places it stays between their values
+            return None
+        values = list(zip(_samples(profile), PLACES, strict=True))
         if isinstance(profile, ProfileTable):
             # both sides of each jump
             values += zip(profile.value_, profile.s, strict=True)
