@@ -16,15 +16,18 @@ from ancf2d.processors import cores
 from ancf2d.study.pool import THREADS
 
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
-FIRST = ("docs/test_documents", "cli/test_cli_first_run", "cli/test_cli_resume", "robustness/test_endurance",
-         "robustness/test_beside_own_equations", "scripts/test_paper_report", "results/test_results_resume",
-         "api/test_api", "cli/test_cli_sweep", "verification/test_verification_cases", "cli/test_cli_examples")
+FIRST = ("docs/test_documents", "cli/test_cli_first_run", "cli/test_cli_examples", "study/test_study_gradient",
+         "robustness/test_beside_own_equations", "robustness/test_endurance", "scripts/test_paper_report",
+         "solve/test_contact_of_mirrored_bodies", "verification/test_verification_cases", "api/test_api",
+         "solve/test_welds_and_objectivity", "results/test_results_resume", "cli/test_cli_resume", "cli/test_cli_sweep")
 
 # few tests need the kernels of motions with fronts
 COMPILE = """
 from ancf2d.study.everything import compile_everything
 compile_everything(wanted=lambda name: " of a frame" not in name)
 """
+
+COMPILING = pytest.StashKey["subprocess.Popen[bytes]"]()
 
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
@@ -47,14 +50,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config: pytest.Config) -> None:
-    """Compile the kernels before processes need them that would each compile them or wait for one another."""
+    """Begin to compile the kernels that processes would otherwise each compile, or wait for one another."""
     from ancf2d.kernels.lowlevel.jit import cache_is_cold
 
     everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
     if everything and cache_is_cold():
-        # nothing runs beside it yet, so it has all processors
-        subprocess.run([sys.executable, "-c", COMPILE], cwd=config.rootpath, check=True,
-                       env={**os.environ, "OMP_NUM_THREADS": str(cores())})
+        # beside the collection of the tests, which leaves it most of the processors
+        config.stash[COMPILING] = subprocess.Popen([sys.executable, "-c", COMPILE], cwd=config.rootpath,
+                                                   env={**os.environ, "OMP_NUM_THREADS": str(cores())})
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -62,8 +65,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Run the tests of a file in one process: they share kernels, models and solutions."""
     from xdist.scheduler import LoadFileScheduling
 
+    class AfterCompiling(LoadFileScheduling):
+        def schedule(self) -> None:
+            compiling = config.stash.get(COMPILING, None)
+            if compiling is not None and compiling.wait() != 0:
+                raise pytest.UsageError("the kernels could not be compiled")
+            super().schedule()
+
     config.option.loadscopereorder = False
-    return LoadFileScheduling(config, log)
+    return AfterCompiling(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
