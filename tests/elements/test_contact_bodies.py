@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import helpers
 import numpy as np
 import pytest
 from test_contact_laws import SECTIONS, differences
@@ -11,6 +12,8 @@ from ancf2d.elements import contact_geometry as geometry
 
 # what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
 PLACES = {"within": laws.WITHIN, "kink": laws.AT_LAST, "end": laws.WITHIN}
+KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
+         "hard": (laws.HARD_BODIES, 0.0)}
 
 
 class Point:
@@ -67,12 +70,9 @@ class Point:
         return energy, f, H, C, power
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("two", SECTIONS)
-@pytest.mark.parametrize("one", SECTIONS)
-@pytest.mark.parametrize(("law", "damping"), [(laws.COMPLIANT_BODIES, 0.0), (laws.COMPLIANT_BODIES, 0.4),
-                                              (laws.HARD_BODIES, 0.0)])
-def test_stiffness_and_damping_are_the_derivatives_of_the_forces(law, damping, one, two, place):
+@helpers.pairwise(kind=KINDS, one=SECTIONS, two=SECTIONS, place=PLACES)
+def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two, place):
+    law, damping = KINDS[kind]
     point = Point(law, one, two, place, damping)
     _, f, H, C, power = point(point.u, point.w)
     assert np.abs(f).max() > 0.1

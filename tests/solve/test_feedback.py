@@ -259,8 +259,8 @@ def test_a_flexible_arm_under_pid_is_that_of_its_equations() -> None:
 
 @pytest.mark.slow
 def test_very_many_instants_neither_drift_nor_leak():
-    """An arm follows a sine over ten thousand instants of its controller, along the parabolas of the recurrence."""
-    count, step = 10_000, 1e-3
+    """An arm follows a sine over three thousand instants of its controller, along the parabolas of the recurrence."""
+    count, step = 3_000, 1e-3
     theta = omega = integral = filtered = 0.0
     for k in range(count):
         e = math.sin(3 * k * step) - theta
@@ -284,4 +284,4 @@ def test_very_many_instants_neither_drift_nor_leak():
     assert Observer(model).observe(state)["hub"]["theta"] == pytest.approx(theta, abs=1e-8)
     assert state.report["energy_drift"] < 1e-8
     # an event keeps less than 100 bytes
-    assert held[state.t] - held[min(held, key=lambda t: abs(t - 2))] < 100 * 0.8 * count
+    assert held[state.t] - held[min(held, key=lambda t: abs(t - 0.6))] < 100 * 0.8 * count

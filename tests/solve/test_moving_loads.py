@@ -43,7 +43,7 @@ def moving_force(speed: float, x: float, t: Array, force: float, modes: int = 60
     return out
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.5, 1.0, 2.0])
+@pytest.mark.parametrize("speed", [pytest.param(0.1, marks=pytest.mark.slow), 0.5, 1.0, 2.0])
 def test_force_that_crosses_a_beam(speed: float) -> None:
     force = -1e-3
     solved = ancf2d.solve(bridge(speed, 20, loads=[{"type": "force", "at": along(speed), "value": [0, force]}]))
@@ -71,7 +71,7 @@ def moving_mass(speed: float, mass: float, t: Array, modes: int = 16) -> Array:
     return np.sin(k * 0.5) @ y[:modes]
 
 
-@pytest.mark.parametrize(("speed", "mass"), [(0.2, 0.5), (0.6, 1.0)])
+@pytest.mark.parametrize(("speed", "mass"), [pytest.param(0.2, 0.5, marks=pytest.mark.slow), (0.6, 1.0)])
 def test_mass_that_crosses_a_beam(speed: float, mass: float) -> None:
     g = 1e-3
     # the beam's own weight is carried otherwise
