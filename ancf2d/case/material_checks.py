@@ -17,6 +17,8 @@ RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_respo
 # loads whose forces are those of strains, which relax too
 STRAINING = ("eigenstrain", "temperature", "tendon")
 FIELDS = ("stress", "strain", "energy")
+# solvers that follow fibres along their way
+FOLLOWING = ("static", "quasi_static", "dynamic")
 
 
 def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
@@ -43,15 +45,29 @@ def check_materials(checker: Any) -> None:
         key, allowed = (*path, name), {"viscoelastic": RELAXING, "law": HYPERELASTIC}.get(name, KNOWING)
         if checker.solver not in allowed:
             checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
-        fields = case.output.fields if case.output is not INVALID and not said else ()
-        for k, field in enumerate(fields if fields is not INVALID else ()):
-            if field in FIELDS:
-                checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that yields, "
-                             "follows a curve, relaxes or is hyperelastic", "N, Q, M")
         if material.viscoelastic and checker.solver == "frequency_response" and not said:
             _check_inputs(checker)
         said = True
+    _check_fields(checker)
     _check_layers(checker)
+
+
+def _check_fields(checker: Any) -> None:
+    """Check that fields over the height are known of all materials: fibres tell theirs, but for the energy."""
+    case = checker.case
+    if INVALID in (case.output, case.bodies) or case.output.fields is INVALID:
+        return
+    materials = [m for _, m in materials_of(case) if m not in (None, INVALID)]
+    others, follow = any(m.remembers and not m.fibres for m in materials), any(m.fibres for m in materials)
+    told = not others and (not follow or checker.solver in FOLLOWING)
+    for k, field in enumerate(case.output.fields):
+        if field == "plastic_strain" and not (follow and checker.solver in FOLLOWING):
+            checker.fail(("output", "fields", k), "output.fields: plastic_strain is known of fibres alone, in solvers "
+                         f"{listed(FOLLOWING)}", "a material with yield or stress_strain")
+        elif field in FIELDS and (not told or (follow and field == "energy")):
+            whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
+            checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that {whose}",
+                         "N, Q, M" if others or not told else "N, Q, M, stress, strain, plastic_strain")
 
 
 def _check_layers(checker: Any) -> None:

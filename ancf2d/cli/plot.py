@@ -54,13 +54,17 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--state", metavar="N", type=int,
               help="Stored state to draw; negative numbers count from the end (shape, fields, "
               "section_forces, difference).")
-@click.option("--field", metavar="NAME", help="Field to draw: stress, strain or energy (fields).")
+@click.option("--field", metavar="NAME", help="Field to draw: stress, strain, energy or plastic_strain (fields).")
 @click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
               "place; default: unrolled if they are thin (fields), or one straight body (section_forces).")
 @click.option("--symbols/--no-symbols", default=None, help="Draw supports, loads, joints, springs and masses, or leave "
               "them out; default: draw them (shape, section_forces).")
 @click.option("--at", metavar="T,T,...", help="Times or load factors to draw (snapshots).")
+@click.option("--point", metavar="BODY@S", help="Point of a body, or the body alone for where most is; default: that "
+              "of the first body (stress_strain, moment_curvature).")
+@click.option("--height", metavar="Y", type=float, help="Share of half the height, from -1 to 1; default: the "
+              "outermost station (stress_strain).")
 @click.option("--probe", metavar="NAME", multiple=True,
               help="Probe to draw; may be given several times (curves).")
 @click.option("--quantity", metavar="NAME", multiple=True,

@@ -49,6 +49,15 @@ class Uniaxial:
         lines = zip(self.at, self.stress, self.slope, strict=True)
         return [float(self.elastic), self.E, self.kinematic, float(len(self.at)), *(v for line in lines for v in line)]
 
+    def stress_of(self, e: Array, p: Array) -> Array:
+        """Return the stress [Pa] of fibres strained by e, whose plastic strains are p."""
+        if not self.elastic:
+            return self.E * (e - p)
+        size = np.abs(e)
+        k = np.searchsorted(self.at, size, side="right") - 1
+        at, stress, slope = (np.array(v)[k] for v in (self.at, self.stress, self.slope))
+        return np.asarray(np.copysign(stress + slope * (size - at), e))
+
 
 def linear(E: float) -> Uniaxial:
     """Return the law of a linear elastic fibre."""

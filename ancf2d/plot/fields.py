@@ -30,7 +30,15 @@ from ancf2d.plot.obstacles import draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results
-from ancf2d.results.geometry import POSITIVE, Formula, even_weights, formulas_of, label_of, linear_weights
+from ancf2d.results.geometry import (
+    POSITIVE,
+    Formula,
+    even_weights,
+    formulas_of,
+    label_of,
+    linear_weights,
+    station_weights,
+)
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
@@ -40,7 +48,7 @@ LINE = 1e-6  # of half the height: stations that are closer are the two sides of
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
 STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
-ORDER = ("stress", "strain", "energy")  # which is drawn where none is named
+ORDER = ("stress", "strain", "energy", "plastic_strain")  # which is drawn where none is named
 
 
 @dataclass
@@ -187,7 +195,7 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     heights, lines = body.heights_of(some)[..., None], []
     if body.levels is None:
         at = np.linspace(0, 1, ACROSS)
-        across, over, y = even_weights(3, at), even_weights(len(record.eta), at), heights * (at - 0.5)
+        across, over, y = even_weights(3, at), station_weights(0.5 * (1.0 + record.eta), at), heights * (at - 0.5)
         named = [-0.5 * float(heights.max()), 0.0, 0.5 * float(heights.max())]
     else:
         # the stations are on both sides of each line between layers, where stresses jump
@@ -196,7 +204,7 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
         named, lines = sorted(set(body.levels.tolist())), np.flatnonzero(np.diff(record.eta) < LINE).tolist()
     points = np.einsum("ya,aemc->emyc", across, results.levels(name, state, scale=scale, elements=some))
     stored = formula(results.field(name, record.name, state)[some])
-    values = np.einsum("xi,yj,eij->exy", even_weights(len(record.xi), body.sample_xi), over, stored)
+    values = np.einsum("xi,yj,eij->exy", station_weights(record.xi, body.sample_xi), over, stored)
     # polynomials overshoot: an energy would be negative where there is none
     values = np.clip(values, stored.min(), stored.max())
     lengths = body.lengths[body.classes]
@@ -221,8 +229,9 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
            scale: float | str = "auto", state: int = -1, unrolled: bool | None = None) -> Fields:
     """Build one field over the bodies of one file.
 
-    ``field``: stress, strain or energy (default: the first that is stored); ``component``: xx, yy, xy, or mises of
-    stress; ``unrolled``: over arc length and height instead of in the plane (default: where bodies are thin).
+    ``field``: stress, strain, energy or plastic_strain (default: the first that is stored); ``component``: xx, yy, xy,
+    or mises of stress; ``unrolled``: over arc length and height instead of in the plane (default: where bodies are
+    thin).
     """
     if len(sources) > 1:
         raise ResultsError("fields are drawn from one file at a time")

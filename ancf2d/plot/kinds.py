@@ -18,6 +18,7 @@ from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
 from ancf2d.plot.fit import FIT
+from ancf2d.plot.loops import MOMENT_CURVATURE, STRESS_STRAIN
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, PHASE, STEPS, TRAJECTORY
 from ancf2d.plot.optimisation import OPTIMISATION
@@ -33,9 +34,9 @@ from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
-    SHAPE, FIELDS, SECTION_FORCES, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS,
-    BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF, SWEEP,
-    HISTOGRAM, SHARES, TORNADO, OPTIMISATION, FIT)}
+    SHAPE, FIELDS, SECTION_FORCES, STRESS_STRAIN, MOMENT_CURVATURE, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY,
+    PHASE, MODES, CAMPBELL, ROOT_LOCUS, BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF,
+    SWEEP, HISTOGRAM, SHARES, TORNADO, OPTIMISATION, FIT)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 

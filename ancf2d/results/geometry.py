@@ -141,6 +141,7 @@ LABELS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "s
           ("stress", "xy"): "shear stress, σ_xy", ("stress", "mises"): "von Mises stress",
           ("strain", "xx"): "strain along the axis, ε_xx", ("strain", "yy"): "strain across the axis, ε_yy",
           ("strain", "xy"): "shear strain, 2 ε_xy", ("energy", "energy"): "strain energy density",
+          ("plastic_strain", "xx"): "plastic strain along the axis",
           ("N", "N"): "axial force N", ("Q", "Q"): "shear force Q", ("M", "M"): "bending moment M"}
 
 
@@ -159,6 +160,16 @@ def linear_weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return weights (len(at), n) of straight lines between values at ``nodes`` (n,), in any order."""
     order = np.argsort(nodes, kind="stable")
     return np.stack([np.interp(at, nodes[order], one) for one in np.eye(len(nodes))[:, order]], axis=-1)
+
+
+def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return weights (len(at), n) of values at stations (n,), both as fractions in [0, 1].
+
+    They are those of the polynomial through even stations, else of straight lines: at points of a quadrature there are
+    fibres, whose stress has corners.
+    """
+    even = np.allclose(stations, np.linspace(0.0, 1.0, len(stations)), rtol=0.0, atol=1e-12)
+    return even_weights(len(stations), at) if even else linear_weights(stations, at)
 
 
 def even_weights(n: int, at: np.ndarray) -> np.ndarray:

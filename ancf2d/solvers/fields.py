@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Stiffness
+from ..elements.fibres import places
 from ..elements.shape import Array
 from ..errors import Problem
 from ..model.mesh import BodyMesh
@@ -26,7 +27,8 @@ ALONG, ACROSS = 5, 5  # least stations along and across an element, its ends and
 class Field:
     """A field over the bodies: component names, units (with {F}, {L}, {T}), what it is.
 
-    ``over``: over the height too, not only along the axis; ``part``: which entry of what is computed it is.
+    ``over``: over the height too, not only along the axis; ``part``: which entry of what is computed it is; ``kept``:
+    whether elements have to remember it, so that displacements alone do not tell it.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Field:
     description: str
     over: bool
     part: str | int
+    kept: bool = False
 
 
 _FORCE = "of the section, by equilibrium"
@@ -47,6 +50,7 @@ FIELDS: dict[str, Field] = {f.name: f for f in (
     Field("strain", ("xx", "yy", "xy"), "1", "strain along and across the axis; xy is the angle 2 eps_xy", True,
           "strain"),
     Field("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
+    Field("plastic_strain", ("xx",), "1", "plastic strain of the fibres along the axis", True, "plastic", True),
 )}
 
 
@@ -94,9 +98,20 @@ class FieldReader:
                 for field, values in read(state).items()}
 
 
+def fibre_stations(mesh: BodyMesh) -> tuple[Array, Array]:
+    """Return the stations xi along each element and the fibres y/(h/2) across it."""
+    plan, section = mesh.plan, mesh.plan.section
+    formulation = plan.formulation
+    assert formulation.fibres is not None
+    xi, _ = formulation.fibres(mesh.classes[0].sampler, plan.rule)
+    return xi, places(section, plan.rule.normal[1])[0][:, 0] / (0.5 * section.height)
+
+
 def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
     across = max(ACROSS, 2 * mesh.plan.element.degree_y + 1)
     section, along = mesh.plan.section, np.linspace(0.0, 1.0, ALONG)
+    if section.laws:
+        return fibre_stations(mesh)
     if section.layers:
         # both sides of each interface
         half = 0.5 * section.height
@@ -107,12 +122,13 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
 
 def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,
             ) -> Callable[[State], dict[Field, Array]]:
+    from .fibres import StressOfFibres
     from .section_forces import SectionForces
     from .stress import stress_of
 
     over = [f for f in fields if f.over]
     along = [f for f in fields if not f.over]
-    stress = stress_of(model, mesh, xi, eta) if over else None
+    stress = (StressOfFibres if mesh.plan.section.laws else stress_of)(model, mesh, xi, eta) if over else None
     forces = SectionForces(model, mesh, xi) if along else None
 
     def found(state: State) -> Iterator[tuple[Field, Any]]:

@@ -28,6 +28,7 @@ RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b 
 class OverBody:
     """Stress [Pa], strain (..., 3) and energy density [J/m^3] (..., 1) at stations (ne, nx, ny) of a body.
 
+    ``yielded`` is the plastic strain (..., 1) along the axis, None where there is none.
     Components xx, yy, xy along and across the axis: second Piola-Kirchhoff stress and Green-Lagrange strain, shear
     strain as 2 eps_xy, in the axes of the reference; where strains are small, that is the stress in the turned section.
     """
@@ -35,6 +36,12 @@ class OverBody:
     stress: Array
     strain: Array
     energy: Array
+    yielded: Array | None = None
+
+    @property
+    def plastic(self) -> Array:
+        """Plastic strain (..., 1) along the axis."""
+        return np.zeros_like(self.energy) if self.yielded is None else self.yielded
 
 
 class _Gradient:

@@ -125,4 +125,4 @@ def _told(model: Model) -> list[str]:
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())
     balanced = model.case.solver.balances or model.case.solver.moves or not model.constraints
-    return [f.name for f in FIELDS.values() if (solid if f.over else balanced)]
+    return [f.name for f in FIELDS.values() if not f.kept and (solid if f.over else balanced)]

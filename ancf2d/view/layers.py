@@ -19,10 +19,10 @@ from ancf2d.results.geometry import (
     axis_shapes,
     body_faces,
     body_nodes,
-    even_weights,
     formulas_of,
     label_of,
     linear_weights,
+    station_weights,
 )
 from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of, tracks_of, within
 
@@ -242,7 +242,7 @@ def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, state
         formula = formulas_of(record)[part]
         units, across = record.units, ACROSS if len(record.eta) > 1 else ACROSS[1:2]
         stations = d.record.sample_xi[::d.stride][::every[d.record.name]]
-        weights = even_weights(len(record.xi), stations), _across(d.record.levels, record.eta, across)
+        weights = station_weights(record.xi, stations), _across(d.record.levels, record.eta, across)
         bodies.append({"body": k, "every": every[d.record.name], "across": len(across)})
         values.append(np.array([_sampled(results, d, name, state, formula, weights) for state in states]))
     codes, low, high = _codes(np.concatenate([v.reshape(len(states), -1) for v in values], axis=1),
@@ -254,7 +254,7 @@ def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, state
 def _across(levels: np.ndarray | None, eta: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return weights (len(at), len(eta)) of a field at fractions of the height, straight lines within layers."""
     if levels is None or len(eta) == 1:
-        return even_weights(len(eta), at)
+        return station_weights(0.5 * (1.0 + eta), at)
     return linear_weights(eta, eta[0] + (eta[-1] - eta[0]) * at)
 
 

@@ -20,12 +20,11 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.polynomial.legendre import legvander
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.export import Done
-from ancf2d.results.geometry import body_levels, body_rates, linear_weights
+from ancf2d.results.geometry import body_levels, body_rates, linear_weights, station_weights
 from ancf2d.results.journal import JournaledFile
 from ancf2d.results.obstacles import obstacles_of
 from ancf2d.results.reader import Results
@@ -99,9 +98,10 @@ class Interpolation:
     def _factors(self) -> tuple[np.ndarray, np.ndarray, Any]:
         """Weights along and across, and the order of summing over them."""
         part, record = self._part, self._record
-        along = _weights(2 * record.xi - 1, 2 * part.body.sample_xi[part.columns] - 1)
+        along = station_weights(record.xi, part.body.sample_xi[part.columns])
         layered = part.body.levels is not None and len(record.eta) > 1
-        across = linear_weights(record.eta, part.eta) if layered else _weights(record.eta, part.eta)
+        across = (linear_weights(record.eta, part.eta) if layered or len(record.eta) == 1 else
+                  station_weights(0.5 * (1.0 + record.eta), 0.5 * (1.0 + part.eta)))
         shape = len(part.body.dofs), len(record.xi), len(record.eta), len(record.components)
         order, _ = np.einsum_path(_SUMS, along, across, np.broadcast_to(0.0, shape), optimize=True)
         return along, across, order
@@ -114,12 +114,6 @@ class Interpolation:
         # not before there are values: where they fit the stations, these are no more than the file has room for
         along, across, order = self._factors
         return np.einsum(_SUMS, along, across, values, optimize=order).reshape(self._part.points, -1)
-
-
-def _weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), n) of the polynomial through n values at ``stations`` in [-1, 1]."""
-    degree = len(stations) - 1
-    return legvander(at, degree) @ np.linalg.inv(legvander(stations, degree))
 
 
 def make_parts(results: Results) -> list[Part]:
