@@ -165,11 +165,16 @@ def linear_weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
 def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return weights (len(at), n) of values at stations (n,), both as fractions in [0, 1].
 
-    They are those of the polynomial through even stations, else of straight lines: at points of a quadrature there are
-    fibres, whose stress has corners.
+    They are those of the polynomial through stations at even distances, else of straight lines: at points of a
+    quadrature there are fibres, whose stress has corners. ValueError where stations coincide.
     """
-    even = np.allclose(stations, np.linspace(0.0, 1.0, len(stations)), rtol=0.0, atol=1e-12)
-    return even_weights(len(stations), at) if even else linear_weights(stations, at)
+    steps = np.diff(np.sort(stations))
+    if not len(stations) or (steps <= 0.0).any():
+        raise ValueError("stations coincide, or there are none")
+    if len(steps) and np.ptp(steps) > 1e-9 * steps.max():
+        return linear_weights(stations, at)
+    low, size = float(stations.min()), float(np.ptp(stations)) or 1.0
+    return even_weights(len(stations), (at - low) / size)[:, np.argsort(np.argsort(stations))]
 
 
 def even_weights(n: int, at: np.ndarray) -> np.ndarray:
