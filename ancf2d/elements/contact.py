@@ -207,21 +207,30 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         for q in range(m):
             keep[0, q], keep[1, q] = work[ROW + q], work[OTHER + q]
         rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
-        energy += 0.5 * held * held / par[STICK]
         if slides:
-            power -= held * limit_slopes(par, way, m, w, work, keep, H, C)
+            limit_slopes(par, way, m, work, keep, H, C)
+        power -= held * speed(work, w, m)
     return energy, power
 
 
-def limit_slopes(par, way, m, w, work, keep, H, C):  # type: ignore[no-untyped-def]
-    """Add how Coulomb's limit follows the pressure to H and C; return the rate of sliding."""
-    share, rate = par[FRICTION] if way > 0.0 else -par[FRICTION], 0.0
+def limit_slopes(par, way, m, work, keep, H, C):  # type: ignore[no-untyped-def]
+    """Add how Coulomb's limit follows the pressure to H and C."""
+    share = par[FRICTION] if way > 0.0 else -par[FRICTION]
     for p in range(m):
         S = work[ROW + p]
-        rate += S * w[p]
         for q in range(m):
             H[p, q] -= share * S * keep[1, q]
             C[p, q] -= share * S * par[WEIGHT] * par[DAMPING] * keep[0, q]
+
+
+def speed(work, w, m):  # type: ignore[no-untyped-def]
+    """Return the rate of the place on the obstacle at rates w (m,).
+
+    Friction takes its force times this: what little the spring holds of it that a point sticks by counts as lost, too.
+    """
+    rate = 0.0
+    for q in range(m):
+        rate += work[ROW + q] * w[q]
     return rate
 
 
@@ -267,34 +276,42 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     way = slip(par, s, mem[ANCHOR])
     held, slides = dragged(par, mem, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
-    power = 0.0
     if slides:
         sign = 1.0 if held < 0.0 else -1.0
         for p in range(m):
             # the limit grows with the force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
-            power -= held * work[ROW + p] * w[p]
-    return 0.5 * held * held / par[STICK], power
+    return 0.0, -held * speed(work, w, m)
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]
-    """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law."""
+    """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law.
+
+    Damping and friction are added as they are in the middle of the step, and take what they do there.
+    """
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
         m = len(u1) - extra
         n = len(u1)
-        keep = np.zeros((4, n))
+        keep = np.zeros((5, n))
         H, C = np.zeros((n, n)), np.zeros((n, n))
         for i in range(n):
             keep[0, i] = 0.5 * (u0[i] + u1[i])
         if extra == 1:
             keep[0, m] = u1[m]
-        # rates of zero: what dissipates is added behind
+        # rates of zero, and no friction: what dissipates is added behind
+        friction, lost = par[FRICTION], 0.0
+        par[FRICTION] = 0.0
         law(p0, keep[0], keep[1], par, a1, mem, f, H, C)
         before, _ = law(p0, u0, keep[1], par, a0, mem, keep[2], H, C)
         after, _ = law(p0, u1, keep[1], par, a1, mem, keep[3], H, C)
+        par[FRICTION] = friction
         if extra == 1:
             before, after = u1[m] * keep[2, m], u1[m] * keep[3, m]
             f[m] = keep[3, m]
+        else:
+            _, lost = law(p0, keep[0], w, par, a1, mem, keep[4], H, C)
+            for i in range(m):
+                keep[4, i] -= f[i]
         square, work = 0.0, after - before
         for i in range(m):
             change = u1[i] - u0[i]
@@ -303,7 +320,9 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
         if square > 0.0:
             for i in range(m):
                 f[i] += work / square * (u1[i] - u0[i])
-        return after if extra == 0 else 0.0, 0.0
+        for i in range(m):
+            f[i] += keep[4, i]
+        return after if extra == 0 else 0.0, lost
     return mean
 
 
@@ -336,7 +355,7 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
 
 
 HELPERS = (count_of, take, offset, seen, corner, side_of, feature_at, gap_at, along, stand, least, facing, is_back,
-           spread, spread_both, normal, bent, bent_free, slip, drag, dragged, fields_of, rub)
+           spread, spread_both, normal, bent, bent_free, slip, drag, dragged, fields_of, rub, speed)
 COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant,
                      helpers=(*HELPERS, limit_slopes, _settle, compliant), memory=True)
 HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard,

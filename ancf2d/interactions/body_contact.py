@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..elements import contact_bodies as laws
 from ..elements import contact_geometry as geometry
@@ -17,6 +18,8 @@ from .contact import TOUCH, Contact, Spot, curve_rows, eta_at, face_of, levels_o
 
 # of the mean height of two bodies: what is deeper is not what a point touches, but the far side
 DEEPEST = 0.75
+# of the height of a body: what is deeper in it is told as a failure, where half is the most that is possible
+THROUGH = 0.4
 # of a height: parts of a body that are nearer along it than this do not touch one another
 APART = 1.0
 # places along each curve at which bodies are looked at in the reference
@@ -129,19 +132,27 @@ class BodyPair:
     """
 
     frame, fed, signal, size = None, -1, None, laws.BODY_MEMORY
+    # whether its points touch bodies
+    on_bodies = True
 
-    def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool) -> None:
+    def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool,
+                 chosen: list[Spot] | None = None) -> None:
         self.item, self.name, self.mesh, self.against = item, name, mesh, other
         self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
         self.whole = whole
         self.law = HARD_BODIES if self.hard else COMPLIANT_BODIES
         # what is reported is the force on the first body named: none of a body on itself
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
-        self.spots = spots(mesh, item.side, not self.hard) if whole else (
+        self.spots = chosen or spots(mesh, item.side, not self.hard) if whole else (
             _corners(mesh) if item.side == "surface" else [p for p in spots(mesh, "axis", False) if _is_end(mesh, p)])
         self.s: Array = np.array([self._along(p) / mesh.plan.length for p in self.spots])
         self.curves = curves_of(other, item.side)
         self._items()
+
+    def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
+        """Return chosen points of one of the two bodies beside the other, under a contact of the same kind."""
+        other = self.against if mesh is self.mesh else self.mesh
+        return BodyPair(item, self.name, mesh, other, self.scale, True, chosen)
 
     def _along(self, p: Spot) -> float:
         return float(self.mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * self.mesh.lengths[p.ie])
@@ -170,11 +181,15 @@ class BodyPair:
         if self.item.side == "axis":
             self.mem[:, laws.SIDE] = self._sides()
 
-    def _places(self) -> Array:
-        """Return where the points are in the reference (k, 2)."""
+    def _places(self, d: Array | None = None) -> Array:
+        """Return where the points are (k, 2) in the reference, or at displacements d (n_full,)."""
         out, work = np.zeros((len(self.spots), 2)), np.zeros(geometry.WORK)
+        fields, coords = self.own
         for k, par in enumerate(self.par):
-            geometry.stand(par, self.p0[k], np.zeros(len(self.p0[k])), par[geometry.HOME], work)
+            u = np.zeros(len(self.p0[k]))
+            if d is not None:
+                u[:fields] = self.G[k, :fields, :coords] @ d[self.dofs[k, :coords]]
+            geometry.stand(par, self.p0[k], u, par[geometry.HOME], work)
             out[k] = work[geometry.RHO], work[geometry.RHO + 1]
         return out
 
@@ -188,31 +203,33 @@ class BodyPair:
             out[k] = 0.0 if beyond else np.sign(_cross(b[n] - a[n], p - a[n]))
         return out
 
-    def segments(self) -> tuple[Array, Array]:
-        """Return the ends (n, 2) of straight pieces of the curves of the other body in the reference."""
+    def segments(self, d: Array | None = None) -> tuple[Array, Array]:
+        """Return the ends (n, 2) of straight pieces of the other body's curves, in the reference or at d (n_full,)."""
         work, across, lines = np.zeros(geometry.WORK), np.zeros(geometry.WORK), []
         for curve in self.curves:
-            line = np.zeros((STATIONS, 2))
+            line, u = np.zeros((STATIONS, 2)), np.zeros(len(curve.p0)) if d is None else curve.G @ d[curve.dofs]
             for k, z in enumerate(np.linspace(-1.0, 1.0, STATIONS)):
-                laws.curve_at(curve.constants, curve.p0, np.zeros(len(curve.p0)), z, work, across)
+                laws.curve_at(curve.constants, curve.p0, u, z, work, across)
                 line[k] = work[geometry.RHO], work[geometry.RHO + 1]
             lines.append(line)
         found = np.array(lines)
         return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
 
-    def overlap(self) -> tuple[float, float]:
-        """Return how deep a point is in the other body in the reference at most, and S of it; 0 where none is.
+    def overlap(self, d: Array | None = None) -> tuple[float, float]:
+        """Return how deep a point is in the other body at most, and S of it; 0 where none is.
 
-        Less what the pieces may be off the curves.
+        In the reference, or at d (n_full,). Less what the pieces may be off the curves.
         """
-        (a, b), deepest, at = self.segments(), 0.0, 0.0
         if self.item.side == "axis":
             return 0.0, 0.0
+        if self.against is self.mesh:
+            return self._folded(d)
+        (a, b), deepest, at = self.segments(d), 0.0, 0.0
         # of an arc, a chord is off by as much as the next one turns
         turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
-        for p, s in zip(self._places(), self.s.tolist(), strict=True):
+        for p, s in zip(self._places(d), self.s.tolist(), strict=True):
             if (p < low).any() or (p > high).any():
                 continue
             above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
@@ -225,6 +242,35 @@ class BodyPair:
             if depth > deepest:
                 deepest, at = depth, s
         return deepest, at
+
+    def _folded(self, d: Array | None) -> tuple[float, float]:
+        """Return how deep a body is in itself, by the distance of places of its axis, and S of one of them."""
+        mesh, z, height = self.mesh, np.linspace(-1.0, 1.0, STATIONS)[:-1], self.mesh.plan.section.height
+        places, s = [], (mesh.starts[:, None] + 0.5 * (z + 1.0) * mesh.lengths[:, None]).ravel()
+        for ie, dofs in enumerate(mesh.dofs):
+            rows, terms, _ = curve_rows(mesh, ie, 0.0)
+            c = rows[:2 * terms] @ (mesh.e0[dofs - mesh.first_dof] + (0.0 if d is None else d[dofs]))
+            places.append(np.vander(z, terms, increasing=True) @ c.reshape(2, terms).T)
+        near = cKDTree(np.concatenate(places)).sparse_distance_matrix(cKDTree(np.concatenate(places)), height)
+        near = near.tocoo()
+        along = np.abs(s[near.row] - s[near.col])
+        if mesh.plan.closed:
+            along = np.minimum(along, mesh.plan.length - along)
+        apart = np.flatnonzero(along > np.pi * height)
+        if not len(apart):
+            return 0.0, 0.0
+        k = apart[np.argmin(near.data[apart])]
+        return float(height - near.data[k]), float(s[near.row[k]] / mesh.plan.length)
+
+    def pressed_through(self, d: Array) -> str:
+        """Return where a point is so deep in the other body at d (n_full,) that contact may let it through, or nothing.
+
+        That is beyond the middle between its faces, nearly: what is deeper is nearer to the far side.
+        """
+        depth, s = self.overlap(d)
+        if depth <= THROUGH * self.against.plan.section.height:
+            return ""
+        return f"{self.name}: {self.body} is pressed {depth:.4g} deep into {self.other} at S = {s:.4g}"
 
     def _law(self, p: Spot) -> tuple[float, float, float, float, float]:
         """Return length, stiffness, damping, friction and the stiffness of what sticks."""
@@ -286,7 +332,7 @@ def facing_table(patches: Sequence[Any]) -> Facing:
     for patch in patches:
         count = len(patch.items().p0)
         pair = getattr(patch, "pair", None)
-        if isinstance(pair, BodyPair):
+        if pair is not None and pair.on_bodies:
             if not any(pair is known for known in ways):
                 ways.append(pair)
             item += range(at, at + count)

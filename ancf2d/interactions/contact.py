@@ -174,12 +174,15 @@ class ContactPair:
     rigid body that sticks yields.
     """
 
+    # whether its points touch bodies
+    on_bodies = False
+
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
-                 held: Set[int] = frozenset(), rapid: float = 0.0) -> None:
+                 held: Set[int] = frozenset(), rapid: float = 0.0, chosen: list[Spot] | None = None) -> None:
+        self.obstacle = obstacle
         self.item, self.name, self.mesh, self.frame, self.hard = item, name, mesh, frame, item.law is None
         self.body, self.other, self.law, self.sign = mesh.plan.name, "", COMPLIANT if item.law else HARD, 1.0
-        # what supports hold where it is cannot touch
-        self.spots = [p for p in spots(mesh, item.side, not self.hard) if not _moved_by(mesh, p) <= held]
+        self.spots = chosen or movable(mesh, item, held)
         self.s: Array = np.array([(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]) / mesh.plan.length
                                   for p in self.spots])
         self.rapid = rapid
@@ -209,6 +212,10 @@ class ContactPair:
         self.signal = frame.signals or None
         self.scale, self.size = extent, geometry.MEMORY
 
+    def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> ContactPair:
+        """Return chosen points of the body beside the obstacle, under a contact of the same kind."""
+        return ContactPair(item, self.name, mesh, self.obstacle, self.frame, self.scale, chosen=chosen)
+
     def _law(self, p: Spot) -> tuple[float, float, float, float]:
         """Return stiffness, damping, friction and the stiffness of what sticks."""
         mu, law = self.item.friction, self.item.law
@@ -222,6 +229,10 @@ class ContactPair:
             # in statics it follows the forces of the scene (model/contact_tables.py)
             return 1.0, reach, mu, mass * self.rapid**2
         return section.EI / l**3, reach, mu, STICK * section.EA / l
+
+    def pressed_through(self, d: Array) -> str:
+        """Return nothing: only bodies are thin."""
+        return ""
 
     @property
     def meetings(self) -> Index:
@@ -241,6 +252,11 @@ class ContactPair:
             geometry.stand(par, self.p0[i], u, par[geometry.HOME], work)
             out[i] = geometry.gap_at(par, work[geometry.RHO], work[geometry.RHO + 1], -1.0)[0]
         return out
+
+
+def movable(mesh: BodyMesh, item: Contact, held: Set[int]) -> list[Spot]:
+    """Return where a body may touch but for what coordinates that supports hold leave where it is."""
+    return [p for p in spots(mesh, item.side, item.law is not None) if not _moved_by(mesh, p) <= held]
 
 
 def _moved_by(mesh: BodyMesh, spot: Spot) -> set[int]:

@@ -189,9 +189,12 @@ def _moved(p, z):  # type: ignore[no-untyped-def]
 def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
     """Count what an impact takes of the energy, ``given`` all else that goes in: what moves may give some."""
     gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given
+    moved = False
+    for k in range(len(w.amps)):
+        moved |= w.amps[k, 1] != 0.0
     if gone > 0.0:
         s.numbers[LOST] += gone
-    elif tracks:
+    elif tracks and moved:
         s.numbers[WORK] -= gone
 
 

@@ -13,7 +13,7 @@ from .lowlevel.jit import addressed, inner, kernel
 from .lowlevel.records import array_at
 from .motion import evaluate
 from .moving import moving_inertia, place_moving
-from .patches import add_patch_tangent, patch_forces, patch_noise, violation
+from .patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
 
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
@@ -367,7 +367,7 @@ def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
 def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return the power of loads that vary or turn, of natural strains and of prescribed motion, less what springs take.
 
-    After ``forces`` at the same state. What dampers take is not taken off.
+    After ``forces`` at the same state. What dampers and what contacts at rest take is not taken off.
     """
     total = power_of_natural(p, w.d, w.v)
     for m in range(len(p.load_coord)):
@@ -375,7 +375,7 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
             c = p.load_coord[m]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
     w.other[:] = 0.0
-    total += patch_forces(p, w.d, w.v, w.amps, w.other)[1]
+    total += forces_but_contacts(p, w.d, w.v, w.amps, w.other)[1]
     # masses that move act as loads do: what they take is work
     moving_inertia(p, w.amps, a, w.other)
     moving_inertia(p, w.amps, a, w.Q)

@@ -35,7 +35,7 @@ from .dynamics import to_full, twice_kinetic
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
 from .lowlevel.records import whole
 from .motion import evaluate
-from .patches import face_bodies, patch_forces, rates_of_constraints
+from .patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from .points import amplitude_of, fields_of_item
 
 # of the largest rate: constraints that part slower than this are closed
@@ -190,15 +190,19 @@ def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
-    """Return kinetic and strain energy less the work of constant loads; that of springs unless it counts as work."""
+    """Return kinetic and strain energy less the work of constant loads, with that of contacts.
+
+    With that of springs, too, unless it counts as work.
+    """
     evaluate(p.programs, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0
     set_natural(p, w.amps, w.amps)
     energy = elastic(p, w.d, w.other)
-    if not tracks:
-        energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
+    energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
+    if tracks:
+        energy -= forces_but_contacts(p, w.d, w.v, w.amps, w.other)[0]
     for k in range(len(p.load_coord)):
         if not p.load_varies[k]:
             energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]

@@ -49,6 +49,24 @@ def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _let_contacts_act(p, act):  # type: ignore[no-untyped-def]
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] != -1.0 and p.points.fed[i, 0] < 0:
+            p.points.on[i] = act
+
+
+@inner
+def forces_but_contacts(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    """Do as ``patch_forces`` without contacts, but for obstacles that follow signals: what rests does no work."""
+    if not p.touches:
+        return patch_forces(p, d, v, amps, Q)
+    _let_contacts_act(p, False)
+    energy, power = patch_forces(p, d, v, amps, Q)
+    _let_contacts_act(p, True)
+    return energy, power
+
+
+@inner
 def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A."""
     if len(p.points.mem) > 0:

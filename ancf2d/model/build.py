@@ -11,7 +11,6 @@ import numpy as np
 from ..case import (
     Active,
     Case,
-    Dynamic,
     GroundPoint,
     LoadedCase,
     MovingPoint,
@@ -20,8 +19,8 @@ from ..case import (
 )
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import CaseError
-from ..interactions.body_contact import BodyPair, body_pairs
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.body_contact import BodyPair
+from ..interactions.contact import ContactPair
 from ..interactions.flow import Velocity
 from ..interactions.forces import LoadContext, LoadError, LoadSet
 from ..interactions.inertia import centrifugal
@@ -31,6 +30,7 @@ from ..interactions.obstacles import frame_of
 from ..interactions.springs import moving_spring
 from ..interactions.supports import SupportError, check_switch
 from .constraints import Equations, keep_lengths, motions
+from .contacts import Contacts
 from .elimination import Elimination, eliminate, inconsistent
 from .locking import hidden_warning, locking_warning
 from .mechanism import free_motions
@@ -43,11 +43,6 @@ from .points import PointRef, point_ref
 from .repeated import drop_repeated, linear_row
 from .switched import switched
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
-
-# of what may overlap, beside the extent of a model
-OVERLAP = 1e-9
-# of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
-RAPID, AT_LEAST = 1e3, 1e-3
 
 
 def timing_of(case: Case) -> Timing:
@@ -84,18 +79,6 @@ def support_names(case: Case) -> list[str]:
             name = f"{base} ({met[base]})"
         names[name] = None
     return list(names)
-
-
-def rapid_rate(case: Case) -> float:
-    """Return a rate far above what the steps of a motion follow [1/s], 0 in statics."""
-    if not isinstance(case.solver, Dynamic):
-        return 0.0
-    return RAPID / (case.solver.dt or AT_LEAST * case.solver.t_end)
-
-
-def contact_names(case: Case) -> list[str]:
-    """Return the name of each contact, what touches where it has none."""
-    return [c.name or "-".join(c.between or (c.self_, c.self_)) for c in case.contacts]
 
 
 class _Builder:
@@ -283,49 +266,17 @@ class _Builder:
 
     def add_contacts(self, elimination: Elimination) -> list[ContactPair | BodyPair]:
         """Add contacts, after everything that holds bodies in the reference."""
-        out = []
         self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
                        for name, obstacle in self.case.obstacles.items()}
         held = {c for c, dependent in elimination.dependents.items() if not dependent.terms}
-        for i, (item, name) in enumerate(zip(self.case.contacts, contact_names(self.case), strict=True)):
-            body, other = (item.self_, item.self_) if item.between is None else item.between
-            if body in self.case.obstacles:
-                body, other = other, body
-            if other in self.case.obstacles:
-                obstacle = self.case.obstacles[other]
-                pairs: list[Any] = [ContactPair(item, name, self.meshes[body], obstacle, self.frames[other],
-                                                self.extent, held, rapid_rate(self.case))]
-                pairs[0].other = other
-                self.check_apart(i, pairs[0])
-            else:
-                pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent)
-                if body != other and item.law is None:
-                    self.check_bodies_apart(i, pairs)
-            out += pairs
-            for pair in pairs:
-                if pair.hard:
-                    self.equations.constraints += [ContactPoint(pair, k) for k in range(len(pair.spots))]
-                else:
-                    self.springs.append(CompliantContact(pair))
-        return out
-
-    def check_apart(self, i: int, pair: ContactPair) -> None:
-        """Look for a body that overlaps an obstacle in the reference."""
-        if not pair.hard:
-            return
-        gaps = pair.gaps(np.zeros(len(self.e0)), self.case.solver.course[0])
-        k = int(np.argmin(gaps))
-        if gaps[k] < -OVERLAP * self.extent:
-            self.report(("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the reference, by up "
-                        f"to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", "bodies that start apart, or a law")
-
-    def check_bodies_apart(self, i: int, pairs: list[BodyPair]) -> None:
-        """Look for bodies that overlap in the reference."""
-        found = [(*pair.overlap(), pair) for pair in pairs]
-        depth, s, pair = max(found, key=lambda one: one[0])
-        if depth > OVERLAP * self.extent:
-            self.report(("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {pair.other} in the "
-                        f"reference, at S = {s:.4g}", "bodies that start apart, or a law")
+        found = Contacts(self.case, self.meshes, self.frames, self.e0, self.extent, held,
+                         self.case.solver.course[0])
+        for problem in found.problems:
+            self.report(*problem)
+        self.equations.constraints += found.constraints
+        self.springs += found.springs
+        self.warnings += found.warnings
+        return found.pairs
 
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):

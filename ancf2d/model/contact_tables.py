@@ -77,6 +77,10 @@ class ContactTable:
         """Return S (m,) on the first body named of each point."""
         return self.places(self.pair.mesh)
 
+    def opposite(self) -> Array:
+        """Return S (m,) on the other body of the place opposite to each point: none of an obstacle."""
+        return np.full(len(self.pair.spots), np.nan)
+
     def places(self, mesh: Any) -> Array:
         """Return S (m,) of each point on its own body."""
         s: Array = self.pair.s.copy()
@@ -89,7 +93,7 @@ class ContactTable:
 class BodyTable(ContactTable):
     """The points of a body that may touch another one, or itself."""
 
-    def __init__(self, constraints: Iterable[Any], pair: BodyPair) -> None:
+    def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         super().__init__(constraints, pair)
         self.facing = facing_table(self.patches)
 
@@ -126,8 +130,10 @@ class BodyTable(ContactTable):
 
     def along(self) -> Array:
         """Return S (m,) on the first body named: of the points, or of the places opposite to them."""
-        if self.pair.sign >= 0.0:
-            return self.places(self.pair.mesh)
+        return self.places(self.pair.mesh) if self.pair.sign >= 0.0 else self.opposite()
+
+    def opposite(self) -> Array:
+        """Return S (m,) on the other body of the place opposite to each point, as it was found last."""
         par, mem = self.table.par[:, ORIGIN:], self.table.mem
         out: Array = (par[:, BEGINS] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, GOES]) / self.pair.against.plan.length
         return out
@@ -135,7 +141,7 @@ class BodyTable(ContactTable):
 
 def contact_table(constraints: Iterable[Any], pair: ContactPair | BodyPair) -> ContactTable:
     """Return the points of one contact."""
-    return BodyTable(constraints, pair) if isinstance(pair, BodyPair) else ContactTable(constraints, pair)
+    return BodyTable(constraints, pair) if pair.on_bodies else ContactTable(constraints, pair)
 
 
 def hold_rigid_bodies(model: Any, acts: Interactions) -> None:

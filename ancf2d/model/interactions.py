@@ -148,6 +148,12 @@ class Batch:
         point_matrices(self.table, d, rates, self.amplitudes(t), linear, self._energy, Q, K, C)
         return float(self._energy.sum()), Q, K, C
 
+    def energy(self, d: Array, t: float, worked: bool = False) -> float:
+        """Return the energy at rest at d (n_full,); see ``Interactions.energy``."""
+        total = self.matrices(d, t)[0]
+        contact = (self.table.restitution != -1.0) & (self.table.fed[:, 0] < 0)
+        return float(self._energy[~contact].sum()) if worked else total
+
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return energy, forces (m, n) and stiffness (m, n, n) at rest at d (n_full,)."""
         return self.matrices(d, t)[:3]
@@ -230,9 +236,12 @@ class Interactions:
         sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
         return out[:, len(self.e0):]
 
-    def energy(self, d: Array, t: float) -> float:
-        """Return the energy of the springs at d (n_full,) or (n_q,)."""
-        return sum(batch.matrices(d, t)[0] for batch in self.springs)
+    def energy(self, d: Array, t: float, worked: bool = False) -> float:
+        """Return the energy of the springs at d (n_full,) or (n_q,).
+
+        ``worked``: without that of contacts with what no signal moves, which is counted by states and not by its work.
+        """
+        return sum(batch.energy(d, t, worked) for batch in self.springs)
 
     def rate_forces(self, d: Array, v: Array, linear: bool = False) -> Iterator[tuple[Array, Index]]:
         """Yield the forces (m, n) that rates v (n_full,) of springs and dampers cause at d, and coordinates (m, n).

@@ -113,8 +113,10 @@ class Fields:
         """Return the values at both ends of the colours: evenly about zero where they may have either sign."""
         if self.limits is not None:
             return self.limits
-        low = min(float(np.nanmin(s.values)) for s in self.surfaces)
-        high = max(float(np.nanmax(s.values)) for s in self.surfaces)
+        known = np.concatenate([s.values[np.isfinite(s.values)] for s in self.surfaces])
+        low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+        if not len(known):
+            low = high = 0.0
         top = max(abs(low), abs(high))
         if self.signed:
             return (-top, top) if top else (-0.5, 0.5)
@@ -206,7 +208,8 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
     stored = formula(results.field(name, record.name, state)[some])
     values = np.einsum("xi,yj,eij->exy", station_weights(record.xi, body.sample_xi), over, stored)
     # polynomials overshoot: an energy would be negative where there is none
-    values = np.clip(values, stored.min(), stored.max())
+    if np.isfinite(stored).any():
+        values = np.clip(values, np.nanmin(stored), np.nanmax(stored))
     lengths = body.lengths[body.classes]
     s = (np.cumsum(lengths) - lengths)[some, None] + lengths[some, None] * body.sample_xi
     return Surface(name, points, values, outline(results, body, None, 1.0), s, y, named, lines)
@@ -278,4 +281,4 @@ def _no_surface(results: Results) -> str:
     return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores stress)"
 
 
-FIELDS = Kind("fields", "stress, strain or energy density over the bodies, in colour", _no_surface, fields, moving)
+FIELDS = Kind("fields", "stress, strain, energy or contact over the bodies, in colour", _no_surface, fields, moving)

@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
+from ancf2d.plot.contact import CONTACT
 from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
 from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
 from ancf2d.plot.difference import DIFFERENCE
@@ -34,9 +35,9 @@ from ancf2d.results import Results
 
 # the one place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
-    SHAPE, FIELDS, SECTION_FORCES, STRESS_STRAIN, MOMENT_CURVATURE, SNAPSHOTS, HISTORY, LOAD_DEFLECTION, TRAJECTORY,
-    PHASE, MODES, CAMPBELL, ROOT_LOCUS, BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE, WORK_PRECISION, TRADEOFF,
-    SWEEP, HISTOGRAM, SHARES, TORNADO, OPTIMISATION, FIT)}
+    SHAPE, FIELDS, SECTION_FORCES, CONTACT, STRESS_STRAIN, MOMENT_CURVATURE, SNAPSHOTS, HISTORY, LOAD_DEFLECTION,
+    TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS, BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE,
+    WORK_PRECISION, TRADEOFF, SWEEP, HISTOGRAM, SHARES, TORNADO, OPTIMISATION, FIT)}
 
 Input = Results | Sequence[Results] | Mapping[str, Results]
 

@@ -122,7 +122,7 @@ def body_nodes(body: BodyRecord, e: np.ndarray) -> np.ndarray:
     return np.stack([e[body.dofs[ie, column + c]] for c in (0, 1)], -1)
 
 
-POSITIVE = ("mises", "energy")  # never below zero
+POSITIVE = ("mises", "energy", "pressure")  # never below zero
 Formula = Callable[[np.ndarray], np.ndarray]
 
 
@@ -142,7 +142,9 @@ LABELS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "s
           ("strain", "xx"): "strain along the axis, ε_xx", ("strain", "yy"): "strain across the axis, ε_yy",
           ("strain", "xy"): "shear strain, 2 ε_xy", ("energy", "energy"): "strain energy density",
           ("plastic_strain", "xx"): "plastic strain along the axis",
-          ("N", "N"): "axial force N", ("Q", "Q"): "shear force Q", ("M", "M"): "bending moment M"}
+          ("N", "N"): "axial force N", ("Q", "Q"): "shear force Q", ("M", "M"): "bending moment M",
+          ("pressure", "pressure"): "pressure of contact per length", ("gap", "gap"): "gap",
+          ("traction", "traction"): "friction per length"}
 
 
 def formulas_of(record: FieldRecord) -> dict[str, Formula]:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE
+from ..elements.contact_geometry import FREE, FRICTION
 from ..elements.shape import Array
+from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
@@ -73,26 +74,47 @@ def touches(model: Model, state: State) -> list[Touch]:
     return [_touch(model, one, state) for one in model.contact_tables]
 
 
-def _touch(model: Model, one: ContactTable, state: State) -> Touch:
+def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
+    """Return the force (m, 2) of each point of a contact on its body and its moment (m,) about the origin.
+
+    Without friction where it does not ``rub``.
+    """
     from ..kernels.points import point_matrices
 
-    pair, mesh = one.pair, one.pair.mesh
+    mesh = one.pair.mesh
     table, amps = one.at(state.d, state.side)
+    friction = table.par[:, FRICTION].copy()
+    if not rub:
+        table.par[:, FRICTION] = 0.0
     m = len(table.forces)
     coords: Index = table.dofs.reshape(m, -1)
     n = coords.shape[1]
-    gap, _ = one.gaps(state.d, state.side)
     energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
     point_matrices(table, state.d, v, amps, False, energy, Q, K, C)
+    table.par[:, FRICTION] = friction
     own = mesh.plan.element.n_dof
     e = model.e0 + state.d[:model.n_q]
     moves = rigid_motion(mesh, coords[:, :own].ravel(), e, np.zeros(2)).reshape(m, own, 3)
     total = -np.einsum("mn,mnk->mk", Q[:, :own], moves)
+    return total[:, :2], total[:, 2]
+
+
+def _touch(model: Model, one: ContactTable, state: State) -> Touch:
+    gap, _ = one.gaps(state.d, state.side)
+    force, moment = forces_of_points(model, one, state)
+    table, _ = one.at(state.d, state.side)
     gap[one.free & ~(table.mem[:, FREE] > 0.0)] = np.nan
-    return Touch(pair, one.along(), gap, total[:, :2], total[:, 2], 2.0 * PENETRATION * model.extent)
+    return Touch(one.pair, one.along(), gap, force, moment, 2.0 * PENETRATION * model.extent)
+
+
+def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
+    """Raise ComputationError where bodies have pressed so deep into one another that contact may let them through."""
+    for told in filter(None, (pair.pressed_through(d) for pair in model.contacts)):
+        raise ComputationError(f"{told}, where contact may let it through", at=at,
+                               advice="a stiffer law, or none; smaller steps, or smaller loads")
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from ..kernels.motion import COUNT, REJECTED
 from ..model.coarse import inverted
 from ..model.model import Model
 from ..pace import Pace
-from .contact import recall_rows
+from .contact import check_pressed, recall_rows
 from .energy import Energies, is_constant
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
@@ -35,6 +35,8 @@ STATES = 200
 BEGIN, AHEAD = 1e-3, 0.02
 # share of the energy that may be lost without a word
 LOST = 0.01
+# share of the energy that contact may add without a word
+GAINED = 0.02
 # share of the kinetic energy of initial velocities that supports and joints may change without a word
 TAKEN = 1e-6
 # times what anything has moved, that turning, by half of a section's height, may count as without a word
@@ -64,8 +66,9 @@ class Balance:
     def __init__(self, model: Model, stepper: Stepper) -> None:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
-        # total at the start, largest change, size; what springs store and masses that move have at the start
-        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan])
+        # total at the start, largest change, size; what springs store and masses that move have at the start; largest
+        # gain
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0])
 
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
@@ -73,7 +76,7 @@ class Balance:
         model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
         model.states[:] = row.states
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
-        springs = model.interactions.energy(d, row.side)
+        springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
         potential = self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain
@@ -88,6 +91,7 @@ class Balance:
             felt = largest_share(self.model.external(row.side)[:self.model.n_q], self.model.weights)
             self.numbers[2] = max(self.numbers[2], STILL * self.model.extent * felt)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
+            self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + given - float(self.numbers[3]) + dead + potential
         return {"kinetic": kinetic + carried, "strain": strain, "potential": potential, "dissipated": row.lost,
@@ -97,6 +101,11 @@ class Balance:
     def drift(self) -> float:
         """The largest change of total energy less work, over the largest kinetic plus strain energy."""
         return float(self.numbers[1] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
+
+    @property
+    def gain(self) -> float:
+        """The largest growth of total energy less work, over the largest kinetic plus strain energy."""
+        return float(self.numbers[4] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
 
 
 class Run:
@@ -213,6 +222,7 @@ class Run:
         d, v, a = self.stepper.full(row)
         if self.model.contacts:
             recall_rows(self.model, row.turns)
+            check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
         controllers = self.stepper.answers.look(row)
         F = self.model.external(row.side)
         Q = self.stepper.forces(row) + F
@@ -247,6 +257,11 @@ class Run:
             state.report["events"] = found
         if self.inverted is not None:
             state.warnings.append(self.inverted)
+        if self.balance.gain > GAINED and any(not pair.hard for pair in self.model.contacts):
+            names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
+            state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy from nothing: "
+                                  f"the steps are too long for the layer of contact ({names}). Use shorter steps, or "
+                                  "a (smaller) tolerance, a less stiff law, or no law")
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)
         if self.estimate is not None:

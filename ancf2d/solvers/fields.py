@@ -12,6 +12,7 @@ from ..case import Stiffness
 from ..elements.fibres import places
 from ..elements.shape import Array
 from ..errors import Problem
+from ..interactions.contact import levels_of
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 
@@ -28,7 +29,8 @@ class Field:
     """A field over the bodies: component names, units (with {F}, {L}, {T}), what it is.
 
     ``over``: over the height too, not only along the axis; ``part``: which entry of what is computed it is; ``kept``:
-    whether elements have to remember it, so that displacements alone do not tell it.
+    whether it is in what a run keeps beside displacements, so that these alone do not tell it; ``faces``: on the lower
+    and upper face alone.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Field:
     over: bool
     part: str | int
     kept: bool = False
+    faces: bool = False
 
 
 _FORCE = "of the section, by equilibrium"
@@ -51,6 +54,12 @@ FIELDS: dict[str, Field] = {f.name: f for f in (
           "strain"),
     Field("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
     Field("plastic_strain", ("xx",), "1", "plastic strain of the fibres along the axis", True, "plastic", True),
+    Field("pressure", ("pressure",), "{F}/{L}", "force of contact across each face, per length of the axis", False,
+          "pressure", True, True),
+    Field("traction", ("traction",), "{F}/{L}", "friction on each face along the axis, per length", False, "traction",
+          True, True),
+    Field("gap", ("gap",), "{L}", "distance of each face from what it may touch, nan where nothing is opposite", False,
+          "gap", True, True),
 )}
 
 
@@ -58,15 +67,22 @@ def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Pro
     """Return why fields, those that a case asks for unless they are named, cannot be told of its bodies."""
     case, source = model.case, None if model.loaded is None else model.loaded.source
     wanted = case.output.fields if names is None else names
+    if source is None:
+        return []
+    touches = [] if case.contacts else [
+        source.problem(("output", "fields", k) if names is None else (), ("output.fields: " if names is None else "")
+                       + f"{name} is not known: nothing touches in this case", "contacts")
+        for k, name in enumerate(wanted) if FIELDS[name].faces]
     over = [k for k, name in enumerate(wanted) if FIELDS[name].over]
     bodies = [name for name, body in case.bodies.items()
               if isinstance(body.section, Stiffness) and not model.meshes[name].plan.rigid]
-    if source is None or not over or not bodies:
-        return []
+    if not over or not bodies:
+        return touches
     what, expected = f"the section of body '{bodies[0]}' is given by its stiffnesses alone", "N, Q, M"
-    return [source.problem(("output", "fields", k) if names is None else ("bodies", bodies[0], "section"),
-                           ("output.fields: " if names is None else "") + f"{wanted[k]} is not known: {what}",
-                           expected + ", or a section with height and width") for k in over]
+    return touches + [
+        source.problem(("output", "fields", k) if names is None else ("bodies", bodies[0], "section"),
+                       ("output.fields: " if names is None else "") + f"{wanted[k]} is not known: {what}",
+                       expected + ", or a section with height and width") for k in over]
 
 
 @dataclass(frozen=True)
@@ -77,6 +93,11 @@ class BodyFields:
     fields: tuple[Field, ...]
     xi: Array
     eta: Array
+    faces: Array
+
+    def across(self, field: Field) -> Array:
+        """Return the stations of a field across the body."""
+        return self.eta if field.over else self.faces if field.faces else np.zeros(1)
 
 
 class FieldReader:
@@ -89,11 +110,14 @@ class FieldReader:
         for name, mesh in model.meshes.items() if chosen else ():
             if not mesh.plan.rigid:
                 xi, eta = _stations(mesh)
-                self.bodies.append(BodyFields(name, tuple(chosen), xi, eta))
+                self.bodies.append(BodyFields(name, tuple(chosen), xi, eta, np.array(levels_of(mesh, "surface"))))
                 self._readers.append((self.bodies[-1], _reader(model, mesh, chosen, xi, eta)))
 
     def read(self, state: State) -> dict[tuple[str, str], Array]:
-        """Return by (body, field) the values (ne, nx, ny, components), ny = 1 of what is known along the axis only."""
+        """Return by (body, field) the values (ne, nx, ny, components).
+
+        ny = 1 of what is known along the axis only, 2 of what is known of the faces.
+        """
         return {(body.body, field.name): values for body, read in self._readers
                 for field, values in read(state).items()}
 
@@ -122,14 +146,16 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
 
 def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,
             ) -> Callable[[State], dict[Field, Array]]:
+    from .contact_fields import ContactFields
     from .fibres import StressOfFibres
     from .section_forces import SectionForces
     from .stress import stress_of
 
     over = [f for f in fields if f.over]
-    along = [f for f in fields if not f.over]
+    along, faces = ([f for f in fields if not f.over and f.faces == known] for known in (False, True))
     stress = (StressOfFibres if mesh.plan.section.laws else stress_of)(model, mesh, xi, eta) if over else None
     forces = SectionForces(model, mesh, xi) if along else None
+    touching = ContactFields(model, mesh, xi) if faces else None
 
     def found(state: State) -> Iterator[tuple[Field, Any]]:
         if stress is not None:
@@ -138,5 +164,8 @@ def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, et
         if forces is not None:
             values = forces(state)
             yield from ((f, values[:, :, None, int(f.part), None]) for f in along)
+        if touching is not None:
+            at_faces = touching(state)
+            yield from ((f, at_faces[str(f.part)]) for f in faces)
 
     return lambda state: dict(found(state))

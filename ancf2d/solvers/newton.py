@@ -14,7 +14,7 @@ from ..model.coarse import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from .active_set import PENETRATION, ROUNDS, begin, exchange
-from .contact import memory, recall
+from .contact import check_pressed, memory, recall
 from .state import State
 from .system import STILL, UNIT_ROUNDOFF, Balance, System
 from .threads import largest, pieces
@@ -60,7 +60,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     Points of contact are opened and closed between equilibria until none has to be. Raises ComputationError.
     """
     if not any(pair.hard for pair in system.model.contacts):
-        return _newton(system, d, t_old, t, tolerance, max_iterations)
+        result = _newton(system, d, t_old, t, tolerance, max_iterations)
+        check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+        return result
     kept, iterations = memory(system.model), 0
     begin(system, d, t_old)
     try:
@@ -70,6 +72,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
             changed, worst = exchange(system, result.d, t)
             if not changed:
                 result.iterations, result.overlap = iterations, worst
+                check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
                 return result
             d, t_old = result.d, t
     except ComputationError:

@@ -12,6 +12,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from .active_set import PENETRATION, overlap
+from .contact import check_pressed
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
@@ -108,6 +109,7 @@ class Follower:
 
     def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
         """Count turns on from an equilibrium, which elements remember."""
+        check_pressed(self.model, d, {"factor": float(f"{t:.6g}")})
         self.curve.system.accept(d, t)
         turned = self.curve.system.count(d, t) if turned is None else turned
         self.curve.turns = d, turned

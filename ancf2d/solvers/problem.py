@@ -10,7 +10,7 @@ import numpy as np
 from ..case import Expression
 from ..case.programs import programs, switches
 from ..elements.shape import Array
-from ..interactions.body_contact import BodyPair, facing_table
+from ..interactions.body_contact import facing_table
 from ..interactions.moving import MovingPatch, moving_table
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.bodies import addresses, element_functions
@@ -175,7 +175,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
-    faces = any(isinstance(pair, BodyPair) for pair in model.contacts)
+    faces = any(pair.on_bodies for pair in model.contacts)
     carries = any(isinstance(p, MovingPatch) and p.mass for p in model.interactions.points)
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),

@@ -119,8 +119,9 @@ class StatesWithFields(Results):
 def _told(model: Model) -> list[str]:
     """Return the fields that stored states tell.
 
-    Sections given by their stiffnesses have no stress. N, Q and M follow from equilibrium, with the multipliers of
-    supports and joints and the accelerations of motions, neither of which is stored: both are found from the rest.
+    Sections given by their stiffnesses have no stress. Forces of contact are not in states. N, Q and M follow from
+    equilibrium, with the multipliers of supports and joints and the accelerations of motions, neither of which is
+    stored: both are found from the rest.
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())

@@ -308,7 +308,7 @@ def field_records(model: Model) -> list[FieldRecord]:
     from ..solvers.fields import FieldReader
 
     return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.xi,
-                        body.eta if f.over else np.zeros(1)) for body in FieldReader(model).bodies for f in body.fields]
+                        body.across(f)) for body in FieldReader(model).bodies for f in body.fields]
 
 
 SAMPLES = np.linspace(0.0, 1.0, 21)

@@ -157,6 +157,21 @@ def test_a_block_on_an_incline_sticks_or_slides(mu):
     assert row.lost - row.work == pytest.approx(mu * MASS * size * math.cos(slope) * way, rel=5e-3, abs=1e-4)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_energy_that_a_layer_stores_and_takes_adds_up_and_an_obstacle_at_rest_gives_no_work(friction):
+    rod = rigid([0, 0.1], [0.8, 0.2], MASS, INERTIA)
+    law = {"stiffness": 2e4, "damping": 20.0}
+    found = ride(scene(rod, friction=friction, law=law), 0.5, tolerance=1e-7, every=1)
+    total, _ = found.totals()
+    took = np.array([row.lost for row in found.rows])
+    assert max(abs(row.work) for row in found.rows) < 1e-8
+    # strain of the layer included, and what friction holds on to less
+    np.testing.assert_allclose(total + took, total[0], atol=2e-3 * MASS * G * 0.1)
+    assert took[-1] > 0.1 * MASS * G * 0.1
+    # sliding takes energy, and never gives any but what little it held
+    assert np.diff(took).min() > -1e-4 * took[-1]
+
+
 def test_methods_that_cannot_step_an_impact_are_refused():
     rod = scene()
     bodies = rod.pop("bodies")

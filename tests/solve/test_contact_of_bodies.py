@@ -7,10 +7,11 @@ from typing import Any
 import helpers
 import numpy as np
 import pytest
-from motions import ride
+from motions import ride, rigid
 
-from ancf2d.errors import CaseError
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers.contact import contact_report, touches
+from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.schemes import method_problems
 
 SECTION = {"height": 0.02, "width": 0.05}
@@ -74,6 +75,12 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
     assert report["force"][1] == pytest.approx(10.0 * stiff[1] / stiff.sum(), rel=2e-3)
     assert report["from"] == pytest.approx(1.0, abs=0.02)
     check_balance(solution)
+    # both bear the same, on the faces that look at one another
+    pressed = FieldReader(solution.model, ("pressure",)).read(solution.state)
+    for body, (low, high) in {"upper": (1.0, 0.0), "lower": (0.0, 1.0)}.items():
+        values = pressed[body, "pressure"][..., 0]
+        total = np.trapezoid(values, np.linspace(0, 1, 5), axis=1).T @ solution.model.meshes[body].lengths
+        np.testing.assert_allclose(total, np.hypot(*report["force"]) * np.array([low, high]), rtol=2e-3, atol=1e-9)
     # whichever is named first
     np.testing.assert_allclose(other.state.d[:solution.model.n_q], solution.state.d[:solution.model.n_q], atol=1e-10)
     np.testing.assert_allclose(turned["force"], -np.array(report["force"]), rtol=1e-7, atol=1e-9)
@@ -154,6 +161,33 @@ def test_bodies_that_overlap_are_told_with_depth_and_place():
         helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[ON])
     # a layer that yields starts compressed
     helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[{**ON, **LAWS["law"]}])
+
+
+def test_a_body_that_crosses_itself_is_told_with_depth_and_place():
+    loop = [{"line": 0.3}, {"arc": 0.1, "angle": 1.5 * np.pi}, {"line": 0.3}]
+    path = {"type": "path", "start": [0, 0], "pieces": loop}
+    noose = helpers.body(path, helpers.element("cable", 30), SECTION, STEEL)
+    with pytest.raises(CaseError, match=r"contacts\.0: noose is 0\.0[12]\d* deep in itself in the ref.* S = "):
+        helpers.build({"noose": noose}, bc=clamps("noose@0"), contacts=[{"self": "noose"}])
+
+
+def test_a_layer_so_soft_that_it_lets_a_body_through_is_told():
+    bodies = {"upper": beam([0, 0.021], [1, 0.021], "cable", 2), "lower": beam([0.8, 0], [1.6, 0], "cable", 2)}
+    model = helpers.build(bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -1000.0)],
+                          contacts=[{**ON, "law": {"stiffness": 1e4}}])
+    with pytest.raises(ComputationError, match=r"touch: \w+ is pressed 0\.0\d+ deep into \w+ at S = .* let it through"):
+        helpers.Solution(model)
+
+
+def test_what_cannot_touch_is_told():
+    solid = {"type": "half_plane", "through": [0, -9], "normal": [0, 1]}
+    model = helpers.build({"upper": beam([0, 0], [1, 0])}, bc=clamps("upper@0"),
+                          contacts=[{"between": ["upper", "far"]}], obstacles={"far": solid, "idle": solid})
+    assert [w.split(",")[0] for w in model.warnings] == [
+        "obstacles.idle: no contact names it", "contacts.0: upper is held 8.99 from far"]
+    with pytest.raises(CaseError, match="supports hold all of block"):
+        helpers.build({"block": rigid([0, 0], [1, 0], 1.0, 1.0)}, bc=clamps("block@0"), obstacles={"far": solid},
+                      contacts=[{"between": ["block", "far"], "side": "axis"}])
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -16,6 +16,7 @@ from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
 from ancf2d.solvers.active_set import lemke
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
+from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.study.run import run_case
@@ -43,6 +44,16 @@ def check_balance(solution, dead):
         assert np.nanmin(touch.gap) > -1e-8
         # the obstacle pushes
         assert (touch.force[touch.closed] @ np.array([0.0, 1.0]) > 0.0).all()
+
+
+def fields_of(model, state, body="beam"):
+    """Return the fields of contact along a body by name (ne, nx, faces), and the integral of each (faces,)."""
+    names = ("pressure", "traction", "gap")
+    reader = FieldReader(model, names)
+    (at,) = [one for one in reader.bodies if one.body == body]
+    found = {name: values[..., 0] for (owner, name), values in reader.read(state).items() if owner == body}
+    lengths = model.meshes[body].lengths[:, None]
+    return found, {k: (np.trapezoid(v, at.xi, axis=1) * lengths).sum(axis=0) for k, v in found.items()}
 
 
 def test_a_strip_wraps_around_a_drum() -> None:
@@ -87,6 +98,12 @@ def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
     assert solution.r("beam@1")[1] == pytest.approx(height, rel=1e-3)
     assert solution.theta("beam@1") == pytest.approx(theta, rel=2e-3)
     check_balance(solution, [0, 3 - 9.81])
+    # the pressure is the weight that lies on the floor, with a force where it is lifted; the floor is below the axis
+    fields, sums = fields_of(solution.model, solution.state)
+    np.testing.assert_allclose(sums["pressure"], [9.81 - 3.0, 0.0], atol=1e-8)
+    assert np.median(fields["pressure"][:4, :, 0]) == pytest.approx(9.81, rel=0.1)
+    np.testing.assert_allclose(fields["gap"][[0, -1], [0, -1], 0], [0.0, height], rtol=1e-3, atol=1e-8)
+    assert not fields["traction"].any()
     (report,) = contact_report(solution.model, solution.state)
     np.testing.assert_allclose(report["force"], [0, 9.81 - 3], atol=1e-7)
     assert report["to"] == pytest.approx(1.0 - length, abs=5e-3)
@@ -237,6 +254,8 @@ def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path() -> No
             # sticks on the way back, but for its own strain
             assert -0.01 < u < -0.0095
     assert u == pytest.approx(0.01, rel=1e-6)
+    _, sums = fields_of(model, state)
+    np.testing.assert_allclose([sums["pressure"][0], sums["traction"][0]], [10.0, report["force"][0]], rtol=1e-8)
 
 
 def block_on_incline(kind: str, mu: float, metre: float = 1.0, mass: float = 1.0):

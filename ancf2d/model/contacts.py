@@ -1,0 +1,110 @@
+"""The contacts of a case: their points, and what the reference shows of them."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..case import Case, Dynamic
+from ..elements.shape import Array
+from ..interactions.body_contact import BodyPair, body_pairs
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable
+from ..interactions.obstacles import Frame
+from .mesh import BodyMesh
+
+# of what may overlap, beside the extent of a model
+OVERLAP = 1e-9
+APART = "bodies that start apart, or a law"
+# lengths of a body that is held beyond which it reaches nothing
+REACH = 2.5
+# of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
+RAPID, AT_LEAST = 1e3, 1e-3
+
+
+def rapid_rate(case: Case) -> float:
+    """Return a rate far above what the steps of a motion follow [1/s], 0 in statics."""
+    if not isinstance(case.solver, Dynamic):
+        return 0.0
+    return RAPID / (case.solver.dt or AT_LEAST * case.solver.t_end)
+
+
+@dataclass
+class Contacts:
+    """Points of contact in pairs of what touches, as constraints (without a law) and springs (with one).
+
+    ``e0`` (n_q,) is the reference, ``extent`` its size, ``held`` are the coordinates that supports hold where they are,
+    ``begin`` the time or load factor of the reference. ``problems`` are paths in the case, messages and what was
+    expected.
+    """
+
+    case: Case
+    meshes: dict[str, BodyMesh]
+    frames: dict[str, Frame]
+    e0: Array
+    extent: float
+    held: Set[int]
+    begin: float
+    pairs: list[ContactPair | BodyPair] = field(default_factory=list)
+    constraints: list[ContactPoint] = field(default_factory=list)
+    springs: list[CompliantContact] = field(default_factory=list)
+    problems: list[tuple[tuple[str, int], str, str]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        named = {name for item in self.case.contacts for name in item.between or ()}
+        self.warnings += [f"obstacles.{name}: no contact names it, so that nothing touches it"
+                          for name in self.case.obstacles if name not in named]
+        for i, item in enumerate(self.case.contacts):
+            for pair in self._pairs(i, item):
+                self.pairs.append(pair)
+                if pair.hard:
+                    self.constraints += [ContactPoint(pair, k) for k in range(len(pair.spots))]
+                else:
+                    self.springs.append(CompliantContact(pair))
+
+    def _pairs(self, i: int, item: Any) -> list[Any]:
+        body, other = (item.self_, item.self_) if item.between is None else item.between
+        name = item.name or f"{body}-{other}"
+        if body in self.case.obstacles:
+            body, other = other, body
+        if other in self.case.obstacles:
+            if not movable(self.meshes[body], item, self.held):
+                self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
+                                      f"{other}", "a body that moves"))
+                return []
+            pair = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
+                               self.extent, self.held, rapid_rate(self.case))
+            pair.other = other
+            self._look(i, pair)
+            return [pair]
+        pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent)
+        if item.law is None:
+            self._look_at_bodies(i, pairs)
+        return pairs
+
+    def _look(self, i: int, pair: ContactPair) -> None:
+        """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
+        gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
+        k = int(np.argmin(gaps))
+        if pair.hard and gaps[k] < -OVERLAP * self.extent:
+            self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
+                                  f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", APART))
+        mesh = pair.mesh
+        x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
+        holds = any({int(c), int(c) + 1} <= self.held for c in x)
+        rests = not pair.frame.signals and not pair.frame.fields
+        if holds and rests and gaps[k] > REACH * mesh.plan.length:
+            self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
+                                 f"{REACH:g} times its length: they touch only if a support takes it there")
+
+    def _look_at_bodies(self, i: int, pairs: list[BodyPair]) -> None:
+        """Look for bodies that overlap in the reference."""
+        found = [(*pair.overlap(), pair) for pair in pairs]
+        depth, s, pair = max(found, key=lambda one: one[0])
+        if depth > OVERLAP * self.extent:
+            other = "itself" if pair.other == pair.body else pair.other
+            self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "
+                                  f"reference, at S = {s:.4g}", APART))

@@ -1,0 +1,112 @@
+"""Pressure, traction and gap along a body that touches something, on its lower and its upper face.
+
+Forces of points are shared between the two places beside each (nodes, and what divides an element between them), so
+that force and moment stay what they are, and divided by the length that a place stands for. Between places all is
+linear. Gaps are those of the stations themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..elements.contact_bodies import SIGN
+from ..elements.contact_geometry import ORIGIN
+from ..elements.shape import Array
+from ..interactions.contact import Contact, ContactLaw, Spot, levels_of, pieces_along
+from ..model.contact_tables import contact_table
+from ..model.mesh import BodyMesh
+from ..model.model import Model
+from .contact import forces_of_points
+
+if TYPE_CHECKING:
+    from .state import State
+
+
+class ContactFields:
+    """Reads the pressure and traction [force/length] and the gap [length] of one body from states.
+
+    Each is (ne, nx, 2, 1): at stations ``xi`` (nx,) of the elements, of lower and upper face. What touches the axis
+    counts to the face that it is before. What presses on the ends along the axis is left out; where nothing is opposite
+    the gap is nan.
+    """
+
+    def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
+        self.model, self.mesh, self.xi = model, mesh, xi
+        self.tables = [one for one in model.contact_tables if mesh is one.pair.mesh or one.pair.other == mesh.plan.name]
+        parts = pieces_along(mesh)
+        s = mesh.starts[:, None] + mesh.lengths[:, None] * np.arange(parts) / parts
+        self.places: Array = np.append(s.ravel(), mesh.plan.length)
+        steps = np.diff(self.places)
+        self.share: Array = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+        if mesh.plan.closed:
+            self.share[[0, -1]] = self.share[0] + self.share[-1]
+        self.looking = [contact_table((), pair) for item in dict.fromkeys(t.pair.item for t in self.tables)
+                        for pair in self._stations(item)]
+
+    def _stations(self, item: Contact) -> list[Any]:
+        """Return the stations as points of one contact, which bear nothing."""
+        spots = [Spot(ie, 2.0 * x - 1.0, eta, 0.0) for eta in levels_of(self.mesh, item.side)
+                 for ie in range(len(self.mesh.dofs)) for x in self.xi.tolist()]
+        known = next(one.pair for one in self.tables if one.pair.item is item)
+        return [known.at(replace(item, law=ContactLaw(1.0), friction=0.0), self.mesh, spots)]
+
+    def __call__(self, state: State) -> dict[str, Array]:
+        """Return the fields of a state by name."""
+        pressure, traction = self._pressed(state)
+        return {"pressure": pressure, "traction": traction, "gap": self._gaps(state)}
+
+    def _gaps(self, state: State) -> Array:
+        ne, nx = len(self.mesh.dofs), len(self.xi)
+        out = np.full((2, ne, nx), np.nan)
+        for one in self.looking:
+            gap = one.gaps(state.d, state.side)[0].reshape(-1, ne, nx)
+            out = np.fmin(out, np.where(np.isfinite(gap), gap, np.nan))
+        return np.moveaxis(out, 0, -1)[..., None]
+
+    def _pressed(self, state: State) -> tuple[Array, Array]:
+        sums = np.zeros((2, 2, len(self.places)))
+        for one in self.tables:
+            every = forces_of_points(self.model, one, state)[0]
+            normal = forces_of_points(self.model, one, state, False)[0] if one.pair.item.friction else every
+            if one.pair.mesh is self.mesh:
+                face = np.sign([p.eta for p in one.pair.spots])
+                self._add(sums, state, one.places(self.mesh), face, normal, every - normal)
+            if one.pair.other == self.mesh.plan.name:
+                face = one.table.par[:, ORIGIN + SIGN]
+                self._add(sums, state, one.opposite(), face, -normal, normal - every)
+        if self.mesh.plan.closed:
+            sums[..., 0] += sums[..., -1]
+            sums[..., -1] = sums[..., 0]
+        found = sums / self.share
+        s = self.mesh.starts[:, None] + self.mesh.lengths[:, None] * self.xi
+        at = np.array([[np.interp(s, self.places, values) for values in faces] for faces in found])
+        pressure, traction = np.moveaxis(at, 1, -1)[..., None]
+        return pressure, traction
+
+    def _add(self, sums: Array, state: State, S: Array, face: Array, normal: Array, along: Array) -> None:
+        """Add forces (m, 2) across and along what they touch, at S (m,), to those of the places."""
+        for k in np.flatnonzero(np.hypot(*normal.T) + np.hypot(*along.T) > 0.0).tolist():
+            s = float(S[k]) * self.mesh.plan.length
+            t = self._direction(state, s)
+            up = t[0] * normal[k, 1] - t[1] * normal[k, 0]
+            if S[k] in (0.0, 1.0) and abs(float(t @ normal[k])) > abs(up) and not self.mesh.plan.closed:
+                continue
+            upper = int(up < 0.0 if face[k] == 0.0 else face[k] > 0.0)
+            j = min(max(int(np.searchsorted(self.places, s, side="right")) - 1, 0), len(self.places) - 2)
+            x = (s - self.places[j]) / (self.places[j + 1] - self.places[j])
+            values = np.array([np.hypot(*normal[k]), t @ along[k]])
+            sums[:, upper, j] += (1.0 - x) * values
+            sums[:, upper, j + 1] += x * values
+
+    def _direction(self, state: State, s: float) -> Array:
+        """Return the direction (2,) of the deformed axis at an arc length."""
+        mesh, nc = self.mesh, self.mesh.plan.element.components
+        ie = min(max(int(np.searchsorted(mesh.starts, s, side="right")) - 1, 0), len(mesh.dofs) - 1)
+        x = min(max((s - float(mesh.starts[ie])) / float(mesh.lengths[ie]), 0.0), 1.0)
+        slopes = mesh.classes[mesh.cls[ie]].shape(np.array([x]), np.zeros(1), 1, 0)[0]
+        e = (self.model.e0 + state.d[:self.model.n_q])[mesh.dofs[ie]]
+        t = np.array([slopes @ e[0::nc], slopes @ e[1::nc]])
+        return t / float(np.hypot(*t))
