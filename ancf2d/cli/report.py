@@ -332,4 +332,7 @@ def choices(accuracy: dict[str, Any]) -> str:
              if key in accuracy]
     if parts:
         lines.append("of the estimated error: " + ", ".join(parts))
+    by_body = {name: error for name, error in (accuracy["by_body"] or {}).items() if error}
+    if len(by_body) > 1:
+        lines.append("of the error of the mesh: " + ", ".join(f"{name} {error:.1e}" for name, error in by_body.items()))
     return "\n".join([*lines, ""]) if lines else ""

@@ -66,11 +66,21 @@ class Equilibrium:
         self.turns = state.d.copy(), model.turns.from_reference(state.d) if state.turned is None else state.turned
         self.system = self._system(model)
         self.zero = np.zeros(len(state.d))
-        d = self.zero if linear else model.displacements(self.z, self.t)
-        self.system.assemble(d, self.t, load_stiffness=not linear)
-        self.system.factor({"factor": self.t})
+        self.tangent_at(self.z)
         for _ in range(POLISH):
-            self.z = self.z + self._solved(-self.residual(model))
+            self.correct()
+
+    def tangent_at(self, z: Array) -> None:
+        """Factor the tangent at unknowns z (n,), in linear statics that of the reference."""
+        d = self.zero if self.linear else self.model.displacements(z, self.t)
+        self.system.assemble(d, self.t, load_stiffness=not self.linear)
+        self.system.factor({"factor": self.t})
+
+    def correct(self) -> float:
+        """Move the unknowns to where the tangent balances the forces; return by how much [m]."""
+        step = self._solved(-self.residual(self.model))
+        self.z = self.z + step
+        return self.system.norm(step)
 
     def _system(self, model: Model) -> System:
         system = System(model)

@@ -14,6 +14,7 @@ from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solv
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Target, Told, apart, best, choose, judge, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least, with_setting
+from ancf2d.study.accuracy.weighted import weighted
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.record import Progress
 from ancf2d.study.run import vocabulary
@@ -111,6 +112,63 @@ def test_a_body_that_matters_little_stays_coarse():
     assert reached.accuracy["elements"]["arm"] >= 3 * reached.accuracy["elements"]["post"]
     exact = limit(case(TWO), 256)
     assert abs(reached.accuracy["value"] - exact.value) / exact.size <= 1e-7
+
+
+@pytest.mark.parametrize(("text", "element", "sets", "tolerance"), [
+    (CANTILEVER, "{type: vallejo, count: 3}", (), 0.01),
+    (CANTILEVER, "{type: 2d2n-nu, count: 3}", ("solver.type=linear_static",), 1e-6),
+    (CANTILEVER, "{type: cable, count: 3}", ("goal={quantity: strain_energy}",), 0.02),
+    (CANTILEVER, "{type: reissner2, count: 3}", (
+        "boundary_conditions+={name: prop, type: roller, at: beam@1, fixed: y}", "goal={reaction: prop, quantity: fy}",
+        "loads.0={type: distributed, on: beam, value: [0, -3e5]}"), 0.05),
+    (CANTILEVER, "{type: reissner3, count: 3}", ("goal={probe: tip, quantity: M}", "output.probes.tip=beam@0.1"),
+     0.02)])
+def test_the_adjoint_tells_what_a_mesh_twice_as_fine_changes(text, element, sets, tolerance):
+    """J(h/2) - J(h) = -z R, with second order left out: to round-off in linear statics."""
+    named = ("boundary_conditions.0.name=wall",)
+    loaded = case(text, element, *named, *sets)
+    coarse = with_setting(loaded, Setting({"beam": 6}))
+    solved = solve_for_goal(coarse)
+    found = weighted(coarse, solved)
+    change = solve_for_goal(with_setting(loaded, Setting({"beam": 12}))).answer.value - solved.answer.value
+    assert found.change == pytest.approx(change, rel=1e-6, abs=1e-9 * solved.answer.size)
+    assert found.adjoint == pytest.approx(change, rel=tolerance)
+    assert found.elements["beam"].sum() == pytest.approx(found.adjoint, rel=1e-9)
+    assert len(found.elements["beam"]) == 6
+
+
+def test_the_adjoint_tells_bodies_apart_as_refining_each_alone_does():
+    loaded = case(TWO)
+    counts = {"post": 2, "arm": 2}
+    coarse = with_setting(loaded, Setting(counts))
+    solved = solve_for_goal(coarse)
+    found = weighted(coarse, solved)
+    for name, n in counts.items():
+        finer = solve_for_goal(with_setting(loaded, Setting({**counts, name: 2 * n})))
+        assert found.elements[name].sum() == pytest.approx(finer.answer.value - solved.answer.value, rel=0.1)
+    # the moment is largest at the post
+    near, far = abs(found.elements["arm"])
+    assert near > far
+
+
+def test_forces_without_potential_have_no_adjoint_here():
+    follower = case(CANTILEVER, "{type: cable, count: 3}",
+                    "loads.0={type: follower_force, at: beam@1, value: [0, -500e3]}")
+    coarse = with_setting(follower, Setting({"beam": 4}))
+    assert weighted(coarse, solve_for_goal(coarse)) is None
+
+
+@pytest.mark.parametrize("sets", [(), ("solver.type=linear_static", "bodies.post.element.type=reissner2",
+                                       "bodies.arm.element.type=reissner2"), ("solver={type: eigen, modes: 2}",
+                                       "goal={kind: bending, number: 1}", "bodies.post.material.rho=7850",
+                                       "bodies.arm.material.rho=7850")])
+def test_the_error_is_told_body_by_body(sets):
+    found = solve_to_accuracy(case(TWO, "", "accuracy=1e-3", *sets)).accuracy
+    assert set(found["by_body"]) == {"post", "arm"}
+    assert sum(found["by_body"].values()) == pytest.approx(found["estimate"], rel=1e-9)
+    assert found["by_body"]["arm"] > 3 * found["by_body"]["post"] >= 0.0
+    alone = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-2")).accuracy
+    assert alone["by_body"] == {"beam": alone["estimate"]}
 
 
 def test_the_simplest_type_that_the_accuracy_allows():

@@ -9,7 +9,8 @@ from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
-from .setting import Level, Setting, meshed
+from .setting import Level, Setting, meshed, with_setting
+from .weighted import weighted
 
 LADDER = 3          # levels at least, the first of which is the least mesh
 HOPELESS = 256      # times the least mesh: a case that no mesh up to there solves
@@ -52,13 +53,14 @@ class Ladder:
             why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted from the observed order"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
+            self._weigh()
             level, error, found = self._chosen(wanted)
             if self._tells() and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
                 break
             if self._steps_matter():
                 size = max(1.0, size / 4.0)
                 continue
-            if not shared and len(self.levels) >= EVEN:
+            if not shared and len(self.levels) >= (LADDER if self.pursuit.by_adjoint else EVEN):
                 shared = True
                 size = self._share(size)
                 continue
@@ -114,13 +116,31 @@ class Ladder:
 
     def _share(self, size: float) -> float:
         """Share the elements by how much the bodies matter, and begin again; return the size to go on with."""
-        weights = shares_by_weight(self, size / 2.0)
+        if not self.pursuit.by_adjoint:
+            self.pursuit.weights = moved_alone(self, self.setting(size / 2.0)) or self.pursuit.weights
+        weights = shares_by_weight(self.pursuit.weights)
         if weights is None or min(weights.values()) == 1.0:
             return 2.0 * size
         self.pursuit.tell("shares of the elements: " + ", ".join(f"{name} {w:g}" for name, w in weights.items()))
         self.shares = {name: share * weights[name] for name, share in self.shares.items()}
         self.levels = []
         return size
+
+    def _weigh(self) -> None:
+        """Find out by how much the mesh of each of several bodies moves the goal, before the first estimate is told.
+
+        By the adjoint on the second mesh where there is one, else by refining one body of the first mesh after the
+        other.
+        """
+        pursuit = self.pursuit
+        if len(self.levels) != LADDER - 1 or len(self.shares) < 2 or pursuit.weights:
+            return
+        if pursuit.last is not None and pursuit.last[0] is self.levels[-1]:
+            found = weighted(with_setting(pursuit.loaded, self.levels[-1].setting), pursuit.last[1])
+            if found is not None:
+                pursuit.weights, pursuit.by_adjoint = found.bodies, True
+                return
+        pursuit.weights = moved_alone(self, self.levels[0].setting) or {}
 
     def _add(self, size: float, why: str) -> Level | None:
         told = (lambda level: judge([*self.levels, level])) if len(self.levels) >= LADDER - 1 else None
@@ -149,13 +169,8 @@ class Ladder:
         return max(STEP, math.ceil(2.0 * factor - 0.25) / 2.0)
 
 
-def shares_by_weight(ladder: Ladder, size: float) -> dict[str, float] | None:
-    """Return the share of each body in the elements, by how much the goal depends on its mesh; None where unknown.
-
-    Each body alone is refined once. With contributions D n^-p to the error, the least number of elements for an error
-    has n of each body in the proportions D^(1/(p + 1)). Shares are powers of two, so that meshes double in proportion.
-    """
-    base = ladder.setting(size)
+def moved_alone(ladder: Ladder, base: Setting) -> dict[str, float] | None:
+    """Return how far the goal moves where each body of a mesh alone is refined once; None where that is unknown."""
     middle = ladder.pursuit.solve(base, "starting mesh for refining single bodies")
     if middle.answer is None:
         return None
@@ -166,7 +181,16 @@ def shares_by_weight(ladder: Ladder, size: float) -> dict[str, float] | None:
         if finer.answer is None:
             return None
         moves[name] = finer.answer.distance(middle.answer)
-    most = max(moves.values())
+    return moves
+
+
+def shares_by_weight(moves: dict[str, float]) -> dict[str, float] | None:
+    """Return the share of each body in the elements, by how much the goal depends on its mesh; None where unknown.
+
+    With contributions D n^-p to the error, the least number of elements for an error has n of each body in the
+    proportions D^(1/(p + 1)). Shares are powers of two, so that meshes double in proportion.
+    """
+    most = max(moves.values(), default=0.0)
     if most == 0.0:
         return None
     # the order is not known yet: two

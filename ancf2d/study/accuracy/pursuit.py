@@ -52,7 +52,9 @@ class Pursuit:
     """A case, the relative accuracy that is wanted, and all levels solved so far, in their order.
 
     ``apart``: the error of simpler models, which meshes do not tell of; ``guesses``: whether statics may begin from
-    the ``latest`` state of the same element types on another mesh.
+    the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its solution.
+    ``weights``: by how much the mesh of each body moves the goal, relative to one another; ``by_adjoint``: whether the
+    adjoint tells them.
     """
 
     loaded: LoadedCase
@@ -68,6 +70,9 @@ class Pursuit:
     written: Level | None = None
     guesses: bool = True
     latest: dict[Any, Solved] = field(default_factory=dict)
+    last: tuple[Level, Solved] | None = None
+    weights: dict[str, float] = field(default_factory=dict)
+    by_adjoint: bool = False
 
     def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
@@ -133,7 +138,7 @@ class Pursuit:
             return
         if file is None:
             conclude(found.summary, found.answer)
-        level.dofs, level.reason = found.model.n_q, ""
+        level.dofs, level.reason, self.last = found.model.n_q, "", (level, found)
         if takes_guess(self.loaded.case):
             self.latest[_named(level.setting.types)] = found
         if told is not None:
@@ -151,9 +156,26 @@ class Pursuit:
         return {"value": value, "estimate": estimate, "scale": size,
                 "absolute": None if estimate is None or size is None else estimate * size, "wanted": self.wanted,
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
+                "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "tolerance": level.setting.tolerance, "note": found.note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
+
+    def by_body(self, level: Level, error: float) -> dict[str, float] | None:
+        """Return the parts of the mesh's error that are due to each body, None where that is unknown.
+
+        They add up to what of the estimate is neither due to time steps nor to simpler models.
+        """
+        left = error - self.report.get("time_error", 0.0)
+        bodies = level.setting.counts
+        if not math.isfinite(left) or (len(bodies) > 1 and not self.weights):
+            return None
+        weights = {name: self.weights.get(name, 0.0) for name in bodies}
+        whole = sum(weights.values())
+        if whole == 0.0:
+            # one body alone, or none moves the goal
+            weights, whole = dict.fromkeys(bodies, 1.0), float(len(bodies))
+        return {name: left * weights.get(name, 0.0) / whole if whole else 0.0 for name in self.loaded.case.bodies}
 
     def refuses(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, None where it can."""
