@@ -60,7 +60,7 @@ class Ladder:
             if self._steps_matter():
                 size = max(1.0, size / 4.0)
                 continue
-            if not shared and len(self.levels) >= (LADDER if self.pursuit.by_adjoint else EVEN):
+            if not shared and len(self.levels) >= EVEN:
                 shared = True
                 size = self._share(size)
                 continue
