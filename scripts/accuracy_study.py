@@ -16,10 +16,12 @@ import numpy as np
 
 from scripts.pages import DOCS, stamp, table, write
 from scripts.pursuits.cases import OPEN, STUDIES, Study
-from scripts.pursuits.measure import Row, measure
+from scripts.pursuits.measure import Row, effectivities, measure
 
 PAGE = DOCS / "accuracy-control.md"
 HEAD = ("case", "wanted", "true error", "estimate", "estimate/true", "elements", "cheapest", "solves", "work", "time")
+# times the least number of elements: meshes whose error the adjoint tells
+COARSE = (2, 8)
 
 
 def cells(row: Row) -> list[str]:
@@ -71,6 +73,13 @@ def study(studies: tuple[Study, ...], only: str, keep: Path | None) -> list[Row]
     return rows
 
 
+def adjoints() -> list[list[str]]:
+    """Return the rows of what the adjoint tells, of cases of statics in which it can be had."""
+    found = [(one.name, effectivities(one, COARSE)) for one in STUDIES]
+    return [[name, *("none" if v is None else f"{v:.2f}" for v in values)] for name, values in found
+            if values is not None and any(values)]
+
+
 def main() -> None:
     """Measure, print, and write the page where everything was measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -86,6 +95,7 @@ def main() -> None:
     write(PAGE, "given", table(HEAD, list(map(cells, given))))
     write(PAGE, "given-summary", summary(given))
     write(PAGE, "open", table(HEAD, list(map(cells, left_open))))
+    write(PAGE, "adjoint", table(("case", *(f"{n} times" for n in COARSE)), adjoints()))
     write(PAGE, "stamp", stamp("accuracy_study"))
 
 

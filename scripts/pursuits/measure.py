@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ancf2d.case import LinearStatic
 from ancf2d.errors import Ancf2dError
 from ancf2d.solvers.registry import takes_guess
 from ancf2d.study.accuracy.control import solve_to_accuracy
-from ancf2d.study.accuracy.setting import with_setting
+from ancf2d.study.accuracy.setting import Setting, meshed, with_setting
+from ancf2d.study.accuracy.weighted import weighted
 from ancf2d.study.goal import solve_for_goal
 
 from .cases import Study
@@ -107,3 +109,23 @@ def _seconds(do: Callable[[], Any]) -> float:
         do()
         found.append(time.process_time() - began)
     return min(found)
+
+
+def effectivities(study: Study, sizes: tuple[int, ...]) -> list[float | None] | None:
+    """Return what the adjoint tells over what a mesh twice as fine changes, on so many times the least mesh.
+
+    None where a case is none of statics, or where the adjoint is not believed.
+    """
+    loaded = study.loaded()
+    loaded = replace(loaded, case=replace(loaded.case, accuracy=None))
+    if not isinstance(loaded.case.solver, LinearStatic) and not takes_guess(loaded.case):
+        return None
+    out: list[float | None] = []
+    for size in sizes:
+        counts = {name: size * mesh.least for name, mesh in meshed(loaded.case, {}).items()}
+        coarse = with_setting(loaded, Setting(counts))
+        solved = solve_for_goal(coarse)
+        finer = solve_for_goal(with_setting(loaded, Setting({name: 2 * n for name, n in counts.items()})))
+        found = weighted(coarse, solved)
+        out.append(None if found is None else found.adjoint / finer.answer.gap(solved.answer))
+    return out

@@ -23,7 +23,7 @@ from ...model.mesh import Index
 from ...model.model import Model
 from ...model.transfer import transferred
 from ...solvers.registry import takes_guess
-from ..goal import Solved
+from ..goal import Solved, goal_kind
 from ..gradient import GoalValues
 from ..verify import refined
 
@@ -146,13 +146,14 @@ class _Goal:
         return None
 
     def _near(self) -> Index:
-        """Return the unknowns of the elements at the goal's point, and beside them."""
+        """Return the unknowns of the elements at the goal's point; beside them, too, where it is a force."""
         model: Model = self.found.model
+        beside = 0 if goal_kind(self.goal) in ("displacement", "position", "rotation") else 1
         full = np.zeros(len(model.numbering.place), dtype=bool)
         for body, s in self.points():
             mesh = model.meshes[body]
             ie = mesh.element_at(s)[0]
-            full[mesh.dofs[max(ie - 1, 0):ie + 2]] = True
+            full[mesh.dofs[max(ie - beside, 0):ie + beside + 1]] = True
         return np.flatnonzero(full[model.numbering.free])
 
     def points(self) -> Iterator[tuple[str, float]]:
