@@ -82,9 +82,11 @@ def test_modes_about_a_state_that_touches_contain_those_beside_the_plane():
     "hht", "generalized_alpha",
     *(pytest.param(name, marks=pytest.mark.slow) for name in ("newmark", "radau5", "DOP853"))])
 def test_motions_are_those_beside_the_plane(method):
-    # SciPy chooses its steps
-    how = {"tolerance": 1e-6} if method == "DOP853" else {"dt": 2e-4}
-    two, one = (ride(scene(mirrored, 20000.0, damping=1e3), 6e-3, method=method, **how) for mirrored in (True, False))
+    # SciPy chooses its steps, and takes many where bodies touch
+    t_end, how = (2.5e-3, {"tolerance": 1e-6}) if method == "DOP853" else (6e-3, {"dt": 2e-4})
+    two, one = (ride(scene(mirrored, 20000.0, damping=1e3), t_end, method=method, **how) for mirrored in (True, False))
     found, beside = heights(two.model, two.full()[0]), heights(one.model, one.full()[0])
     np.testing.assert_allclose(found, beside, atol=NEAR)
     np.testing.assert_allclose(heights(two.model, two.full()[0], "lower"), -found, atol=1e-9 * GAP)
+    # half the height of a beam is 0.01: nothing in its way, the middle would be at 0.0034 or less
+    assert found[-1] > 0.006

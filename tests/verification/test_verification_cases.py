@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from scripts import make_docs, verification_manual
 
 CASES = Path(__file__).parents[2] / "cases"
 FILES = sorted(CASES.rglob("*.yaml"))
+MANUAL = (CASES.parent / "docs" / "verification.md").read_text(encoding="utf-8")
+HEADING = re.compile(r"^###? .*$", re.M)
 # of meshes and element types of the same motion the quick tests take one
 QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid",
          "caught_rod", "pid_arm")
@@ -70,12 +73,26 @@ def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest)
     assert not found, f"{len(found)} values deviate, the worst first:\n" + "\n".join(found[:5])
 
 
-@pytest.mark.slow
-def test_the_verification_manual_is_current() -> None:
-    page = CASES.parent / "docs" / "verification.md"
+@SOLVED
+def test_its_section_of_the_verification_manual_is_current(case: Path) -> None:
+    name = case.relative_to(CASES).with_suffix("").as_posix()
+    shown = re.search(rf"^### {name}\n.*?(?=\n###? |\Z)", MANUAL, re.M | re.S)
+    assert shown, name
     # two texts that differ are not compared by pytest, which would take minutes
-    current = make_docs.same(page.read_text(encoding="utf-8"), verification_manual.manual(solved))
+    current = make_docs.same(shown[0], verification_manual.section(verification_manual.verified(case, solved)))
     assert current, "run: python -m scripts.make_docs"
+
+
+def test_the_rest_of_the_verification_manual_is_current() -> None:
+    """What stands before the first section, with the numbers of cases and references, and the order of the sections."""
+    def counted(case: Path) -> dict[str, Any]:
+        return {"checks": [dict.fromkeys(("what", "source"), "") | {"expected": 1.0, "value": 1.0, "difference": 0.0,
+                                                                   "allowed": 1.0, "met": True}
+                           for _ in load(case).case.expected]}
+
+    made = verification_manual.manual(counted)
+    assert MANUAL.partition("\n## ")[0] == made.partition("\n## ")[0]
+    assert HEADING.findall(MANUAL) == HEADING.findall(made)
 
 
 @pytest.fixture(scope="module")
