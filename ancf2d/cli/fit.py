@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog=examples("ancf2d fit beam.yaml --data tip.csv --vary bodies.beam.material.E=1e10:1e12",
                                "ancf2d fit beam.yaml --data tip.csv --vary bodies.beam.material.E=1e10:1e12 "
-                               "--vary loads.tip.value.1=-10:0 --starts 4"))
+                               "--vary loads.tip.value.1=-10:0 --starts 2"))
 @case_argument
 @click.option("--data", "data_file", type=click.Path(), required=True, metavar="FILE.csv",
               help="Measured columns: t, factor or hz, then PROBE.QUANTITY, as 'export' writes them; empty cells were "

@@ -22,7 +22,7 @@ nodes: [{at: 0, coordinates: [r, r_x, r_y]}, {at: 1, coordinates: [r, r_x, r_y]}
 formulation: continuum
 """
 STEEL = BEAM.replace("{EA: 1.0e6, kGA: 3.0e5, EI: 1.0e3}", "{height: 0.1, width: 0.1}\n"
-                     "    material: {E: 2.07e11, nu: 0.3, rho: 7850}").replace("linear_static", "static")
+                     "    material: {E: 2.07e11, nu: 0.3, rho: 7850}").replace("linear_static", "static, steps: 2")
 STEEL = STEEL.partition("expected")[0]
 
 

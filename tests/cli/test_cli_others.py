@@ -363,7 +363,8 @@ def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder
     assert (result.exit_code, f"'{mine.name}' exists and was not made by ancf2d" in result.stderr) == (2, True)
     assert sorted(os.listdir(folder)) == before
     assert mine.read_text() == BEAM
-    quick = {"tradeoff": ["--element", "cable", "--elements", "1,2", "--repeat", "1"], "csv": ["--jobs", "1"]}
+    quick = {"tradeoff": ["--element", "cable", "--elements", "1,2", "--repeat", "1"], "csv": ["--jobs", "1"],
+             "animation": ["--frames", "2"]}
     arguments = [*WRITING[command], mine.name, *quick.get(command, [])]
     assert solved(*arguments, "--force").exit_code == 0
     assert mine.read_bytes() != BEAM.encode()
