@@ -30,9 +30,10 @@ from scripts.pages import CASES, ROOT, table
 MARKED = re.compile(r"(<!-- generated: (\S+) -->\n)(?:(?!<!-- ).*\n)*(<!-- end -->)")
 # a difference below this is round-off, whose digits depend on the machine
 ROUND_OFF = 1e-9
-# of the largest number in the row of a table: what round-off makes of motions and paths of adaptive steps
-SLACK = 1e-5
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+VALUE = re.compile(rf"(?<=\| )({NUMBER.pattern})(?= [%|])")
+# of the largest value in the row of a table: what round-off makes of motions and paths of adaptive steps
+SLACK = 1e-5
 
 
 def elements() -> str:
@@ -190,7 +191,8 @@ def _same_line(old: str, new: str) -> bool:
     if not old.startswith("|") or NUMBER.sub("", old) != NUMBER.sub("", new):
         return False
     a, b = NUMBER.findall(old), NUMBER.findall(new)
-    slack = SLACK * max(abs(float(n)) for n in a)
+    # not the years of sources and the like
+    slack = SLACK * max((abs(float(n)) for n in VALUE.findall(old)), default=0.0)
     return all(abs(float(x) - float(y)) <= max(slack, min(_last_digit(x), _last_digit(y)))
                for x, y in zip(a, b, strict=True))
 

@@ -190,6 +190,7 @@ def test_generated_tables_are_compared_but_for_round_off() -> None:
     assert same("| x | 61.1417137 | 61.14171 | 2.1e-06 |", "| x | 61.1417137 | 61.14171 | 2.2e-06 |")
     assert same("| gap | 3.2e-06 | 5 |", "| gap | 3.3e-06 | 5 |")
     assert same("| gap | 0.5 | round-off | ok |", "| gap | 0.5 | 1.4e-09 | ok |")
+    assert not same("| w | 0.0072135 | Allen 1969 |", "| w | 0.0072138 | Allen 1969 |")
     for other in ("| gap | 3.4e-06 |", "| gap | 3.3e-05 |", "| gap | 3e-06 |", "| gap | round-off |"):
         assert not same("| gap | 3.2e-06 |", other), other
     assert not same("| mesh | 8 |", "| mesh | 9 |")
