@@ -260,7 +260,8 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
             continue
         free = [k for k in keys if k not in node.entries]
         near, places = binder.nearest(name, free, TYPO), [] if binder.full else elsewhere(cls, name, path)
-        near = near or ("" if places else binder.nearest(name, free) or binder.nearest(name, keys))
+        known = [*keys, "type"] if tag else keys
+        near = near or ("" if places else binder.nearest(name, free) or binder.nearest(name, known))
         meant.add(near)
         where = f" in {dotted(path)}" if path else ""
         of = f" of type {tag}" if tag else ""

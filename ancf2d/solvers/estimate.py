@@ -18,6 +18,7 @@ from ..model.points import PointRef
 from ..model.timing import rates_of
 from ..pace import Pace
 from .energy import Kinds
+from .schemes import INTEGRATORS, default_method
 from .state import Row
 from .stepping import Stepper
 from .system import STILL
@@ -170,15 +171,20 @@ class Estimate:
         if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
             return [said + "Ten times the tolerance leaves about the same error: the steps skip fast vibrations, "
                     "which only a much smaller tolerance resolves. If they do not matter, use a larger one"
-                    + self._jump()]
+                    + self._better() + self._jump()]
         if estimate <= count * tolerance:
             smaller = tolerance * (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
             return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance, about "
-                    f"{smaller:.1g}" + self._jump()]
+                    f"{smaller:.1g}" + self._better() + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
         return [said + f"The errors of {count} steps do not add up to this: they grow, because the motion is "
                 "sensitive to its initial state, as chaotic motions are. A smaller tolerance only postpones the time "
                 "from which the motion is unknown; its statistics may still be right"]
+
+    def _better(self) -> str:
+        """Name the recommended method where it is of higher order: it errs less with fewer steps."""
+        best = INTEGRATORS[default_method(self.stepper.model)]
+        return f". Method {best.name} errs less with fewer steps" if best.order > self.stepper.method.order else ""
 
     def _jump(self) -> str:
         """Say that a prescribed motion starts a model at rest as an impact does, where one does."""

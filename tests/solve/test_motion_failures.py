@@ -16,6 +16,7 @@ from ancf2d.kernels.motion import COUNT
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.estimate import SAFETY, TENFOLD, Estimate
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.schemes import INTEGRATORS
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, run_case
 
@@ -76,16 +77,16 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
 
 
 def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, growth: float = 10.0,
-                driven: str | None = None) -> Estimate:
+                driven: str | None = None, method: str = "radau5") -> Estimate:
     """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1."""
-    model = SimpleNamespace(extent=1.0, case=SimpleNamespace(
+    model = SimpleNamespace(extent=1.0, sided=False, case=SimpleNamespace(
         accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)))
     numbers = np.zeros(COUNT + 1)
     numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)
     signals = [] if driven is None else [Signal(Expression(driven))]
     found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers),
-                                    signals=signals, driving=range(len(signals)))
+                                    signals=signals, driving=range(len(signals)), method=INTEGRATORS[method])
     found.factor, found.order, found.failed = TENFOLD, 1, ""
     found.largest, found.moved = np.array([[fine], [growth * fine]]), np.ones(1)
     return found
@@ -125,6 +126,13 @@ def test_a_tolerance_that_ten_times_as_much_would_miss_as_well_is_told_to_resolv
     assert "fast vibrations" in said
     assert "use a larger one" in said
     assert "add up" not in said
+
+
+@pytest.mark.parametrize(("method", "told"), [("hht", True), ("radau5", False), ("radau9", False)])
+def test_methods_of_low_order_that_miss_a_tolerance_name_a_better_one(method: str, told: bool) -> None:
+    for growth in (1.1, 10.0):
+        (said,) = estimate_of(7e-3, 1e-5, 773, growth=growth, method=method).warnings()
+        assert ("Method radau5 errs less with fewer steps" in said) == told
 
 
 @pytest.mark.parametrize(("angle", "told"), [("30*t", True), ("30*t^2", False), (None, False)])
