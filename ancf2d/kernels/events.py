@@ -17,8 +17,8 @@ from .motion import evaluate, evaluate_with_gradient
 PASSED, WAITING, HOLDS = range(3)
 # what an answer says: no condition holds, one does, one has no value
 NONE, SOME, NO_VALUE = 0, 1, -1
-# a step is looked at in so many places
-LOOKS = 8
+# a step is looked at in so many places, and the distance of a highest margin to these is halved so often
+LOOKS, HALVINGS = 8, 20
 # of the time: two of so many floats are one, and all that comes to hold between is one event
 FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 # of a step that is to end at an event: how far behind its end that is looked for, and how often it is aimed at
@@ -75,21 +75,99 @@ def _within(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
     return holding(p, w, at.z, at.v, t + x * h)
 
 
+@inner
+def _look(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
+    """Let quantities be those at the fraction x of the step from s at t."""
+    interpolate(m, p, s, h, x, at.z, at.v, at.a)
+    evaluate(p.programs, t + x * h, w.amps)
+    to_full(p, at.z, w.amps, 0, w.d)
+    to_full(p, at.v, w.amps, 1, w.v)
+    tell(p.feedback, w.d, w.v)
+
+
+@inner
+def _margin(f, k, t):  # type: ignore[no-untyped-def]
+    """Return how far condition k is from holding at t, with the quantities looked at last."""
+    evaluate_with_gradient(f.programs, len(f.row) + f.states + len(f.watched) + k, t, f.values, f.slopes)
+    return f.slopes[0]
+
+
+@inner
+def _highest(p, w, s, m, at, t, h, k, x, half):  # type: ignore[no-untyped-def]
+    """Return a fraction of the step at which condition k holds beside its highest margin, NOWHERE where it does not.
+
+    Its last three margins are those at x - half, x and x + half, the middle one the highest; the distance is halved
+    until the curvature says that none between can reach 0.
+    """
+    f = p.feedback
+    first = 1 + len(f.values) + 3 * k
+    a, b, c = f.slopes[first], f.slopes[first + 1], f.slopes[first + 2]
+    for _ in range(HALVINGS):
+        if not b + (2.0 * b - a - c) >= 0.0:
+            return NOWHERE
+        half *= 0.5
+        _look(p, w, s, m, at, t, h, x - half)
+        left = _margin(f, k, t + (x - half) * h)
+        _look(p, w, s, m, at, t, h, x + half)
+        right = _margin(f, k, t + (x + half) * h)
+        if left > b and left >= right:
+            a, b, c, x = a, left, b, x - half
+        elif right > b:
+            a, b, c, x = b, right, c, x + half
+        else:
+            a, c = left, right
+        if b >= 0.0 and 0.0 < x <= 1.0 and _within(p, w, s, m, at, t, h, x) == SOME:
+            return x
+    return NOWHERE
+
+
+@inner
+def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
+    """Return a fraction of the step between the places n - 2 and n at which a condition holds that holds at neither.
+
+    NOWHERE where there is none. Quantities are those at n, whose margins are noted.
+    """
+    f, x = p.feedback, n / LOOKS
+    for k in range(len(f.watched)):
+        first = 1 + len(f.values) + 3 * k
+        f.slopes[first], f.slopes[first + 1] = f.slopes[first + 1], f.slopes[first + 2]
+        f.slopes[first + 2] = _margin(f, k, t + x * h)
+    for k in range(len(f.watched)):
+        first = 1 + len(f.values) + 3 * k
+        a, b, c = f.slopes[first], f.slopes[first + 1], f.slopes[first + 2]
+        if n > 0 and f.watched[k] != PASSED and b > a and b >= c and b <= 0.0:
+            found = _highest(p, w, s, m, at, t, h, k, x - 1.0 / LOOKS, 1.0 / LOOKS)
+            if found != NOWHERE:
+                return found
+    return NOWHERE
+
+
 @addressed
 def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
     """Return the fraction of the step from s at t at which a condition comes to hold, up to 1 + ``beyond``.
 
-    NOWHERE where none does, NO_VALUE where one has none. What holds there, to round-off, is marked.
+    NOWHERE where none does, NO_VALUE where one has none. What holds there, to round-off, is marked. Margins are looked
+    at one place before and behind the step, too, so that a highest one beside its ends is found.
     """
     low, high, found = 0.0, 0.0, NONE
-    for k in range(1, LOOKS + 2):
-        if k > LOOKS and beyond == 0.0:
+    for n in range(-1, LOOKS + 2):
+        x, here = n / LOOKS, NONE
+        if 0 < n <= LOOKS:
+            here = _within(p, w, s, m, at, t, h, x)
+        else:
+            _look(p, w, s, m, at, t, h, x)
+        high = _between(p, w, s, m, at, t, h, n)
+        if high != NOWHERE:
+            found, low = SOME, max(0.0, (n - 2) / LOOKS)
             break
-        high = k / LOOKS if k <= LOOKS else 1.0 + beyond
+        if here != NONE:
+            found, high = here, x
+            break
+        if 0 < n <= LOOKS:
+            low = x
+    if found == NONE and beyond > 0.0:
+        high = 1.0 + beyond
         found = _within(p, w, s, m, at, t, h, high)
-        if found != NONE:
-            break
-        low = high
     if found != SOME:
         return NOWHERE if found == NONE else -1.0
     while True:

@@ -35,10 +35,11 @@ class Feedback(NamedTuple):
     kind (q,); quantity i is a function of ``along`` and ``across`` times d or d' at ``coords``, from begin[i] to
     begin[i + 1], and of ``start``: what it is in the reference, or the length of a direction; near (q,) : angles last
     accepted. row (k,) : signals; columns (k, n) : what the dead loads that follow them do to the residual; items : the
-    point laws that do, from first[j] to first[j + 1]; programs : of signals, then of rates, then of conditions; watched
-    (conditions,) : which are waited for (``kernels.events``); clock : the signal that is the time; states : m; soon : a
-    time in which states change; scale (m,) : how large states have been; values (q,),
-    slopes (1 + q,), rates (m,), full (n_full,), column (n,) to work in.
+    point laws that do, from first[j] to first[j + 1]; programs : of signals, rates, conditions, and the margins of
+    these (``model.feedback.margin``); watched (conditions,) : which are waited for (``kernels.events``); clock : the
+    signal that is the time; states : m; soon : a time in which states change; scale (m,) : how large states have been;
+    values (q,), slopes (1 + q, and three margins of each condition), rates (m,), full (n_full,), column (n,) to work
+    in.
     """
 
     kind: Any

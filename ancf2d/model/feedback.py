@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..case import Dynamic, Expression, Gated, Latch, Pid, jets
 from ..case.controllers import equations
 from ..case.programs import state_programs, value_at
-from ..case.syntax import Tree, named_in, syntax
+from ..case.syntax import Chain, Choice, Comparison, Constant, Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from .breakpoints import Break
@@ -125,9 +125,9 @@ class Feedback:
         return out
 
     def programs(self) -> jets.Programs:
-        """Return the programs of all signals that answer the motion, of the rates of states, and of conditions."""
+        """Return the programs of all signals that answer the motion, of rates of states, conditions and margins."""
         functions = [*((a.amplitude, a.factor) for a in self.answers),
-                     *((tree, 1.0) for tree in (*self.rates, *self.asked))]
+                     *((tree, 1.0) for tree in (*self.rates, *self.asked, *map(margin, self.asked)))]
         return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
 
     def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
@@ -256,3 +256,32 @@ def _off_axis(model: Any, probe: str) -> CaseError:
     if model.loaded is None:
         return CaseError(Problem(message))
     return CaseError(model.loaded.source.problem(path, message, "a point on the axis"))
+
+
+def margin(tree: Tree) -> Tree:
+    """Return what is above 0, or at 0, where a condition holds; the farther below, the farther it is from that.
+
+    It is smooth where what is compared is. Products of comparisons are and, sums are or; -1 is all there is of others.
+    """
+    match tree:
+        case Comparison(left, rest):
+            parts: list[Tree] = []
+            for op, right in rest:
+                one, two = (left, right) if op[0] == ">" else (right, left)
+                parts.append(Chain(one, (("-", two),)) if op[0] in "<>" else Constant(-1.0))
+                left = right
+            return _extreme("<", parts)
+        case Choice(condition, chosen, other):
+            return Choice(condition, margin(chosen), margin(other))
+        case Chain(first, rest) if len({op for op, _ in rest}) == 1 and rest[0][0] in "+*":
+            parts = [margin(part) for part in (first, *(x for _, x in rest))]
+            return _extreme("<" if rest[0][0] == "*" else ">", parts)
+    return Constant(-1.0)
+
+
+def _extreme(op: str, parts: Sequence[Tree]) -> Tree:
+    """Return the smallest (<) or largest (>) of some."""
+    out, *rest = parts
+    for part in rest:
+        out = Choice(Comparison(out, ((op, part),)), out, part)
+    return out

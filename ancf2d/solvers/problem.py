@@ -251,13 +251,13 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
         full, mine = np.zeros(n_full), data["load_signal"] == row
         np.add.at(full, data["load_coord"][mine], data["load_value"][mine])
         column[:n] = -num.reduce(full)
-    names = len(found.names)
+    names, waited = len(found.names), len(found.conditions)
     feedback = Feedback(
         **_quantities(model), near=np.zeros(names), row=rows, columns=columns,
         first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
-        programs=found.programs(), watched=np.zeros(len(found.conditions), dtype=np.int64), clock=clock, states=m,
+        programs=found.programs(), watched=np.zeros(waited, dtype=np.int64), clock=clock, states=m,
         soon=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
-        slopes=np.zeros(1 + names), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
+        slopes=np.zeros(1 + names + 3 * waited), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
 
     def longer(x: Array, value: float = 0.0) -> Array:
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))

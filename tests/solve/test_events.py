@@ -169,6 +169,21 @@ def test_the_order_is_kept_over_ten_conditions() -> None:
     assert math.log2(errors[0] / errors[1]) > 4.3
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.02, 0.05, 0.0834])
+@pytest.mark.parametrize("condition", ["end.ux > {}", "(end.ux > {})*(t > 0)", "{} < end.ux < 9"])
+def test_what_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: float) -> None:
+    """x = 1/3 sin 3 t, above its height less 1e-6 for 9e-4 s: in steps of 0.5 s and less, wherever they end."""
+    level = (1 - 1e-6) / 3
+    solved = run(springs=[SPRING], initial={"from": "rest", "velocity": [1, 0]}, t_end=1.2, loads=[
+        {"name": "push", "type": "force", "at": "bar@0", "value": [1, 0],
+         "active": {"after": condition.format(level)}},
+        {"type": "force", "at": "bar@0", "value": [0, 0], "active": {"from": 0.4 + shift}}], solver={
+        "type": "dynamic", "t_end": 1.2, "dt": 0.5, "estimate": False, "method": "radau9"})
+    begins = next(e for e in solved.summary["events"] if e["what"] == "push begins")
+    # there an error of 1e-9 in x is one of 2e-6 in t
+    assert begins["t"] == pytest.approx(math.asin(1 - 1e-6) / 3, abs=1e-4)
+
+
 def test_what_comes_to_hold_at_one_time_is_one_event() -> None:
     """Two conditions that differ by round-off: both loads begin in the same instant, and cancel."""
     solved = run(loads=[{"type": "force", "at": "bar@0", "value": [5, 0], "active": {"after": "end.ux > 0.3"}},
