@@ -19,6 +19,7 @@ ROUND_OFF = 1e-9
 AREAS = {
     "paper": "The paper's tables", "static": "Static equilibrium", "paths": "Equilibrium paths and limit points",
     "buckling": "Buckling loads", "modes": "Natural frequencies", "dynamic": "Motion",
+    "contact": "Contact",
 }
 TOP = """# Verification manual
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from motions import ride, rigid
 
+from ancf2d.solvers.registry import solve
 from ancf2d.solvers.schemes import method_problems
 from scripts.references import contacts as references
 
@@ -170,6 +171,14 @@ def test_energy_that_a_layer_stores_and_takes_adds_up_and_an_obstacle_at_rest_gi
     assert took[-1] > 0.1 * MASS * G * 0.1
     # sliding takes energy, and never gives any but what little it held
     assert np.diff(took).min() > -1e-4 * took[-1]
+
+
+def test_steps_too_long_for_a_layer_are_told():
+    touch = scene(rigid([0, 0.05], [1, 0.15], MASS, INERTIA), law={"stiffness": 1e7})
+    bodies = touch.pop("bodies")
+    *_, last = solve(h.build(bodies, {"type": "dynamic", "t_end": 1.0, "dt": 0.02}, **touch))
+    assert any("of its energy from nothing: the steps are too long for the layer of contact (touch)" in w
+               for w in last.warnings)
 
 
 def test_methods_that_cannot_step_an_impact_are_refused():

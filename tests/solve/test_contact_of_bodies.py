@@ -241,6 +241,23 @@ def test_a_bar_hands_its_velocity_to_an_equal_one(law):
         assert found.rows[-1].lost == pytest.approx(total[0] - total[-1], rel=0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["RK45", "DOP853", "BDF", "LSODA", "radau9"])
+def test_methods_for_differential_equations_keep_momentum_and_account_for_energy_in_a_collision(method):
+    section = {"EA": 1.0, "EI": 1e-2, "kGA": 0.3, "rhoA": 1.0, "rhoI": 1e-2}
+    one, two = (helpers.body(helpers.line(1.0, start=(x, 0.0)), helpers.element("reissner2", 1), section)
+                for x in (0.0, 1.02))
+    law = {"stiffness": 10.0, "damping": 0.3}
+    found = ride({"bodies": {"one": one, "two": two}, "contacts": [{"between": ["one", "two"], "law": law}],
+                  "initial": {"bodies": {"one": {"velocity": [0.1, 0]}}}}, 3.0, tolerance=1e-7, every=1, method=method)
+    total, momenta = found.totals()
+    np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=1e-8)
+    took = np.array([row.lost for row in found.rows])
+    np.testing.assert_allclose(total + took, total[0], rtol=1e-3)
+    assert took[-1] > 1e-3 * total[0]
+    assert max(abs(row.work) for row in found.rows) < 1e-9
+
+
 def block(start: Any, end: Any) -> dict[str, Any]:
     """Return a rigid bar of 2 kg per metre."""
     return {"geometry": {"type": "line", "start": list(start), "end": list(end)}, "element": {"type": "rigid"},

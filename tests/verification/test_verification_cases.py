@@ -68,7 +68,7 @@ def test_outputs_are_the_stored_ones(case: Path, request: pytest.FixtureRequest)
     if request.config.getoption("--update"):
         stored_outputs.write(file, now)
     assert file.exists(), f"{file.name} is missing: pytest --update writes it"
-    rtol = MOTION if case.parent.name == "dynamic" else ROUND_OFF.get(case.stem, stored_outputs.RTOL)
+    rtol = MOTION if solved(case)["solver"] == "dynamic" else ROUND_OFF.get(case.stem, stored_outputs.RTOL)
     found = stored_outputs.differences(now, stored_outputs.read(file), rtol)
     assert not found, f"{len(found)} values deviate, the worst first:\n" + "\n".join(found[:5])
 
