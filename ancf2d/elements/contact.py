@@ -46,22 +46,16 @@ from .contact_geometry import (
     WEIGHT,
     WORK,
     along,
-    corner,
     count_of,
     facing,
-    feature_at,
     gap_at,
     is_back,
     least,
-    offset,
-    seen,
-    side_of,
     spread,
     spread_both,
     stand,
-    take,
 )
-from .point_laws import PointLaw
+from .point_laws import PointLaw, work_matrix, work_vector
 
 
 def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
@@ -81,7 +75,7 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
         for b in range(n):
             tb = -ny * work[BY + b] + nx * work[BY + 8 + b]
             work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b] + k * ta * tb
-    spread_both(par, z, work, H, 1.0)
+    spread_both(par, z, work, H, 0, 1.0)
 
 
 def bent_free(par, z, nx, ny, k, work, H, m):  # type: ignore[no-untyped-def]
@@ -153,7 +147,7 @@ def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-unt
             nb, tb = nx * work[BY + b] + ny * work[BY + 8 + b], -ny * work[BY + b] + nx * work[BY + 8 + b]
             bend = -ny * work[BY_BY + 8 * a + b] + nx * work[BY_BY + 64 + 8 * a + b]
             work[MATRIX + 8 * a + b] = ds * (bend - k * (na * tb + ta * nb))
-    spread_both(par, z, work, H, -force)
+    spread_both(par, z, work, H, 0, -force)
     normal(par, z, -ds * ny, ds * nx, work, work, ROW)
     m = fields_of(par)
     for p in range(m):
@@ -170,7 +164,7 @@ def fields_of(par):  # type: ignore[no-untyped-def]
 
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit."""
-    work = np.zeros(WORK)
+    work = work_vector(WORK)
     z, m, weight, stiffness, damping = par[HOME], len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
     stand(par, p0, u, z, work)
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
@@ -203,7 +197,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         way = slip(par, s, mem[ANCHOR])
         held, slides = drag(par, way, force)
         # kept, as what follows works in the same places
-        keep = np.empty((2, m))
+        keep = work_matrix(2, m)
         for q in range(m):
             keep[0, q], keep[1, q] = work[ROW + q], work[OTHER + q]
         rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
@@ -245,7 +239,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     f[m], H[m, m] = force / c, -1.0 / c
     if mem[FREE] < 0.0 or mem[HELD] == OPEN:
         return 0.0, 0.0
-    work, z = np.zeros(WORK), par[HOME]
+    work, z = work_vector(WORK), par[HOME]
     if mem[FREE] == 1.0:
         z = least(par, p0, u, mem, work)
         if np.isnan(z):
@@ -292,8 +286,8 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
         m = len(u1) - extra
         n = len(u1)
-        keep = np.zeros((5, n))
-        H, C = np.zeros((n, n)), np.zeros((n, n))
+        keep = work_matrix(5, n)
+        H, C = work_matrix(n, n), work_matrix(n, n)
         for i in range(n):
             keep[0, i] = 0.5 * (u0[i] + u1[i])
         if extra == 1:
@@ -328,7 +322,7 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
 
 def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     """Let friction remember where on the obstacle an accepted state holds to."""
-    work = np.zeros(WORK)
+    work = work_vector(WORK)
     stand(par, p0, u, z, work)
     g, _, _, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
     if pressed < 0.0:
@@ -347,16 +341,12 @@ def accept_compliant(p0, u, par, mem):  # type: ignore[no-untyped-def]
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Take the accepted state as where the search for the point goes on, and what friction goes on from."""
     if mem[FREE] == 1.0:
-        z = least(par, p0, u, mem, np.zeros(WORK))
+        z = least(par, p0, u, mem, work_vector(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
     elif mem[FREE] != -1.0 and mem[HELD] != OPEN and par[FRICTION] > 0.0:
         _settle(par, p0, u, mem, par[HOME] if mem[FREE] == 0.0 else mem[PLACE], max(-u[len(u) - 1], 0.0))
 
 
-HELPERS = (count_of, take, offset, seen, corner, side_of, feature_at, gap_at, along, stand, least, facing, is_back,
-           spread, spread_both, normal, bent, bent_free, slip, drag, dragged, fields_of, rub, speed)
-COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant,
-                     helpers=(*HELPERS, limit_slopes, _settle, compliant), memory=True)
-HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard,
-                helpers=(*HELPERS, _settle, hard), memory=True)
+COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant)
+HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard)

@@ -55,7 +55,7 @@ from .contact_geometry import (
     stand,
     take,
 )
-from .point_laws import PointLaw
+from .point_laws import PointLaw, work_matrix, work_vector
 
 # par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as of one's own; on
 # which side its outside is (1 left of its way, -1 right); S [m] where it begins, and how far it goes along the body;
@@ -156,13 +156,13 @@ def slope_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-def
         out[q] += work[ROW + q]
 
 
-def bend(par, z, vx, vy, work, H):  # type: ignore[no-untyped-def]
-    """Add the second derivative of rho along (vx, vy) to H (fields, fields)."""
+def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
+    """Add the second derivative of rho along (vx, vy) to H, rows and columns from ``first`` on."""
     body, _ = count_of(par)
     for a in range(body):
         for b in range(body):
             work[MATRIX + 8 * a + b] = vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]
-    spread_both(par, z, work, H, 1.0)
+    spread_both(par, z, work, H, first, 1.0)
 
 
 def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
@@ -220,9 +220,10 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
     at = z if other[END] == 0.0 else other[END]
     tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
     rows_between(par, own, work, across, z, mem, nx, ny, rows[0])
-    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], nx, ny, own, H[:m, :m])
-    bend(other, at, -nx, -ny, work, H[m:n, m:n])
-    rows[2, :] = 0.0
+    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], nx, ny, own, H, 0)
+    bend(other, at, -nx, -ny, work, H, m)
+    for q in range(n):
+        rows[2, q] = 0.0
     if mem[FOUND] != WITHIN:
         rows_between(par, own, work, across, z, mem, -ny, nx, rows[1])
         for p in range(n):
@@ -230,7 +231,7 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
                 H[p, q] += rows[1, p] * rows[1, q] / g if g != 0.0 else 0.0
         return
     rows_between(par, own, work, across, z, mem, tx, ty, rows[1])
-    slope_row(other, z, nx, ny, work, across, rows[2, m:])
+    slope_row(other, z, nx, ny, work, across, rows[2][m:])
     T, b = tx * tx + ty * ty, nx * kx + ny * ky
     for p in range(n):
         A, B = rows[1, p], rows[2, p]
@@ -240,7 +241,7 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
 
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and its opposite where it is on the other."""
-    own, work, across, rows = np.zeros(WORK), np.zeros(WORK), np.zeros(WORK), np.zeros((3, len(u)))
+    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(3, len(u))
     n, weight, stiffness, damping = len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
@@ -251,7 +252,9 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         rate += rows[0, q] * w[q]
     pressure, energy = -stiffness * g - damping * rate, 0.5 * weight * stiffness * g * g
     if pressure <= 0.0:
-        H[:, :] = 0.0
+        for p in range(n):
+            for q in range(n):
+                H[p, q] = 0.0
         return energy, weight * stiffness * g * -rate
     for p in range(n):
         slope = 0.0
@@ -275,12 +278,12 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     f[m], H[m, m] = force / c, -1.0 / c
     if mem[FREE] < 0.0 or mem[HELD] == OPEN:
         return 0.0, 0.0
-    own, work, across, rows = np.zeros(WORK), np.zeros(WORK), np.zeros(WORK), np.zeros((3, m))
+    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(3, m)
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if np.isnan(g) or (mem[HELD] == BY_CHOICE and force - c * g < -c * par[TOUCH]):
         return 0.0, 0.0
     H[m, m] = 0.0
-    bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H[:m, :m])
+    bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
     for p in range(m):
         f[p] = -force * rows[0, p]
         for q in range(m):
@@ -298,14 +301,11 @@ def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
     if mem[FOUND] != WITHIN:
         mem[SIDE] = 0.0
     elif mem[SIDE] == 0.0:
-        own, work, across = np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+        own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
         mem[SIDE] = 1.0
         if gap_between(par, p0, u, mem, own, work, across)[0] < 0.0:
             mem[SIDE] = -1.0
 
 
-HELPERS = (*contact.HELPERS, size_of, curve_at, row, slope_row, bend, foot_on, gap_between, rows_between, bent_between)
-COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept,
-                            helpers=(*HELPERS, compliant), memory=True)
-HARD_BODIES = PointLaw("hard_contact_of_bodies", hard, contact.over_step(hard, 1), constraint=True, accept=accept,
-                       helpers=(*HELPERS, hard), memory=True)
+COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept)
+HARD_BODIES = PointLaw("hard_contact_of_bodies", hard, contact.over_step(hard, 1), constraint=True, accept=accept)

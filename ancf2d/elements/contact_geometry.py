@@ -298,8 +298,8 @@ def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def
         out[add + sets * terms + i] = work[first + body + i] if order == 0 else 0.0
 
 
-def spread_both(par, z, work, H, share):  # type: ignore[no-untyped-def]
-    """Add ``share`` times the matrix (8, 8) by X in work to H (fields, fields)."""
+def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
+    """Add ``share`` times the matrix (8, 8) by X in work to H, rows and columns from ``first`` on."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     body, pose = count_of(par)
     sets = 3 if section == OF_THETA else 2
@@ -315,7 +315,7 @@ def spread_both(par, z, work, H, share):  # type: ignore[no-untyped-def]
         spread(par, z, work, VECTOR, 0, work, OTHER)
         if a >= body:
             for q in range(fields):
-                H[sets * terms + a - body, q] += share * work[OTHER + q]
+                H[first + sets * terms + a - body, first + q] += share * work[OTHER + q]
             continue
         c, up = (a - 2, 1) if section == OF_TANGENT and a >= 2 else (a, 0)
         m0, m1 = 1.0, 0.0
@@ -323,7 +323,7 @@ def spread_both(par, z, work, H, share):  # type: ignore[no-untyped-def]
             m = share * (m1 if up == 1 else m0)
             if m != 0.0:
                 for q in range(fields):
-                    H[c * terms + j, q] += m * work[OTHER + q]
+                    H[first + c * terms + j, first + q] += m * work[OTHER + q]
             m0, m1 = m0 * z, m1 * z + m0
 
 

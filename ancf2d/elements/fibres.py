@@ -231,7 +231,7 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     """
     law, fibres = base.law, layers * points
     own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
-                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal, helpers=(_stress,))
+                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal)
     return replace(base, law=own, sample=_Sample(base, points), natural=_Natural(base))
 
 

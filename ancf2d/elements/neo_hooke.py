@@ -84,5 +84,5 @@ def neo_hookean(base: Formulation) -> Formulation:
     """Return a formulation whose material is neo-Hookean."""
     law = base.law
     own = PointLaw(law.fields, law.strains, law.references + 5, law.strain, law.geometric, quadratic=law.quadratic,
-                   state=law.strains, internal=internal, helpers=(_thickness,))
+                   state=law.strains, internal=internal)
     return replace(base, law=own, sample=_Sample(base), stress=None)

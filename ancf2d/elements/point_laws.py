@@ -69,8 +69,8 @@ class PointLaw:
     """A law: its forces and those of a step, and what it remembers.
 
     ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
-    updates ``mem`` at an accepted state. ``helpers`` are functions that these call, beside those of this module;
-    ``memory`` tells whether they make arrays.
+    updates ``mem`` at an accepted state. These may call other functions of numbers and arrays, and make arrays with
+    ``work_vector`` and ``work_matrix``.
     """
 
     name: str
@@ -79,8 +79,6 @@ class PointLaw:
     symmetric: bool = True
     constraint: bool = False
     accept: Callable[..., Any] | None = None
-    helpers: tuple[Callable[..., Any], ...] = ()
-    memory: bool = False
 
 
 # formulas of a case by the address that laws know them by, and what evaluates them; kernels have their own of both
@@ -98,4 +96,11 @@ def evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
     RUN[0](formula.programs, k, s, formula.values, formula.out)
 
 
-HELPERS = (turn, half_sine, turn_hessian, with_multiplier)
+def work_vector(n):  # type: ignore[no-untyped-def]
+    """Return zeros (n,), for as long as the law works; not to be called in loops, nor returned."""
+    return np.zeros(n)
+
+
+def work_matrix(n, m):  # type: ignore[no-untyped-def]
+    """Return zeros (n, m), as ``work_vector`` does."""
+    return np.zeros((n, m))

@@ -227,7 +227,3 @@ def second(g, tx, ty, c, rows, out):  # type: ignore[no-untyped-def]
         for b in range(n):
             out[a, b] = -(rows[1, a] * rows[2, b] + rows[2, a] * rows[1, b] + c / T * rows[1, a] * rows[1, b]
                           + g * rows[2, a] * rows[2, b]) / D
-
-
-# what kernels compile with their callers
-HELPERS = (point_at, axis_of, nearest, beyond, measure)

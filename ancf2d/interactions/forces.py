@@ -139,7 +139,7 @@ def position_law(name: str, force: Callable[..., Any], potential: bool) -> Point
         fx, fy, _, _, _, _ = force(p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1]), par)
         f[0], f[1] = -a * fx, -a * fy
         return 0.0, 0.0
-    return PointLaw(name, forces, mean, symmetric=potential, helpers=(force,))
+    return PointLaw(name, forces, mean, symmetric=potential)
 
 
 @load

@@ -210,6 +210,4 @@ def spring_law(name: str, angle: bool, scalar: Callable[..., Any], mean: Callabl
     """
     over_step = step_of(scalar) if mean is None else mean
     forces, forces_of_step = (about if angle else along)(scalar, over_step)
-    return PointLaw(name, forces, forces_of_step, accept=count_turns if angle else None,
-                    helpers=(over_sine, stretch_of, twist, twist_hessian, twist_step, relative_gradient, scalar,
-                             over_step))
+    return PointLaw(name, forces, forces_of_step, accept=count_turns if angle else None)

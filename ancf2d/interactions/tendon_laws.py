@@ -199,6 +199,5 @@ def elastic_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped
     return taut(p0, u1, a1[0], par, size)[0], -0.5 * (by0 + by1) * par[2] * 0.5 * (a0[1] + a1[1])
 
 
-_HELPERS = (middle, arm, piece, slopes, curvatures, moved_arm, stretch_of, pull, pull_over_step, taut)
-TENSION = PointLaw("tension", tension, tension_mean, helpers=_HELPERS)
-ELASTIC = PointLaw("elastic_tendon", elastic, elastic_mean, helpers=_HELPERS)
+TENSION = PointLaw("tension", tension, tension_mean)
+ELASTIC = PointLaw("elastic_tendon", elastic, elastic_mean)

@@ -5,19 +5,21 @@ A strain law works on the rows of one point in a work buffer (``lanes.Slots``): 
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from types import CellType, CodeType, FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.extending import overload, register_jitable
 
 from ..case import jets
 from ..elements import point_laws
 from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
-from .lowlevel.jit import addressed, addressed_with_memory, inlined
+from .lowlevel.arrays import array, vector
+from .lowlevel.jit import addressed, inlined, inner
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion import evaluate_with_gradient
 
@@ -96,11 +98,9 @@ def _operations_of(law: StrainLaw) -> Any:
     NU, NS, NR, NM = law.fields, law.strains, law.references, law.state
     # internal strains, of laws with memory
     NI = NS if law.state else 0
-    for helper in law.helpers:
-        declare(helper)
-    internal = inlined(law.internal or _no_memory)
     # inlined, so that rows a constant distance apart are seen to be so
-    strain, geometric, mean = (inlined(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
+    strain, geometric, mean, internal = (_seen_whole(f) for f in (
+        law.strain, law.geometric, law.mean or _no_mean, law.internal or _no_memory))
 
     def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
         at = slots(NU, NS, NR, NM)
@@ -156,11 +156,6 @@ def law_address(law: StrainLaw) -> int:
     return _compiled(law)[1]
 
 
-# laws share helpers, each of which is declared once
-declare = cache(register_jitable)
-for _helper in point_laws.HELPERS:
-    declare(_helper)
-
 class Formula(NamedTuple):
     """Functions of n quantities that a law knows by their address: what ``evaluate_formula`` reads and fills."""
 
@@ -180,18 +175,68 @@ _FORMULA = type_of(formula(jets.Programs(_no_numbers, _no_numbers, _no_numbers, 
 _formula_record = at(_FORMULA)
 
 
-@overload(point_laws.formula_at, inline="always")
+@inlined
 def _formula_at(address):  # type: ignore[no-untyped-def]
-    def found(address):  # type: ignore[no-untyped-def]
-        return _formula_record(int(address))
-    return found
+    return _formula_record(int(address))
 
 
-@overload(point_laws.evaluate_formula, inline="always")
+@inlined
 def _evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
-    def evaluate(formula, k, s):  # type: ignore[no-untyped-def]
-        evaluate_with_gradient(formula.programs, k, s, formula.values, formula.out)
-    return evaluate
+    evaluate_with_gradient(formula.programs, k, s, formula.values, formula.out)
+
+
+# functions that laws are written with, as kernels call them
+_PARTS: dict[Any, Any] = {
+    point_laws.formula_at: _formula_at, point_laws.evaluate_formula: _evaluate_formula,
+    point_laws.work_vector: vector, point_laws.work_matrix: array}
+# numba knows the functions of these itself
+_KNOWN = ("numba", "numpy", "scipy", "math")
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Return a function of laws as kernels call it: compiled once for all that share it, and so are those it calls."""
+    if function not in _PARTS:
+        copy = _copied(function)
+        _PARTS[function] = inner(copy)
+        _connect(copy)
+    return _PARTS[function]
+
+
+def _seen_whole(function: Callable[..., Any]) -> Any:
+    """Return a function of laws as a kernel inlines it; what it calls are parts."""
+    copy = _copied(function)
+    _connect(copy)
+    return inlined(copy)
+
+
+def _copied(function: Any) -> Any:
+    """Return a function whose globals and closure are its own."""
+    cells = tuple(CellType(c.cell_contents) for c in function.__closure__ or ())
+    copy = FunctionType(function.__code__, dict(function.__globals__), function.__name__, function.__defaults__, cells)
+    copy.__qualname__ = function.__qualname__
+    return copy
+
+
+def _connect(copy: Any) -> None:
+    """Let a copy call parts where it called plain functions."""
+    known = copy.__globals__
+    for name in _names(copy.__code__):
+        if _is_plain(known.get(name)):
+            known[name] = part(known[name])
+    for cell in copy.__closure__ or ():
+        if _is_plain(cell.cell_contents):
+            cell.cell_contents = part(cell.cell_contents)
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, FunctionType) and value.__module__.partition(".")[0] not in _KNOWN
 
 
 _v, _m = types.float64[::1], types.float64[:, ::1]
@@ -204,9 +249,7 @@ call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_AC
 @cache
 def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
-    for helper in law.helpers:
-        declare(helper)
-    law_of = inlined(getattr(law, what))
+    law_of = part(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         energy, power = law_of(p0, u, w, par, a, mem, f, H, C)
@@ -222,8 +265,14 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
     # the cache knows it by this name
     function.__qualname__ = f"{what}_{law.name}"
-    compiled = (addressed_with_memory if law.memory else addressed)(function)
+    compiled = addressed(function)
     return compiled, address_of(compiled, signature)
+
+
+def point_law_compilations(law: PointLaw, steps: bool) -> list[Callable[[], object]]:
+    """Return what compiles a law's functions, one by one; with ``steps`` its forces over a step too."""
+    wanted = ["forces", *(["mean"] if steps else []), *(["accept"] if law.accept is not None else [])]
+    return [partial(_compiled_point_law, law, what) for what in wanted]
 
 
 def point_law_addresses(law: PointLaw, steps: bool) -> tuple[int, int, int]:

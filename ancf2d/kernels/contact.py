@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
-import numpy as np
+from numba import types
 
-from ..elements import contact as laws
+from ..elements import contact_geometry as geometry
 from ..elements.contact_geometry import (
     CIRCLE,
     DAMPING,
@@ -20,60 +23,56 @@ from ..elements.contact_geometry import (
     RHO,
     SHAPE,
     WORK,
-    facing,
-    feature_at,
-    gap_at,
-    is_back,
-    least,
-    stand,
 )
-from .compiled_laws import declare
-from .lowlevel.jit import inner_with_memory, kernel_with_memory
+from .compiled_laws import part
+from .facing import body_deepest, body_gaps, face
+from .lowlevel.arrays import vector
+from .lowlevel.jit import inner, kernel
 from .points import amplitude_of, fields_of_item
 
 # places at which an interval between points of contact is looked at
 SAMPLES = 9
 
-for _helper in laws.HELPERS:
-    declare(_helper)
+_facing, _feature_at, _gap_at, _is_back, _least, _stand = (part(f) for f in (
+    geometry.facing, geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.least, geometry.stand))
 
 
-@kernel_with_memory
+@kernel
 def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untyped-def]
     """Fill the gap, the place on the obstacle and whether it is the face that touches (n,) of points at d (n_full,)."""
-    u, w, a, work = np.zeros(200), np.zeros(200), np.zeros(3), np.zeros(WORK)
+    u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
         z = points.par[i, HOME] if points.mem[i, FREE] == 0.0 else points.mem[i, PLACE]
-        stand(points.par[i], points.p0[b:b + m], u, z, work)
+        _stand(points.par[i], points.p0[b:b + m], u, z, work)
         feature = -1.0 if points.mem[i, FREE] == 0.0 else points.mem[i, FEATURE]
-        gaps[i], nx, ny, _, along[i], _ = gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
-        faces[i] = not is_back(points.par[i], nx, ny, work)
+        gaps[i], nx, ny, _, along[i], _ = _gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
+        faces[i] = not _is_back(points.par[i], nx, ny, work)
 
 
-@inner_with_memory
+@inner
 def _try(par, p0, u, mem, work, z, feature, low, high, best):  # type: ignore[no-untyped-def]
     """Follow the gap to one part of the obstacle downhill from z; keep its least value where that is the deepest."""
     mem[PLACE], mem[FEATURE] = z, feature
-    found = least(par, p0, u, mem, work)
+    found = _least(par, p0, u, mem, work)
     if math.isnan(found) or not low <= found <= high:
         return
-    g, nx, ny, _, _, _ = facing(par, mem, work)
-    if g < best[0] and not is_back(par, nx, ny, work):
+    g, nx, ny, _, _, _ = _facing(par, mem, work)
+    if g < best[0] and not _is_back(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
 
-@kernel_with_memory
+@kernel
 def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-untyped-def]
     """Fill how deep a body is in its obstacle within the interval of each point that may move, where, and in what.
 
     ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
     """
-    u, w, a, work = np.zeros(200), np.zeros(200), np.zeros(3), np.zeros(WORK)
-    mem, best, g, zs = np.zeros(MEMORY), np.zeros(3), np.zeros(SAMPLES), np.zeros(SAMPLES)
-    xs, ys = np.zeros(SAMPLES), np.zeros(SAMPLES)
+    u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
+    mem, best, g, zs = vector(MEMORY), vector(3), vector(SAMPLES), vector(SAMPLES)
+    xs, ys = vector(SAMPLES), vector(SAMPLES)
     for i in range(len(points.forces)):
         depth[i] = 0.0
         if not free[i]:
@@ -86,9 +85,9 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         longest, at = 0.0, 0
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
-            stand(par, p0, u, zs[k], work)
+            _stand(par, p0, u, zs[k], work)
             xs[k], ys[k] = work[RHO], work[RHO + 1]
-            g[k] = gap_at(par, xs[k], ys[k], -1.0)[0]
+            g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
             if k > 0:
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
             if g[k] < g[at]:
@@ -105,13 +104,13 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         depth[i], place[i], feature[i] = -best[0], best[1], best[2]
 
 
-@inner_with_memory
+@inner
 def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type: ignore[no-untyped-def]
     """Try the sides of a polyline that samples (x, y) with gaps g are next to, and the corners between them."""
     low, high = zs[0], zs[SAMPLES - 1]
     for k in range(SAMPLES):
         if g[k] <= longest:
-            what = feature_at(par, xs[k], ys[k])
+            what = _feature_at(par, xs[k], ys[k])
             if what % 2 == 0:
                 _try(par, p0, u, mem, work, zs[k], float(what), low, high, best)
     n, c = int(par[ORIGIN]), ORIGIN + 2
@@ -127,7 +126,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
             _try(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, best)
 
 
-@inner_with_memory
+@inner
 def _convex(par, v, n):  # type: ignore[no-untyped-def]
     """Whether the solid of a polyline has a corner that sticks out at v; the ends of an open one are none."""
     c = ORIGIN + 2
@@ -137,3 +136,19 @@ def _convex(par, v, n):  # type: ignore[no-untyped-def]
     ax, ay = par[c + 3 * v] - par[c + 3 * before], par[c + 3 * v + 1] - par[c + 3 * before + 1]
     bx, by = par[c + 3 * after] - par[c + 3 * v], par[c + 3 * after + 1] - par[c + 3 * v + 1]
     return ax * by - ay * bx < 0.0
+
+
+def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool) -> list[Callable[[], object]]:
+    """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds."""
+    points, facing = (problem.place[name][1].whole() for name in ("points", "facing"))
+    x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
+    out: list[Callable[[], object]] = []
+    if bodies:
+        out += [partial(face.compile, (facing, points, x)), partial(body_gaps.compile, (facing, points, x, x))]
+        if sided:
+            out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
+    if obstacles:
+        out.append(partial(contact_gaps.compile, (points, x, xx, x, x, b)))
+        if sided:
+            out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
+    return out

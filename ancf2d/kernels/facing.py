@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..elements import contact_bodies as laws
+from ..elements import contact_bodies, contact_geometry
 from ..elements.contact_bodies import (
     APART,
     AT_FIRST,
@@ -38,10 +38,6 @@ from ..elements.contact_bodies import (
     SIGN,
     WITHIN,
     YIELDS,
-    curve_at,
-    foot_on,
-    gap_between,
-    size_of,
 )
 from ..elements.contact_geometry import (
     AT_1,
@@ -55,11 +51,10 @@ from ..elements.contact_geometry import (
     RHO,
     TERMS,
     WORK,
-    along,
-    stand,
 )
-from .compiled_laws import declare
-from .lowlevel.jit import inner_with_memory, kernel_with_memory
+from .compiled_laws import part
+from .lowlevel.arrays import copy, numbers, vector
+from .lowlevel.jit import addressed_with_memory, inner, kernel
 from .points import fields_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
@@ -73,11 +68,12 @@ PART = 0.2
 # entries of a branch that wait, at most: two for each level of a tree
 _DEEP = 128
 
-for _helper in laws.HELPERS:
-    declare(_helper)
+_curve_at, _foot_on, _gap_between, _size_of = (part(f) for f in (
+    contact_bodies.curve_at, contact_bodies.foot_on, contact_bodies.gap_between, contact_bodies.size_of))
+_along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
 
 
-@inner_with_memory
+@inner
 def _fill(table, d):  # type: ignore[no-untyped-def]
     """Fill the fields of all curves at d (n_full,), and the boxes around them."""
     for c in range(len(table.curve)):
@@ -100,7 +96,7 @@ def _fill(table, d):  # type: ignore[no-untyped-def]
                 table.boxes[root + k, 2 + j] = max(one[2 + j], two[2 + j])
 
 
-@inner_with_memory
+@inner
 def _box(par, fields, box):  # type: ignore[no-untyped-def]
     """Set (low x, low y, high x, high y) to what a curve is within: no power of z is beyond its coefficient."""
     terms = int(par[TERMS])
@@ -114,14 +110,14 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
         box[c], box[2 + c] = middle - half, middle + half
 
 
-@inner_with_memory
+@inner
 def _away(box, x, y):  # type: ignore[no-untyped-def]
     """Return the square of the distance of (x, y) from a box."""
     dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
     return dx * dx + dy * dy
 
 
-@inner_with_memory
+@inner
 def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
     """Whether a point with the tangent (tx, ty) of its body may touch at S = s [m], where the normal is (nx, ny)."""
     away = abs(s - other[OWN])
@@ -138,7 +134,7 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
     return (face if par[FACE] != 0.0 else end) < AGAINST
 
 
-@inner_with_memory
+@inner
 def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
     """Take the foot point on a curve as best (distance squared, z, what it is) where it is the nearest that touches."""
     cx, cy = 0.0, 0.0
@@ -147,7 +143,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     if other[END] == 0.0 and terms > 1:
         cx, cy = fields[1], fields[terms + 1]
         z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
-    z = foot_on(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
+    z = _foot_on(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
     found = WITHIN
     if z < -BESIDE:
         z, found = -1.0, AT_FIRST
@@ -158,7 +154,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
         place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False
-    bx, by, _, _ = curve_at(other, fields, none, z, work, across)
+    bx, by, _, _ = _curve_at(other, fields, none, z, work, across)
     rx, ry = x - work[RHO], y - work[RHO + 1]
     D, size = rx * rx + ry * ry, math.sqrt(bx * bx + by * by)
     if best[0] <= D:
@@ -179,7 +175,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     return True
 
 
-@inner_with_memory
+@inner
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Return the curve that a point of contact is opposite to, -1 where there is none; fill best as ``_try`` does."""
     first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
@@ -192,7 +188,7 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
-            room[:CURVE_SIZE] = table.curve[c]
+            copy(table.curve[c], room[:CURVE_SIZE])
             if room[BOTH] > 0.0:
                 room[SIGN] = best[3]
             if _try(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
@@ -207,16 +203,16 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
     return found
 
 
-@inner_with_memory
+@inner
 def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Write what point k is opposite to from place z of its element, whose fields are in u."""
     i = table.item[k]
-    par, mem, b, m = points.par[i], points.mem[i], points.field[i], size_of(points.par[i])
-    stand(par, points.p0[b:b + m], u, z, own)
+    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _size_of(points.par[i])
+    _stand(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
-    tx, ty = along(par, own, AT_1, 1)
-    room[:] = 0.0
-    room[CURVE_SIZE:BODY_SIZE] = par[ORIGIN + CURVE_SIZE:ORIGIN + BODY_SIZE]
+    tx, ty = _along(par, own, AT_1, 1)
+    for q in range(len(room)):
+        room[q] = par[ORIGIN + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # what is between the ends of its element
     room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
     best[3] = mem[SIDE]
@@ -226,15 +222,15 @@ def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # ty
         _put(table, points, k, i, c)
 
 
-@kernel_with_memory
+@kernel
 def face(table, points, d):  # type: ignore[no-untyped-def]
     """Let every point that may touch a body act on the element of it that is opposite at d (n_full,)."""
     if len(table.item) == 0:
         return
     _fill(table, d)
-    u, none, best = np.zeros(200), np.zeros(200), np.zeros(4)
-    own, across, room = np.zeros(WORK), np.zeros(WORK), np.zeros(points.par.shape[1])
-    waiting = np.zeros(_DEEP, dtype=np.int64)
+    u, none, best = vector(200), vector(200), vector(4)
+    own, across, room = vector(WORK), vector(WORK), vector(points.par.shape[1])
+    waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
         i = table.item[k]
         fields_of_item(points, i, d, u)
@@ -242,41 +238,43 @@ def face(table, points, d):  # type: ignore[no-untyped-def]
         _find(table, points, k, u, z, best, room, none, own, across, waiting)
 
 
-@kernel_with_memory
+@kernel
 def body_gaps(table, points, d, gaps):  # type: ignore[no-untyped-def]
     """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,)."""
-    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for i in table.item:
         fields_of_item(points, i, d, u)
         b, e = points.field[i], points.field[i + 1]
-        g = gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
+        g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
         gaps[i] = np.inf if np.isnan(g) else g
 
 
-@inner_with_memory
+@inner
 def _places(table, points, d, out):  # type: ignore[no-untyped-def]
     """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
     face(table, points, d)
-    u, none, work, across, n = np.zeros(200), np.zeros(200), np.zeros(WORK), np.zeros(WORK), len(table.item)
+    u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
+    par_of = vector(table.curve.shape[1])
     for k in range(n):
         i = table.item[k]
         par, mem, b = points.par[i], points.mem[i], points.field[i]
         fields_of_item(points, i, d, u)
-        stand(par, points.p0[b:b + size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
+        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
         out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
     for k in range(2 * len(table.curve)):
-        par = table.curve[k // 2].copy()
-        curve_at(par, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
+        copy(table.curve[k // 2], par_of)
+        _curve_at(par_of, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
         out[n + k, 0], out[n + k, 1] = work[RHO], work[RHO + 1]
 
 
-@inner_with_memory
+@inner
 def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
-    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; keep sides of axes as met."""
+    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; return the least."""
+    near = np.inf
     for k in range(len(table.item)):
         points.mem[table.item[k], SIDE] = side[k]
     face(table, points, d)
-    u, own, work, across = np.zeros(200), np.zeros(WORK), np.zeros(WORK), np.zeros(WORK)
+    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for k in range(len(table.item)):
         i = table.item[k]
         mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
@@ -284,13 +282,15 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
         both = points.par[i, ORIGIN + BOTH] > 0.0
         if both and mem[FOUND] == WITHIN and side[k] == 0.0:
             mem[SIDE] = 1.0
-            g = gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+            g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
             mem[SIDE] = side[k] = -1.0 if g < 0.0 else 1.0
-        g = gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+        g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
         gaps[k] = np.inf if np.isnan(g) or mem[FREE] < 0.0 else g
+        near = min(near, gaps[k])
+    return near
 
 
-@kernel_with_memory
+@addressed_with_memory
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
 
@@ -300,7 +300,9 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
     _places(table, points, d0, one)
     _places(table, points, d1, two)
-    mx, my, way = (two[:, 0] - one[:, 0]).mean(), (two[:, 1] - one[:, 1]).mean(), 0.0
+    mx, my, way = 0.0, 0.0, 0.0
+    for k in range(len(one)):
+        mx, my = mx + (two[k, 0] - one[k, 0]) / len(one), my + (two[k, 1] - one[k, 1]) / len(one)
     for k in range(len(one)):
         dx, dy = two[k, 0] - one[k, 0] - mx, two[k, 1] - one[k, 1] - my
         way = max(way, 2.0 * math.sqrt(dx * dx + dy * dy))
@@ -309,19 +311,20 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
         thin = min(thin, points.par[i, ORIGIN + DEEPEST])
     if way < PART * thin:
         return False
-    kept, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    kept, side, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    d = np.zeros(len(d0))
     for k in range(n):
-        kept[k] = points.mem[table.item[k], SIDE]
-    side = kept.copy()
-    _look(table, points, d1, last, kept.copy())
-    _look(table, points, d0, first, side)
-    s, crossed, near = 0.0, False, first.min()
+        side[k] = kept[k] = points.mem[table.item[k], SIDE]
+    _look(table, points, d1, last, side)
+    copy(kept, side)
+    s, crossed, near = 0.0, False, _look(table, points, d0, first, side)
     while not crossed:
         s += max(near, PART * thin) / way
         if s >= 1.0:
             break
-        _look(table, points, d0 + s * (d1 - d0), gaps, side)
-        near = gaps.min()
+        for k in range(len(d)):
+            d[k] = d0[k] + s * (d1[k] - d0[k])
+        near = _look(table, points, d, gaps, side)
         for k in range(n):
             crossed |= first[k] > 0.0 and last[k] > 0.0 and gaps[k] < -PART * thin
     for k in range(n):
@@ -329,7 +332,7 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     return crossed
 
 
-@inner_with_memory
+@inner
 def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
     """Return the gap of point k at place z of its element, infinite where nothing is opposite."""
     i = table.item[k]
@@ -338,26 +341,26 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     _find(table, points, k, u, z, best, room, none, own, across, waiting)
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
-    g = gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
+    g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
     return np.inf if np.isnan(g) else g
 
 
-@kernel_with_memory
+@kernel
 def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
     """Fill how deep a body is in the other within the interval of each point that may move, and where.
 
     ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
     After ``face`` at d (n_full,).
     """
-    u, none, best = np.zeros(200), np.zeros(200), np.zeros(4)
-    own, work, across, room = np.zeros(WORK), np.zeros(WORK), np.zeros(WORK), np.zeros(points.par.shape[1])
-    waiting, g = np.zeros(_DEEP, dtype=np.int64), np.zeros(SAMPLES)
+    u, none, best = vector(200), vector(200), vector(4)
+    own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
+    waiting, g, kept = numbers(table.item, _DEEP), vector(SAMPLES), vector(points.mem.shape[1])
     for k in range(len(table.item)):
         i = table.item[k]
         depth[i] = 0.0
         if not free[i]:
             continue
-        kept = points.mem[i].copy()
+        copy(points.mem[i], kept)
         points.mem[i, FREE] = 1.0
         low, step, at = points.par[i, HOME] - points.par[i, DAMPING], 2.0 * points.par[i, DAMPING] / (SAMPLES - 1), 0
         for s in range(SAMPLES):
@@ -375,10 +378,10 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
                     a = one
             place[i] = 0.5 * (a + e)
             depth[i] = -_gap_from(table, points, k, d, place[i], u, best, room, none, own, work, across, waiting)
-        points.mem[i, :] = kept
+        copy(kept, points.mem[i])
 
 
-@inner_with_memory
+@inner
 def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
     """Write curve c where item i has its own."""
     m, n = table.sizes[c, 0], table.sizes[c, 1]

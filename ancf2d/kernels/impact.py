@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..elements import contact_geometry
 from ..elements.contact_geometry import (
     BODY,
     BY_CHOICE,
@@ -24,12 +25,10 @@ from ..elements.contact_geometry import (
     RHO,
     SHAPE,
     WORK,
-    gap_at,
-    stand,
 )
 from . import calls
 from .bodies import elastic, set_natural
-from .compiled_laws import call_forces
+from .compiled_laws import call_forces, part
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
@@ -38,6 +37,7 @@ from .motion import evaluate
 from .patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from .points import amplitude_of, fields_of_item
 
+_gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
 # times that constraints let go after one another, and fields of a contact at most
@@ -295,8 +295,8 @@ def _place(p, w, i, amps, u, work):  # type: ignore[no-untyped-def]
     rates, amplitude = u[len(u) // 2:], work[WORK:]
     fields_of_item(points, i, w.d, u)
     amplitude_of(points, i, amps, u, rates, amplitude)
-    stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
-    return work[RHO], work[RHO + 1], gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
+    _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
+    return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
 
 
 @inner_with_memory
@@ -306,7 +306,7 @@ def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
     s = max(g, depth)
     while s < length:
         # nothing is nearer than the gap
-        g = gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
+        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
         if g < -depth:
             return True
         s += max(g, depth)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..elements.point_laws import turn
-from .compiled_laws import call_accept, call_forces, call_mean
+from ..elements import point_laws
+from .compiled_laws import call_accept, call_forces, call_mean, part
 from .lowlevel.arrays import array, vector
 from .lowlevel.jit import inlined, inner, kernel
 from .lowlevel.records import array_at
 from .matrix import scatter
+
+_turn = part(point_laws.turn)
 
 
 class Points(NamedTuple):
@@ -143,7 +145,6 @@ def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
 
 @inlined
 def _most_fields(points):  # type: ignore[no-untyped-def]
-    """Return how many fields an item has at most."""
     most = 0
     for i in range(len(points.forces)):
         most = max(most, points.field[i + 1] - points.field[i])
@@ -159,7 +160,6 @@ def _work_arrays(points):  # type: ignore[no-untyped-def]
 
 @inlined
 def _most_coordinates(points):  # type: ignore[no-untyped-def]
-    """Return how many coordinates an item touches at most."""
     most = 0
     for i in range(len(points.forces)):
         most = max(most, points.dof[i + 1] - points.dof[i])
@@ -363,7 +363,7 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
             vy += turning.across[k] * v[c]
         x = turning.length[i] + ux
         new = (x * vy - uy * vx) / (x * x + uy * uy)
-        angle[i] = turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
+        angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
         rate[i] = new
 
 

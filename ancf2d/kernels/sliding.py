@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import register_jitable
-
 from ..elements import sliding
+from .compiled_laws import part
 from .lowlevel.arrays import array, matrices, numbers, vector
 from .lowlevel.jit import inner, kernel
 from .matrix import scatter
 
-for _helper in sliding.HELPERS:
-    register_jitable(_helper)
-_point_at, _find = inner(sliding.point_at), inner(sliding.foot)
-_rows_at, _second = inner(sliding.rows_at), inner(sliding.second)
+_point_at, _find, _rows_at, _second = (part(f) for f in (
+    sliding.point_at, sliding.foot, sliding.rows_at, sliding.second))
 _END = sliding.END
 # relative motion below this share of the distance from the origin cannot be told from round-off
 _STILL = 1e-7

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,10 @@ from ..elements.contact_geometry import STICK as STIFF
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
 from ..interactions.contact import STICK, CompliantContact, ContactPair, ContactPoint
+from ..kernels.compiled_laws import point_law_compilations
+from ..kernels.contact import contact_compilations
 from ..kernels.points import Points
-from .interactions import Interactions, point_table
+from .interactions import HasItems, Interactions, point_table
 from .timing import rates_of
 
 # slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
@@ -168,3 +170,17 @@ def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
     firm = max(forces / (SLIP * model.extent), STICK * max(stiffness, default=0.0)) or 1.0
     for point in held:
         point.par[STIFF] = firm
+
+
+def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
+    """Return what compiles the laws of springs, loads, constraints and contacts, and what finds what touches.
+
+    ``steps`` : whether forces of a step are wanted too; ``problem`` : the type of the records that kernels take.
+    """
+    patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
+    laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}
+    out = [each for law in laws for each in point_law_compilations(law, steps)]
+    if model.contacts:
+        bodies = [isinstance(pair, BodyPair) for pair in model.contacts]
+        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided)
+    return out

@@ -182,9 +182,10 @@ def _touch(model: Model, new: bool) -> None:
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..solvers.problem import of_elements
+        from ..model.contact_tables import of_interactions
+        from ..solvers.problem import nothing, of_elements
 
-        spread([*of_elements(model), *touched])
+        spread([*of_interactions(model, False, nothing().layout), *of_elements(model), *touched])
     _ = model.groups
     for each in touched:
         each()
@@ -223,10 +224,16 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
-    from ..solvers.problem import of_motion
+    from ..model.contact_tables import of_interactions
+    from ..solvers.problem import nothing, of_elements, of_motion
     from ..solvers.registry import SOLVERS
+    from ..solvers.schemes import INTEGRATORS, default_method
 
     if new:
+        # what is asked for by its address while the others are listed goes first
+        laws = of_interactions(model, INTEGRATORS[spec.method or default_method(model)].conserves, nothing().layout)
+        if laws:
+            spread([*laws, *of_elements(model)])
         spread(of_motion(model, spec))
     _ = model.groups
     moment = MOMENT * spec.t_end

@@ -40,8 +40,8 @@ class PointLaw:
     and slope (strains, strains, lanes) = d eps_i/d eps, whose zeros are left alone; D slope has to be symmetric. At the
     strains of an accepted step, the new state leads to itself. Where internal strains are sums that cancel, the next
     numbers of the state, as many, tell how large these are: round-off is a share of them.
-    ``helpers`` are other functions that these call. Of a ``timed`` law the last number of the state is the time since
-    the last accepted state, which solvers set.
+    These may call other functions of numbers and arrays. Of a ``timed`` law the last number of the state is the time
+    since the last accepted state, which solvers set.
     """
 
     fields: int
@@ -53,7 +53,6 @@ class PointLaw:
     quadratic: tuple[int, ...] = ()
     state: int = 0
     internal: Callable[..., Any] | None = None
-    helpers: tuple[Callable[..., Any], ...] = ()
     timed: bool = False
 
 
