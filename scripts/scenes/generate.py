@@ -54,6 +54,7 @@ class Maker(Supported):
             self.turn_steadily()
         self.case["solver"] = self.solver()
         self.ask()
+        self.switch()
         return {key: value for key, value in self.case.items() if value not in ([], {})}
 
     # ------------------------------------------------------------------ springs, masses, loads
@@ -198,6 +199,13 @@ class Maker(Supported):
             T = self.period
             self.case["damping"] = {"rayleigh": rng.choice(({"alpha": 0.5 / T}, {"beta": 1e-3 * T},
                                                             {"alpha": 0.2 / T, "beta": 1e-3 * T}))}
+
+    def switch(self) -> None:
+        """Let some loads and springs of a motion begin and end."""
+        for item in (*self.case["loads"], *self.case["springs"]) if self.moves else ():
+            if self.chance(0.15):
+                begin, end = sorted(self.case["solver"]["t_end"] * self.rng.uniform(0.05, 0.95) for _ in range(2))
+                item["active"] = self.rng.choice(({"from": begin}, {"to": end}, {"from": begin, "to": end}))
 
     def turn_steadily(self) -> None:
         """Let the frame turn, gravity and prescribed motion aside."""

@@ -74,7 +74,7 @@ def momentum(scene: Scene) -> Finding:
     case, base = scene.case, scene.base
     if base.refusal:
         return refusals(base, base)
-    if not is_free(case) or any("amplitude" in x for x in case.get("loads", ())):
+    if not is_free(case) or any({"amplitude", "active"} & set(x) for x in case.get("loads", ())):
         raise UnfitError("something else than known loads acts on it")
     if any(x["type"] == "follower_force" or x.get("follower") for x in case.get("loads", ())):
         raise UnfitError("loads turn")
@@ -124,11 +124,9 @@ def conserved(scene: Scene) -> Finding:
         raise UnfitError("the method does not conserve")
     if base.refusal:
         return refusals(base, base)
-    varies = any("amplitude" in x for x in case.get("loads", ())) or any(
-        s["type"] == "prescribed" for s in case.get("boundary_conditions", ()))
     room = scene.known + EXACT
     out = Finding(announced=announced(base))
-    if not varies:
+    if not varies_in_time(case):
         drift = base.summary["energy_drift"]
         out = Finding(drift / room, f"energy drifts by {drift:.2g} of itself", announced=announced(base))
     if is_free(case) and not case.get("loads"):
@@ -146,7 +144,7 @@ def conserved(scene: Scene) -> Finding:
 
 def varies_in_time(case: Data) -> bool:
     """Return whether something depends on time."""
-    return any("amplitude" in x for x in case.get("loads", ())) or any(
+    return any({"amplitude", "active"} & set(x) for x in (*case.get("loads", ()), *case.get("springs", ()))) or any(
         s["type"] == "prescribed" for s in case.get("boundary_conditions", ()))
 
 
@@ -212,9 +210,7 @@ def stays(scene: Scene) -> Finding:
         return refusals(base, base)
     if scene.blunt:
         return Finding(refusal=ILL)
-    varies = any("amplitude" in x for x in case.get("loads", ())) or any(
-        s["type"] == "prescribed" for s in case.get("boundary_conditions", ()))
-    if varies or "steady_rotation" in case or not all(has_mass(b) for b in case["bodies"].values()):
+    if varies_in_time(case) or "steady_rotation" in case or not all(has_mass(b) for b in case["bodies"].values()):
         raise UnfitError("its loads vary, or something has no mass")
     if base.summary.get("energy", {}).get("strain", 0.0) == 0.0:
         raise UnfitError("nothing is strained")

@@ -90,8 +90,8 @@ def simpler_items(case: Data) -> Iterator[Data]:
     """Yield cases with a load, joint, ... that says less."""
     for key in LISTS:
         for i, item in enumerate(case.get(key, ())):
-            for extra in ("amplitude", "spread", "hold", "inertia", "follower", "from", "to", "damping", "angle",
-                          "length", "only", "gap"):
+            for extra in ("amplitude", "active", "spread", "hold", "inertia", "follower", "from", "to", "damping",
+                          "angle", "length", "only", "gap"):
                 if extra in item and item["type" if "type" in item else "at"] != "prescribed":
                     out = copy.deepcopy(case)
                     del out[key][i][extra]

@@ -165,8 +165,12 @@ class _Case:
             amplitude = stretched(amplitude, self.to.time)
         return scaled(amplitude, by)
 
-    def with_amplitude(self, item: Data) -> Data:
-        return {**item, "amplitude": self.amplitude(item["amplitude"])} if "amplitude" in item else item
+    def over_time(self, item: Data) -> Data:
+        """Return an item with its amplitude, and when it acts, in other units of time."""
+        out = {**item, "amplitude": self.amplitude(item["amplitude"])} if "amplitude" in item else dict(item)
+        if "active" in item:
+            out["active"] = {key: self.to.time * t for key, t in item["active"].items()}
+        return out
 
     def load(self, load: Data) -> Data:
         to = self.to
@@ -176,22 +180,22 @@ class _Case:
             if "through" in load:
                 new["through"] = [p if isinstance(p, str) else {**p, "y": to.sense * to.length * p["y"]}
                                   for p in load["through"]]
-            return self.with_amplitude({**load, **new})
+            return self.over_time({**load, **new})
         unit, value = LOADS[load["type"]], load["value"]
         if load["type"] == "torque":
             ends = [p if isinstance(p, str) else to.place(p) for p in load["between"]]
-            return self.with_amplitude({**load, "between": ends, "value": to.sense * to.unit(unit) * value})
+            return self.over_time({**load, "between": ends, "value": to.sense * to.unit(unit) * value})
         if load["type"] == "moment":
             new = to.sense * to.unit(unit) * value
         elif load["type"] == "follower_force" or load.get("follower"):
             new = [to.unit(unit) * value[0], to.sense * to.unit(unit) * value[1]]
         else:
             new = to.vector(value, unit)
-        return self.with_amplitude({**load, "value": new})
+        return self.over_time({**load, "value": new})
 
     def spring(self, spring: Data) -> Data:
-        out = {**spring, **{k: self.to.unit(unit) * spring[k] for k, unit in SPRINGS[spring["type"]].items()
-                            if k in spring}}
+        out = self.over_time(spring)
+        out |= {k: self.to.unit(unit) * spring[k] for k, unit in SPRINGS[spring["type"]].items() if k in spring}
         out["between"] = [p if isinstance(p, str) else self.to.place(p) for p in spring["between"]]
         if "angle" in out:
             out["angle"] = self.to.sense * out["angle"]

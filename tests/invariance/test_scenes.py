@@ -54,6 +54,16 @@ def test_one_sided_springs_and_stops_are_made_where_solvers_are_nonlinear() -> N
     assert set(one_sided) == {"static", "dynamic"}
 
 
+def test_loads_and_springs_begin_and_end_in_motions() -> None:
+    """In other units of time their times are others, too."""
+    for key in ("loads", "springs"):
+        switched = [(case, k) for case in many() for k, x in enumerate(case.get(key, ())) if "active" in x]
+        assert {case["solver"]["type"] for case, _ in switched} == {"dynamic"}
+        case, k = switched[0]
+        moved = Similarity(time=2.0).case(case)[key][k]["active"]
+        assert moved == {end: 2.0 * t for end, t in case[key][k]["active"].items()}
+
+
 def test_every_kind_of_body_is_made() -> None:
     elements = [body["element"] for body in bodies()]
     assert {body["geometry"]["type"] for body in bodies()} == tags(schema.Geometry)
