@@ -30,6 +30,8 @@ CALM, TRIES = 5, 3
 # relative change of eigenvalues that have come to rest, and of those that may be held up by round-off, where they
 # change by more than a share of what they changed by before
 SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
+# change that no larger space makes less, where it has not done so a few times
+STUCK = 1e-3
 # residual beyond which a Ritz pair is no eigenpair
 TRUSTED = 1e-5
 # share of an eigenvalue within which its imaginary part is round-off
@@ -216,15 +218,18 @@ def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
     """Extend the space until the pairs asked for have come to rest; return all eigenvalues in it."""
     if seed:
         search.extend(2 * number + BEYOND, seed)
-    before, calm, last = np.zeros(0, dtype=complex), 0, 1.0
+    before, calm, last, least, idle = np.zeros(0, dtype=complex), 0, 1.0, 1.0, 0
     while True:
         s, Y = search.ritz()
         wanted = s[_upper(s) & (np.abs(s) > search.still)][:number]
         moved = max((float(np.abs(before - one).min(initial=np.inf)) / abs(one) for one in wanted), default=0.0)
         # where round-off of K moves them for ever, they are as good as they get
         calm = calm + 1 if moved <= SETTLED or last * STALLED < moved <= ROUGH else 0
-        last = moved
-        if (calm and len(wanted) == number) or calm >= CALM or search.space.count >= min(MOST, search.problem.n):
+        # of very fine meshes round-off takes more digits than those, and the changes shrink no more
+        idle = 0 if moved < 0.5 * least else idle + 1
+        last, least = moved, min(least, moved)
+        rests, full = calm or (idle >= CALM and least <= STUCK), search.space.count >= min(MOST, search.problem.n)
+        if (rests and len(wanted) == number) or calm >= CALM or full:
             return s, Y
         before, count = s, search.space.count
         search.extend(STRIDE, seed)

@@ -16,7 +16,7 @@ from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
 from ancf2d.solvers.inputs import Quadratic
 from ancf2d.solvers.linearised import Linearised, base_state
-from ancf2d.solvers.quadratic import _motions
+from ancf2d.solvers.quadratic import MOST, STRIDE, _motions, _settled
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass
@@ -243,3 +243,29 @@ def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: 
         assert np.abs(every - value).min() < 1e-6 * abs(value)
     slow = every[np.isfinite(every) & (np.abs(every) < 1.0001 * np.abs(s).max()) & (every.imag >= 0)]
     assert len(slow) == len(s)
+
+
+@pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MOST + STRIDE)])
+def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, vectors: int) -> None:
+    """Eigenvalues that converge tenfold with every vector more, but for noise: a larger space has no more digits."""
+    random, exact = np.random.default_rng(1), 1j * np.arange(1.0, 11.0)
+
+    class Space:
+        count = 44
+
+    class Search:
+        space, problem, still = Space(), type("Problem", (), {"n": 10**6}), 0.0
+
+        def extend(self, steps: int, seed: int) -> None:
+            assert steps == STRIDE
+            self.space.count += steps
+
+        def ritz(self) -> tuple[Any, Any]:
+            off = 10.0 ** (40 - self.space.count) + noise * random.standard_normal(len(exact))
+            return exact * (1 + off), np.eye(10)
+
+    search: Any = Search()
+    s, _ = _settled(search, 10, 0)
+    assert search.space.count <= vectors
+    assert (search.space.count >= MOST) == (vectors > MOST)
+    assert np.abs(s / exact - 1).max() < max(5 * noise, 1e-7)
