@@ -20,7 +20,8 @@ class Progress:
     """What a run tells while it goes on.
 
     ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the
-    model before it is solved, ``compiling`` with a remark when kernels have to be compiled first.
+    model before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``judges``: whether
+    it is to be told if the mesh is fine enough.
     """
 
     state: Callable[[State], None] = lambda state: None
@@ -28,6 +29,7 @@ class Progress:
     note: Callable[[str], None] = lambda text: None
     built: Callable[[Model], None] = lambda model: None
     compiling: Callable[[str], None] = lambda text: None
+    judges: bool = True
 
 
 class Clock:
@@ -94,7 +96,7 @@ class Recorder:
         """Look at the last state as a whole."""
         from ..model.coarse import coarse_warnings
 
-        if self.state is None:
+        if self.state is None or not self.progress.judges:
             return
         if not self.state.linear:
             self._warn(coarse_warnings(self.model, self.state.d))
@@ -151,7 +153,8 @@ class Recorder:
     def _take_motion(self, state: State) -> None:
         """Count the steps since the last state, and store them with this one."""
         self._count(state.blocks)
-        self.resolution.take(state)
+        if self.progress.judges:
+            self.resolution.take(state)
         if self.writer is None:
             return
         self._write_once(state)

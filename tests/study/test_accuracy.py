@@ -282,6 +282,19 @@ def test_meshes_that_begin_from_coarser_ones_cost_less_than_the_result():
     assert apart(fine, again) < 1e-3
 
 
+def test_only_the_result_is_asked_whether_its_mesh_is_fine_enough(monkeypatch):
+    judged: list[int] = []
+
+    def warnings(self, state):
+        judged.append(self.model.n_elements)
+        return []
+
+    monkeypatch.setattr("ancf2d.solvers.resolution.Resolution.warnings", warnings)
+    found = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-4")).accuracy
+    assert judged == [found["elements"]["beam"]]
+    assert found["solves"] >= 3
+
+
 def test_where_load_steps_end_elsewhere_all_is_solved_with_them(monkeypatch):
     """A guess on another branch: the end of the load steps counts."""
     from ancf2d.study.accuracy import control

@@ -122,7 +122,8 @@ class Pursuit:
 
     def _run(self, level: Level, told: Told | None, begin: Begin | None = None) -> None:
         """Solve a level; where its error is ``told`` it is the result, for now."""
-        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None)
+        # of meshes on the way their sequence tells more than each by itself
+        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, judges=told is not None)
 
         def conclude(summary: dict[str, Any], answer: Answer) -> None:
             level.take(answer, summary)
