@@ -20,6 +20,10 @@ NOISE = 1e-14
 FORWARD, LOWER = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0, np.array([-11.0, 18.0, -9.0, 2.0, 0.0]) / 6.0
 
 
+class UnsuitedError(Exception):
+    """What is found changes with a number in another way than its equations tell; the text says why."""
+
+
 @dataclass
 class Quotient:
     """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add."""

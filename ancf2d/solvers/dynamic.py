@@ -132,13 +132,10 @@ class Run:
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""
         if kept is None:
-            d, v, turned = initial_motion(self.model)
-            self.stepper.start(d, v, turned)
-            if self.spec.tolerance is not None and self.stepper.looks_ahead:
-                self.stepper.expect(self._look_ahead(d, v, turned))
+            d, v, turned = self.begin()
             if self.estimate is not None:
                 self.estimate.start(d, v, turned)
-            first = self._state(self.stepper.last())
+            first = self.state(self.stepper.last())
             self._tell_lost(v, first)
             yield first
         else:
@@ -159,9 +156,17 @@ class Run:
                 began, beside = time.monotonic(), self._beside()
                 last = k == len(rows) - 1 and not ends
                 if not ends or row.t < self.stepper.t:
-                    yield self._state(row, keep=last)
+                    yield self.state(row, keep=last)
                 self._took(row.t, time.monotonic() - began - self._beside() + beside)
         yield self._end()
+
+    def begin(self) -> tuple[Array, Array, Array]:
+        """Begin the motion; return displacements, rates and turns as ``initial_motion`` does."""
+        d, v, turned = initial_motion(self.model)
+        self.stepper.start(d, v, turned)
+        if self.spec.tolerance is not None and self.stepper.looks_ahead:
+            self.stepper.expect(self._look_ahead(d, v, turned))
+        return d, v, turned
 
     def _set_off(self) -> None:
         """Begin to count the time that steps, coarser motions and the states themselves take."""
@@ -218,7 +223,8 @@ class Run:
             return 0.0
         return min(size, scout.reached)
 
-    def _state(self, row: Row, keep: bool = False) -> State:
+    def state(self, row: Row, keep: bool = False) -> State:
+        """Return a stored state."""
         d, v, a = self.stepper.full(row)
         if self.model.contacts:
             recall_rows(self.model, row.turns)
@@ -242,7 +248,7 @@ class Run:
 
     def _end(self) -> State:
         """Return the last state, with what there is to say of the whole."""
-        state = self._state(self.stepper.last())
+        state = self.state(self.stepper.last())
         state.last = True
         numbers = self.stepper.s.numbers
         assert state.v is not None

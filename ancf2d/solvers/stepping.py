@@ -90,6 +90,10 @@ class Stepper:
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
+    def tighten(self, tolerance: float) -> None:
+        """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
+        self.m = Method(self.method.name, self.spec, self.p, tolerance)
+
     def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
         number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
@@ -249,28 +253,40 @@ class Stepper:
 
     def _go(self, found: list[Row]) -> None:
         """Step for about a fifth of a second and append the states."""
-        assert self.m is not None
         started = time.perf_counter()
         while not self.done:
-            stop, end = self.pieces[self.piece].stop, self.spec.t_end
-            plan = Record(kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks))
             began = time.perf_counter()
-            why, stored, logged, outcome, _ = kernels.advance(
-                self.m.record, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, self.steps)
+            why, logged = self.advance(found, self.steps)
             if logged > 0:  # the next call takes about as long as calls should; results do not depend on it
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
-            self._collect(found, stored, logged)
-            if why == kernels.FAILED:
-                raise failure(self, outcome)
             if why == kernels.EVENT:
                 following = self.events.happen()
                 if not self.done:
                     pass_break(self, following)
-            elif why == kernels.REACHED and stop < end:
+            elif self.breaks(why):
                 pass_break(self, self.piece + 1)
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
+
+    def advance(self, found: list[Row], steps: int) -> tuple[int, int]:
+        """Make at most so many steps and append the states; return why no more were made, and how many were.
+
+        Raises ComputationError where no more can be made.
+        """
+        assert self.m is not None
+        stop, end = self.pieces[self.piece].stop, self.spec.t_end
+        plan = Record(kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks))
+        why, stored, logged, outcome, _ = kernels.advance(
+            self.m.record, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, steps)
+        self._collect(found, stored, logged)
+        if why == kernels.FAILED:
+            raise failure(self, outcome)
+        return why, logged
+
+    def breaks(self, why: int) -> bool:
+        """Whether the motion has come to the end of a piece, and not of the whole."""
+        return why == kernels.REACHED and self.pieces[self.piece].stop < self.spec.t_end
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""

@@ -20,6 +20,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.forces import LoadSet
 from ..model.model import Model
+from .beside import Varied, unsuited
 from .buckling import STEP as STRETCH
 from .buckling import response_size, response_state, tangent_rate
 from .contact import memory, recall
@@ -28,6 +29,7 @@ from .factors import Factors
 from .inputs import Complex, Quadratic
 from .linearised import Base, Linearised, stored
 from .lowest_modes import Pencil
+from .motion_variation import Motion
 from .refine import refined
 from .state import State
 from .static import unscaled
@@ -39,9 +41,6 @@ POLISH, ITERATIONS = 3, 3
 EQUAL, BESIDE = 1e-6, 1e-7
 # half the difference in the load factor that rates are formed with
 SMALL = 1e-4
-
-# the model where the number is changed by h
-Varied = Callable[[float], Model]
 
 
 class Response(Protocol):
@@ -55,8 +54,19 @@ class Response(Protocol):
         """Return the states of a model beside the first one, where everything has changed by so much."""
         ...
 
+    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find together what is found more cheaply for several numbers than for each."""
+        ...
 
-class Equilibrium:
+
+class _OneByOne:
+    """What is found for each number by itself."""
+
+    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Do nothing."""
+
+
+class Equilibrium(_OneByOne):
     """An equilibrium R(z, t) = 0 at a load factor t, or the solution of linear statics."""
 
     def __init__(self, model: Model, state: State, linear: bool = False) -> None:
@@ -156,7 +166,7 @@ class _Mode:
     scale: complex
 
 
-class Vibration:
+class Vibration(_OneByOne):
     """Eigenvalues of small motions about a state: s' = -y^T (K' + s C' + s^2 M') x / y^T (C + 2 s M) x.
 
     ``wanted``: the kinds and numbers of those that are differentiated.
@@ -247,7 +257,7 @@ def _null(factors: Factors, x: Complex) -> Complex:
     return x
 
 
-class Instability:
+class Instability(_OneByOne):
     """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
 
     The linear response u and its rate of the tangent are those of ``solvers.buckling``. ``wanted``: the numbers of the
@@ -335,6 +345,8 @@ class Instability:
 def why_not(model: Model) -> str:
     """Return why the states of a model have no such response, empty where they have one."""
     solver = model.case.solver
+    if solver.moves:
+        return unsuited(model)
     if model.remembers:
         return "materials remember the way to a state"
     if any(pair.item.friction for pair in model.contacts):
@@ -350,12 +362,17 @@ def why_not(model: Model) -> str:
     return ""
 
 
-def response(model: Model, states: Sequence[Any], modes: Sequence[tuple[str, int]], factors: Sequence[int]
-             ) -> Response:
-    """Return the response of the last state of a run, with the modes and load factors (by number) that are wanted."""
-    state, solver = states[-1], model.case.solver
+def responses(model: Model, states: Sequence[Any], whole: bool, modes: Sequence[tuple[str, int]],
+              factors: Sequence[int]) -> list[Response]:
+    """Return the responses of the states of a run, of the last one unless ``whole``.
+
+    ``modes`` and load ``factors`` (by number) are those that are wanted.
+    """
+    solver, kept = model.case.solver, states if whole else states[-1:]
+    if solver.moves:
+        return [Motion(model, states[-1], whole)]
     if isinstance(solver, Eigen):
-        return Vibration(model, state, modes)
+        return [Vibration(model, state, modes) for state in kept]
     if isinstance(solver, Buckling):
-        return Instability(model, state, factors)
-    return Equilibrium(model, state, solver.linear)
+        return [Instability(model, state, factors) for state in kept]
+    return [Equilibrium(model, state, solver.linear) for state in kept]

@@ -14,6 +14,7 @@ from ..case.axes import Bounds
 from ..case.numbers import Variable, numbers_between, variable_at
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
+from ..model.model import Model
 from .fit_data import Data, Watch, check_data, comparable
 from .goal import for_study
 from .gradient import derivatives
@@ -147,6 +148,8 @@ class _Problem:
         self.scales, self.measured = scales, data.values[data.known]
         self.moves = loaded.case.solver.moves
         self.last: tuple[Any, Array] | None = None
+        # where the case was solved last, the model and its states
+        self.kept: tuple[bytes, Model, list[Any]] | None = None
 
     def values(self, z: Array) -> list[float]:
         """Return the parameters at z."""
@@ -176,6 +179,7 @@ class _Problem:
         outcome = run_case(for_study(self.case(z)), progress=replace(self.progress, state=states.append))
         if outcome.failure is not None:
             raise outcome.failure
+        self.kept = z.tobytes(), outcome.model, states
         return self.watch(outcome.model, states)
 
     def residuals(self, z: Array) -> Array:
@@ -192,9 +196,12 @@ class _Problem:
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
-        if not self.moves:
-            found = derivatives(self.case(z), self.watch, [replace(v, value=x) for v, x in
-                                                           zip(self.variables, self.values(z), strict=True)])
+        from ..solvers.variation import why_not
+
+        case, numbers = self.case(z), [replace(v, value=x) for v, x in zip(self.variables, self.values(z), strict=True)]
+        known = self.kept[1:] if self.moves and self.kept is not None and self.kept[0] == z.tobytes() else None
+        if not self.moves or (known is not None and not why_not(known[0])):
+            found = derivatives(case, self.watch, numbers, known=known)
             self.runs += 1 + sum(4 for method in found.methods if method != "exact")
             return found.jacobian * self.rates(z) / self.scale[:, None]
         h = STEP if self.loaded.case.solver.dt is not None else STEP_ADAPTIVE  # type: ignore[union-attr]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +13,7 @@ from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..solvers.differences import Quotient, derivative
+from ..solvers.differences import Quotient, UnsuitedError, derivative
 from .goal import for_study
 from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
@@ -56,10 +55,11 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
 
 
 def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[Variable],
-                progress: Progress | None = None) -> Derivatives:
-    """Return what ``gradient`` does with what is known of it."""
+                progress: Progress | None = None, known: tuple[Model, list[Any]] | None = None) -> Derivatives:
+    """Return what ``gradient`` does with what is known of it; ``known``: model and states of the run, if it is made."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
-    study = Study(loaded, watch, progress or Progress())
+    study = Study(loaded, watch, progress or Progress(), known=known)
+    study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
     columns, errors = (np.array(rows).reshape(shape).T for rows in ([q.value for q, _ in found],
@@ -100,19 +100,17 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     return out
 
 
-class _ChangedError(Exception):
-    """The unknowns of a model beside the first one stand for something else."""
-
-
 class Study:
     """A case solved once, what is watched of it, and how that changes with its numbers."""
 
     def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
-                 warn: Callable[[str], None] = lambda text: None) -> None:
+                 warn: Callable[[str], None] = lambda text: None, known: tuple[Model, list[Any]] | None = None
+                 ) -> None:
         self.loaded, self.watch = _tight(for_study(loaded)), watch
         # what is to be said of the case is said once, not of each run beside it
         self.progress = replace(progress, warn=warn)
-        self.model, states = self._run(None, 0.0)
+        self.models: dict[str, Callable[[float], Model]] = {}
+        self.model, states = known or self._run(None, 0.0)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         self.responses, self.reason = self._responses(states)
@@ -128,40 +126,54 @@ class Study:
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
-        from ..solvers.variation import response, why_not
+        from ..solvers.variation import responses, why_not
 
         reason, goals = why_not(self.model), getattr(self.watch, "goals", ())
         whole = getattr(self.watch, "whole", True) and len(states) > 1
+        moves = isinstance(self.loaded.case.solver, Dynamic)
         if not reason and any(g.limit_point is not None for g in goals):
             reason = "a limit point is a state along the path"
-        if not reason and whole and (self.model.contacts or any(s.report for s in states)):
+        if not reason and whole and not moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
         modes = [(g.kind, g.number) for g in goals if g.kind is not None and g.number is not None]
         factors = [g.load_factor for g in goals if g.load_factor is not None]
-        kept = states if whole else states[-1:]
-        return [response(self.model, [state], modes, factors) for state in kept], ""
+        return list(responses(self.model, states, whole, modes, factors)), ""
+
+    def expect(self, variables: Sequence[Variable]) -> None:
+        """Find together what is found more cheaply for several numbers than for each."""
+        sizes = [STEP * size_of(variable, self.model.extent) for variable in variables]
+        for one in self.responses:
+            one.prepare([(self._beside(v), h) for v, h in zip(variables, sizes, strict=True)])
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
         """Return the derivative to a number, and how it was found."""
         size, reason = size_of(variable, self.model.extent), self.reason
         if self.responses:
-            with suppress(_ChangedError):
+            try:
                 return self._responded(variable, STEP * size), "exact"
-            reason = "the unknowns change with the number"
+            except UnsuitedError as error:
+                reason = str(error)
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
-    def _responded(self, variable: Variable, h: float) -> Quotient:
-        models: dict[float, Model] = {}
+    def _beside(self, variable: Variable) -> Callable[[float], Model]:
+        """Return what makes models with a number changed, each once."""
+        if variable.path not in self.models:
+            models: dict[float, Model] = {}
 
-        def at(step: float) -> Model:
-            if step not in models:
-                found = prepare(_tight(for_study(varied(self.loaded, variable, step))))
-                if numbering_of(found) != self.numbering:
-                    raise _ChangedError
-                models[step] = found
-            return models[step]
+            def at(step: float) -> Model:
+                if step not in models:
+                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))))
+                    if numbering_of(found) != self.numbering:
+                        raise UnsuitedError("the unknowns change with the number")
+                    models[step] = found
+                return models[step]
+            self.models[variable.path] = at
+        return self.models[variable.path]
+
+    def _responded(self, variable: Variable, h: float) -> Quotient:
+        at = self._beside(variable)
         slopes = [one.slope(at, h) for one in self.responses]
 
         def watched(step: float) -> Array:
@@ -169,6 +181,7 @@ class Study:
                       for s in one.states(at(step), step * slope.value)]
             return self.watch(at(step), states)
         found = derivative(watched, min(slope.h for slope in slopes), middle=self.values)
+        del self.models[variable.path]
         share = max(_share(slope) for slope in slopes)
         return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
 

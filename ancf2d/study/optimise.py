@@ -16,7 +16,6 @@ from ..case.numbers import Variable, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..results import Column, ResultWriter
-from ..solvers.differences import Quotient
 from .gradient import Study
 from .measures import MASS, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
@@ -173,11 +172,11 @@ class _Search:
         """Return the derivatives (values, numbers) by y."""
         key = y.tobytes()
         if key not in self._slopes:
-            study, columns = self._study(y), []
-            for variable, x in zip(self.problem.variables, self.x(y), strict=True):
-                here = Variable(variable.path, float(x), variable.beside, variable.body)
-                found: Quotient = study.differentiate(here)[0]
-                columns.append(found.value)
+            study = self._study(y)
+            here = [Variable(variable.path, float(x), variable.beside, variable.body)
+                    for variable, x in zip(self.problem.variables, self.x(y), strict=True)]
+            study.expect(here)
+            columns = [study.differentiate(variable)[0].value for variable in here]
             self.gradients += 1
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]

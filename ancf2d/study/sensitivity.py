@@ -76,6 +76,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     progress = progress or Progress()
     warnings: list[str] = []
     study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append)
+    study.expect(variables)
     value, rows, skipped = float(study.values[0]), [], dict[str, str]()
     for k, variable in enumerate(variables):
         done(k / len(variables), None)

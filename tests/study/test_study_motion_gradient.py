@@ -1,0 +1,118 @@
+"""Derivatives of motions: closed forms, and differences of motions whose steps are solved to round-off."""
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.case.numbers import variable_at
+from ancf2d.solvers import methods
+from ancf2d.study.gradient import gradient
+
+THROWN = {
+    "bodies": {"stick": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                         "section": {"height": 0.05, "width": 0.02}, "material": {"E": 2e9, "nu": 0.3, "rho": 1000},
+                         "element": {"type": "vallejo", "count": 2}}},
+    "loads": [{"name": "weight", "type": "gravity", "value": [0, -9.81]}],
+    "initial": {"velocity": [2.0, 1.0]},
+    "output": {"probes": {"end": "stick@1"}, "interval": 0.03},
+    "goal": {"probe": "end", "quantity": "uy"},
+}
+
+# what acts: springs with dampers, a joint, motion that is prescribed, loads that turn, vary and have corners
+SCENE = """
+bodies:
+  arm:
+    geometry: {type: line, start: [0, 0], end: [0.6, 0.1]}
+    section: {height: "0.03*(1 - 0.3*s)", width: 0.02}
+    material: {E: 2e9, nu: 0.3, rho: 1200, damping: {kelvin_voigt: 1e-4}}
+    element: {type: vallejo, count: 2}
+  fork:
+    geometry: {type: line, start: [0.6, 0.1], end: [1, -0.2]}
+    section: {EA: 1e6, kGA: 4e5, EI: 60, rhoA: 0.8, rhoI: 1e-3}
+    element: {type: reissner3, count: 2}
+boundary_conditions:
+  - {name: base, type: prescribed, at: arm@0, ux: 0, angle: 0,
+     uy: {type: sine, frequency: 3, scale: 0.01}}
+joints:
+  - {name: knee, type: pin, between: [arm@1, fork@0]}
+springs:
+  - {name: stay, type: translational, between: [fork@1, [1.1, 0.6]], stiffness: 300, length: 0.5, damping: 4}
+  - {name: coil, type: rotational, between: [arm@1, fork@0], stiffness: 20, angle: 0.2, damping: 0.3}
+masses:
+  - {name: lump, at: fork@1, mass: 0.2, inertia: 1e-3}
+loads:
+  - {name: weight, type: gravity, value: [0, -9.81]}
+  - {name: push, type: follower_force, at: fork@1, value: [1, 6], amplitude: {type: ramp, t1: 0.025}}
+  - {name: pull, type: force, at: arm@1, value: [3, 5], amplitude: {type: sine, frequency: 8}}
+initial: {velocity: [0.2, 0.1], bodies: {fork: {rotation_rate: {omega: 3, about: [0.6, 0.1]}}}}
+damping: {rayleigh: {alpha: 0.8, beta: 0}}
+solver: {type: dynamic, t_end: 0.06, dt: 0.004}
+goal: {probe: tip, quantity: uy}
+output:
+  probes: {tip: fork@1, knee: arm@1}
+  interval: 0.01
+"""
+
+# pairwise: every kind of number with one integrator, every integrator with many kinds
+NUMBERS = {
+    "generalized_alpha": ("bodies.arm.material.E", "springs.stay.damping", "loads.push.value.1",
+                          "bodies.fork.geometry.end.0"),
+    "hht": ("bodies.fork.section.EI", "masses.lump.mass", "initial.bodies.fork.rotation_rate.omega"),
+    "newmark": ("springs.stay.stiffness", "loads.pull.amplitude.frequency", "damping.rayleigh.alpha"),
+    "radau5": ("bodies.arm.material.rho", "springs.coil.damping", "boundary_conditions.base.uy.scale",
+               "bodies.arm.material.damping.kelvin_voigt"),
+    "radau9": ("bodies.arm.section.width", "springs.stay.length", "loads.weight.value.1"),
+}
+
+# multipliers are not for Newmark's method
+MORE = {"newmark": ["boundary_conditions.base={name: base, type: pin, at: arm@0}"]}
+
+
+def solved(loaded, path, h):
+    """Return the goal where a number is changed by a share h."""
+    variable = variable_at(loaded, path)
+    return ancf2d.solve(loaded, [variable.override(variable.value * (1 + h))], states=False).value
+
+
+@pytest.mark.parametrize("method", NUMBERS)
+def test_steps_are_differentiated(method, monkeypatch, tmp_path):
+    """Derivatives are those of the discrete motion: central differences of runs, by every integrator."""
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    loaded = ancf2d.load(tmp_path / "scene.yaml", [f"solver.method={method}", *MORE.get(method, [])])
+    h = 3e-5
+    for row in ancf2d.sensitivity(loaded, NUMBERS[method]).rows:
+        assert row.method == "exact", row.path
+        expected = (solved(loaded, row.path, h) - solved(loaded, row.path, -h)) / (2 * h * row.value)
+        assert row.derivative == pytest.approx(expected, rel=1e-6, abs=1e-9 / abs(row.value)), row.path
+        assert row.error <= 1e-6 * abs(row.derivative)
+
+
+@pytest.mark.parametrize("solver", [{"dt": 0.02}, {"tolerance": 1e-6}, {"dt": 0.02, "method": "generalized_alpha"}])
+def test_a_thrown_body_is_known_in_closed_form(solver):
+    """u_y = v t + g t^2/2, whatever the steps: at the end and, within steps too, at all stored times."""
+    case = ancf2d.load({**THROWN, "solver": {"type": "dynamic", "t_end": 0.1, **solver}})
+    times = []
+
+    def places(model, states):
+        times[:] = [state.t for state in states]
+        return np.array([state.d[1] for state in states])
+
+    _, J = gradient(case, places, ["initial.velocity.1", "loads.weight.value.1", "bodies.stick.material.E"])
+    t = np.array(times)
+    assert len(t) > 3
+    assert J[:, 0] == pytest.approx(t, abs=1e-9)
+    assert J[:, 1] == pytest.approx(t**2 / 2, abs=1e-9)
+    assert J[:, 2] == pytest.approx(0.0, abs=1e-18)
+
+
+def test_what_is_not_differentiated_is_told(tmp_path):
+    """Corners of signals that move with a number, and integrators of others, take differences of runs."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    loaded = ancf2d.load(tmp_path / "scene.yaml", ["solver.t_end=0.03", "solver.method=radau5"])
+    row, = ancf2d.sensitivity(loaded, ["loads.push.amplitude.t1"]).rows
+    assert row.method == "differences of runs: the times at which signals have corners change with the number"
+    case = {**THROWN, "solver": {"type": "dynamic", "t_end": 0.01, "dt": 0.005, "method": "energy_momentum"}}
+    row, = ancf2d.sensitivity(ancf2d.load(case), ["initial.velocity.1"]).rows
+    assert row.method == "differences of runs: the steps of energy_momentum are not differentiated"
+    assert row.derivative == pytest.approx(0.01, rel=1e-6)
