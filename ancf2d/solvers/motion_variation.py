@@ -317,12 +317,15 @@ class Motion:
             try:
                 if not numbers or motion.make(list(numbers.values())):
                     break
-            except (ComputationError, UnsuitedError) as found:
+            except UnsuitedError as found:
                 refused |= dict.fromkeys(numbers, found)
                 break
+            except ComputationError as found:
+                reason = UnsuitedError(f"its steps cannot be made once more: {found.failure.reason}")
+                refused |= dict.fromkeys(numbers, reason)
         shares = [0.0] * len(todo)
-        for k, reason in refused.items():
-            self.found.setdefault(todo[k][0], reason)
+        for k, why in refused.items():
+            self.found.setdefault(todo[k][0], why)
         self.rows = motion.rows or self.rows
         weights = motion.stepper.p.weights[:, None]
         for column, (k, number) in enumerate(numbers.items()):

@@ -110,6 +110,8 @@ class Study:
         # what is to be said of the case is said once, not of each run beside it
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
+        self.moves = isinstance(loaded.case.solver, Dynamic)
+        self.middle: Array | None = None
         self.model, states = known or self._run(None, 0.0)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
@@ -130,10 +132,9 @@ class Study:
 
         reason, goals = why_not(self.model), getattr(self.watch, "goals", ())
         whole = getattr(self.watch, "whole", True) and len(states) > 1
-        moves = isinstance(self.loaded.case.solver, Dynamic)
         if not reason and any(g.limit_point is not None for g in goals):
             reason = "a limit point is a state along the path"
-        if not reason and whole and not moves and (self.model.contacts or any(s.report for s in states)):
+        if not reason and whole and not self.moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
@@ -178,9 +179,12 @@ class Study:
 
         def watched(step: float) -> Array:
             states = [s for one, slope in zip(self.responses, slopes, strict=True)
-                      for s in one.states(at(step), step * slope.value)]
-            return self.watch(at(step), states)
-        found = derivative(watched, min(slope.h for slope in slopes), middle=self.values)
+                      for s in one.states(at(step) if step else self.model, step * slope.value)]
+            return self.watch(at(step) if step else self.model, states)
+        if self.middle is None:
+            # of motions, beside the values of a run: Newton's iterations go further where steps are differentiated
+            self.middle = watched(0.0) if self.moves else self.values
+        found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
         del self.models[variable.path]
         share = max(_share(slope) for slope in slopes)
         return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
