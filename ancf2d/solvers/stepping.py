@@ -69,8 +69,7 @@ class Stepper:
         # None where SciPy steps
         self.m: Method | None = None
         if self.method.name in MAKERS:
-            self.m = Method(self.method.name, spec, self.p, newton_tolerance(self.method, self.tolerance),
-                            model.relaxing)
+            self.tighten(newton_tolerance(self.method, self.tolerance))
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
@@ -92,7 +91,7 @@ class Stepper:
 
     def tighten(self, tolerance: float) -> None:
         """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
-        self.m = Method(self.method.name, self.spec, self.p, tolerance)
+        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing)
 
     def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))

@@ -110,7 +110,7 @@ class Study:
         # what is to be said of the case is said once, not of each run beside it
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
-        self.moves = isinstance(loaded.case.solver, Dynamic)
+        self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
         self.model, states = known or self._run(None, 0.0)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
