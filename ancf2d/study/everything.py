@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ..case import load_case_text
+from ..case import TEMPLATES, load_case_text, template
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
@@ -34,19 +34,30 @@ def compile_everything(done: Callable[[float, str], None] = lambda share, what: 
     Returns how many there are, and the folder that keeps the kernels; or None, and why it cannot be used. ``done`` is
     told the share of them that is done, and which is next. Raises what solving them raises.
     """
-    known, cases = vocabulary(), {name: case for name, case in cases_of_every_kind() if wanted(name)}
+    known, cases = vocabulary(), [case for case in cases_of_every_kind() if wanted(case[0])]
     with TemporaryDirectory() as folder:
-        for k, (name, case) in enumerate(cases.items()):
+        for k, (name, text, changes) in enumerate(cases):
             done(k / len(cases), name)
-            loaded = load_case_text(json.dumps(case), name, vocabulary=known)
+            loaded = load_case_text(text, name, changes, vocabulary=known)
             outcome = run_case(loaded, str(Path(folder, "out.h5")), force=True)
             if outcome.failure is not None:
                 raise outcome.failure
     return len(cases), CACHE, REFUSED
 
 
-def cases_of_every_kind() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield names and cases: every solver, law, kind of matrix, interaction and integrator is in one of them."""
+def cases_of_every_kind() -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """Yield names, texts and changes of cases: every solver, kind of matrix, interaction and integrator is in one.
+
+    The templates have contact, controllers, and materials with memory.
+    """
+    for name, case in _small_cases():
+        yield name, json.dumps(case), ()
+    for kind in TEMPLATES:
+        text = template(kind, kind)
+        yield f"template {kind}", text, ("solver.t_end=0.02",) if "t_end" in text else ()
+
+
+def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     laws, interactions, frame = _laws(), _interactions(), _frame()
     for solver in ({"type": "linear_static"}, STATIC, {"type": "eigen", "modes": 2}, {"type": "buckling", "modes": 1}):
         yield str(solver["type"]), {**laws, "solver": solver}
