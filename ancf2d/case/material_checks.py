@@ -10,8 +10,7 @@ from .schema import Layers
 
 # solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
-# hyperelastic ones: the energy that a motion balances would not be that of the law
-HYPERELASTIC = ("static", "quasi_static", "eigen", "frequency_response", "state_space")
+HYPERELASTIC = (*KNOWING, "buckling")
 RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling",
             "dynamic")
 # loads whose forces are those of strains, which relax too

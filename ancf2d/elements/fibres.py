@@ -158,6 +158,42 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         slope[bend, 0, l], slope[bend, bend, l] = C * s + B * t, C * t + B * u
 
 
+def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+    """Return what fibres store beyond the energy of the section's forces in the elastic section; see ``PointLaw``.
+
+    A fibre that yields has E (e - p)^2/2 + K p^2/2, another one its stress summed over its strain.
+    """
+    row, n = ref[:, 0], eps.shape[-1]
+    bend, last = 1 if n == 2 else 2, ref.shape[-1] - 1
+    first, count = int(row[0, last - 1]), int(row[0, last])
+    A, C, B = row[:, first - 3], row[:, first - 2], row[:, first - 1]
+    length = D[:, 0, 0] * A + D[:, 0, bend] * C
+    whole, p = eps + state[:, :, 0, :n], state[:, :, 0, 2 * n:2 * n + 2 * count:2]
+    total, N, M = (np.zeros(eps.shape[:2]) for _ in range(3))
+    for f in range(count):
+        y, w, law = row[:, first + 3 * f], row[:, first + 3 * f + 1], int(row[0, first + 3 * f + 2])
+        own, stress = _energy(row[0, law:], whole[..., 0] - y * whole[..., bend], p[..., f])
+        total += w * own
+        N += w * stress
+        M -= w * y * stress
+    return np.asarray(length * (total - 0.5 * (A * N * N + 2.0 * C * N * M + B * M * M)))
+
+
+def _energy(numbers: Array, e: Array, p: Array) -> tuple[Array, Array]:
+    """Return energy per volume and stress of fibres strained by e with plastic strains p, by the numbers of a law."""
+    elastic, E, K, lines = numbers[0], numbers[1], numbers[2], int(numbers[3])
+    if not elastic:
+        return 0.5 * E * (e - p) ** 2 + 0.5 * K * p**2, E * (e - p)
+    energy, stress, size = np.zeros_like(e), np.zeros_like(e), np.abs(e)
+    for k in range(lines):
+        at, s, slope = numbers[4 + 3 * k:7 + 3 * k]
+        end = numbers[7 + 3 * k] if k + 1 < lines else np.inf
+        x = np.clip(size, at, end) - at
+        energy += s * x + 0.5 * slope * x**2
+        stress = np.where(size >= at, s + slope * x, stress)
+    return energy, np.copysign(stress, e)
+
+
 def _layers(section: Section) -> list[tuple[Array, Array]]:
     """Return (bottom, top) of each layer as shares of the height, where sections vary arrays (stations,)."""
     if not section.layers:
@@ -231,7 +267,8 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     """
     law, fibres = base.law, layers * points
     own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
-                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal)
+                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal,
+                   stored=stored)
     return replace(base, law=own, sample=_Sample(base, points), natural=_Natural(base))
 
 

@@ -53,6 +53,22 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         new[clock, l] = old[clock, l]
 
 
+def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+    """Return what springs and the long-time stiffness store beyond eps D eps/2; see ``PointLaw``.
+
+    The strains are eps - q with q = sum g h, so that it is q D q/2 - q D eps + sum g h D h/2.
+    """
+    count = int(ref[0, 0, -1])
+    n = (state.shape[-1] - 1) // (2 + count)
+    g = ref[0, 0, -1 - 2 * count:-1:2]
+    h = [state[..., (1 + k) * n:(2 + k) * n].reshape(eps.shape) for k in range(count)]
+    q = sum(a * b for a, b in zip(g, h, strict=True))
+    twice = np.einsum("esi,sij,esj->es", q, D, q - 2.0 * eps)
+    for a, b in zip(g, h, strict=True):
+        twice += a * np.einsum("esi,sij,esj->es", b, D, b)
+    return np.asarray(0.5 * twice)
+
+
 @dataclass(frozen=True)
 class _Sample:
     """Samples a formulation whose material relaxes."""
@@ -77,5 +93,6 @@ def relaxing(base: Formulation, terms: int) -> Formulation:
         return base
     law = base.law
     own = PointLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
-                   quadratic=law.quadratic, state=(2 + terms) * law.strains + 1, internal=internal, timed=True)
+                   quadratic=law.quadratic, state=(2 + terms) * law.strains + 1, internal=internal, timed=True,
+                   stored=stored)
     return replace(base, law=own, sample=_Sample(base), stress=None)

@@ -6,7 +6,7 @@ lambda_3 of the thickness follows from sigma_33 = 0: with c = lambda_3^2 and the
     mu (c - 1) + lambda/2 (ln det C + ln c) = 0,    S = mu (I - c C^-1),
 
 and dS/dE = mu (2 c lambda/(2 mu c + lambda) C^-1 C^-1 + 2 c M), where M dE = C^-1 dE C^-1. Kernels have it as stress
-D (eps - eps_i) with the internal strains eps_i = eps - D^-1 S, which no state before them changes.
+D (eps - eps_i) with the internal strains eps_i = eps - D^-1 S, which follow from the strains alone.
 """
 
 from __future__ import annotations
@@ -63,6 +63,30 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         slope[2, 0, l], slope[2, 1, l], slope[2, 2, l] = -t13 / G, -t23 / G, 1.0 - t33 / G
 
 
+def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+    """Return the energy W beyond that of its stress in the stiffness of small strains; see ``PointLaw``.
+
+    The stress S = D eps determines the state: C = c (I - S/mu)^-1, and c so that sigma_33 = 0.
+    """
+    mu, lam, _, _, G = (ref[:, 0, k] for k in range(-5, 0))
+    weight = D[:, 2, 2] / G
+    s = np.einsum("sij,esj->esi", D, eps) / (weight * mu)[:, None]
+    trace, det = s[..., 0] + s[..., 1], s[..., 0] * s[..., 1] - s[..., 2] ** 2
+    log, left = np.log1p(det - trace), 1.0 - trace + det
+    x = np.zeros_like(log)
+    for _ in range(ITERATIONS):
+        # mu (c - 1) + lam/2 (3 ln c - ln det (I - S/mu)) = 0
+        step = (mu * np.expm1(x) + 0.5 * lam * (3.0 * x - log)) / (mu * np.exp(x) + 1.5 * lam)
+        x -= step
+        if not np.any(np.abs(step) > CLOSE * np.abs(x)):
+            break
+    m, twice_log = np.expm1(x), 3.0 * x - log
+    # tr C - 2, by differences that keep the digits of small strains
+    first = (2.0 * m + trace * (1.0 - m) - 2.0 * det) / left
+    own = 0.5 * mu * (first + m - twice_log) + 0.125 * lam * twice_log**2
+    return np.asarray(weight * own - 0.5 * np.einsum("esi,sij,esj->es", eps, D, eps))
+
+
 @dataclass(frozen=True)
 class _Sample:
     """Samples a formulation whose material is neo-Hookean."""
@@ -84,5 +108,5 @@ def neo_hookean(base: Formulation) -> Formulation:
     """Return a formulation whose material is neo-Hookean."""
     law = base.law
     own = PointLaw(law.fields, law.strains, law.references + 5, law.strain, law.geometric, quadratic=law.quadratic,
-                   state=law.strains, internal=internal)
+                   state=law.strains, internal=internal, elastic=True, stored=stored)
     return replace(base, law=own, sample=_Sample(base), stress=None)

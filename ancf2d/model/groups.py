@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..elements.formulations.base import PointLaw
 from ..elements.shape import Array
 from ..kernels.batch import Group, Law
 from ..kernels.compiled_laws import law_address
@@ -89,18 +90,18 @@ def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
     law = Law(law_address(point), point.fields, point.strains, point.references, point.state, _in_parts(B, parts, 2),
               _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
     batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
-    strains, memory = _natural(pool, natural, parts), _memory(law, point.timed, parts, len(pool.dofs))
+    strains, memory = _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs))
     return Record(Group(law, strains, memory, np.ascontiguousarray(pool.cls, dtype=np.int64),
                         np.ascontiguousarray(pool.turn), np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
 
 
-def _memory(law: Law, timed: bool, parts: int, elements: int) -> Memory:
+def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
     """Return what elements remember that have not been strained yet; a timed law has had all time since."""
-    if not law.state:
+    if not law.state or point.elastic:
         return no_memory()
     stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
     states = np.zeros((elements, stations, points * law.state))
-    if timed:
+    if point.timed:
         states[:, :, law.state - 1::law.state] = np.inf
     return Memory(np.arange(elements), states)
 

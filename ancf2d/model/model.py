@@ -198,7 +198,8 @@ class Model:
     @property
     def remembers(self) -> list[str]:
         """The bodies whose formulation has a memory, so that their forces depend on the way to a state."""
-        return [m.plan.name for m in self.meshes.values() if m.plan.formulation.law.state]
+        laws = {m.plan.name: m.plan.formulation.law for m in self.meshes.values()}
+        return [name for name, law in laws.items() if law.state and not law.elastic]
 
     @cached_property
     def pools(self) -> list[Pool]:

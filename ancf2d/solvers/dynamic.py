@@ -67,8 +67,8 @@ class Balance:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
         # total at the start, largest change, size; what springs store and masses that move have at the start; largest
-        # gain
-        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0])
+        # gain; what materials keep at the start
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0])
 
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
@@ -76,6 +76,9 @@ class Balance:
         model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
         model.states[:] = row.states
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
+        # what materials keep that remember, which counts as lost on the way, and what others do
+        kept, more = self.energies.kept(d, row.side)
+        strain += more
         springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
         potential = self.energies.potential(d)
@@ -85,7 +88,7 @@ class Balance:
         carried = self.energies.carried(d, v, row.side)[0]
         given = (springs if self.stepper.tracks else 0.0) + carried
         if np.isnan(self.numbers[0]):
-            self.numbers[0], self.numbers[3] = total, given
+            self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
             # forces do some work on round-off of positions: energies below that are none
             felt = largest_share(self.model.external(row.side)[:self.model.n_q], self.model.weights)
@@ -94,8 +97,8 @@ class Balance:
             self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + given - float(self.numbers[3]) + dead + potential
-        return {"kinetic": kinetic + carried, "strain": strain, "potential": potential, "dissipated": row.lost,
-                "work": work}
+        return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential,
+                "dissipated": row.lost - (kept - float(self.numbers[5])), "work": work}
 
     @property
     def drift(self) -> float:

@@ -97,6 +97,12 @@ class Energies:
         energy = sum(float(force(group, d, Q)) for group in self.model.groups)
         return energy + self.model.interactions.energy(d, t)
 
+    def kept(self, d: Array, t: float) -> tuple[float, float]:
+        """Return what ``kept_energy`` does."""
+        from .kept import kept_energy
+
+        return kept_energy(self.model, d, t)
+
     def potential(self, d: Array) -> float:
         """Return the potential of gravity that is constant, measured from the reference."""
         return -sum(factor * float(load.values @ d[load.dofs]) for load, factor in self.gravity)

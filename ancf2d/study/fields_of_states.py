@@ -125,5 +125,6 @@ def _told(model: Model) -> list[str]:
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())
+    solid = solid and not any(mesh.plan.formulation.law.state for mesh in model.meshes.values())
     balanced = model.case.solver.balances or model.case.solver.moves or not model.constraints
     return [f.name for f in FIELDS.values() if not f.kept and (solid if f.over else balanced)]

@@ -276,3 +276,31 @@ def test_what_has_no_fibres_is_refused(change: dict[str, Any], words: str) -> No
             "section": {"height": HEIGHT, "width": WIDTH}, **change}
     with pytest.raises(CaseError, match=words):
         build_model(h.load({"rod": body}, "static", bc=[{"type": "clamp", "at": "rod@0"}]))
+
+
+@pytest.mark.parametrize("kind", TYPES[:2], ids=lambda k: k[0])
+def test_what_hardening_and_residual_stress_keep_is_strain_energy(kind: tuple[str, str | None]) -> None:
+    """A bar keeps s^2/(2 E) + K p^2/2 per volume; one bent and let go the energy of the stress that remains in it."""
+    hard = 2e10
+    most = 4.0 * FIRST
+    found = ancf2d.solve(_moved(kind, {"ux": most * LENGTH, "uy": 0, "angle": 0}, {**STEEL, "hardening": {
+        "kinematic": hard}}))
+    p = (most - FIRST) * E / (E + hard)
+    volume = HEIGHT * WIDTH * LENGTH
+    exact = volume * (0.5 * E * (most - p) ** 2 + 0.5 * hard * p**2)
+    assert found.summary["energy"]["strain"] == pytest.approx(exact, rel=1e-4)
+    curvature = 4.0 * BENT
+    moment = fibres(16, curvature)
+    left = curvature - moment / EI
+    turn = {"type": "table", "t": [0, 0.5, 1], "value": [0, curvature * LENGTH, left * LENGTH]}
+    y, w = places(Section(HEIGHT, WIDTH, E, 0.0, 1.0, EA, 1.0, EI), 16)
+    remains = np.clip(E * curvature * y, -YIELD, YIELD) - moment / EI * E * y
+    bent = ancf2d.solve(_moved(kind, {"angle": turn}, STEEL)).summary["energy"]["strain"]
+    assert bent == pytest.approx(LENGTH * float(np.sum(w * remains**2)) / (2.0 * E), rel=5e-3)
+
+
+def _moved(kind: tuple[str, str | None], motion: dict[str, Any], material: dict[str, Any]) -> Any:
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]), "material": material,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    return h.load({"rod": body}, {"type": "static", "steps": 8}, bc=[
+        {"type": "clamp", "at": "rod@0"}, {"type": "prescribed", "at": "rod@1", "name": "end", **motion}])

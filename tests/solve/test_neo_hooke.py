@@ -101,3 +101,42 @@ def test_the_tangent_of_a_body_is_exact() -> None:
 def test_what_has_no_such_law_is_refused(element: dict[str, Any], words: str) -> None:
     with pytest.raises(CaseError, match=words):
         build_model(h.load({"rod": {**BAR, "element": element}}, "static", bc=[{"type": "clamp", "at": "rod@0"}]))
+
+
+def test_a_bar_of_rubber_swings_without_loss() -> None:
+    """Under a sudden force that stretches it by a fifth, the energy is that of W: drifts are those of the steps."""
+    body, drifts = {**BAR, "material": {**RUBBER, "rho": 1000.0}}, []
+    for dt in (2e-3, 5e-4):
+        done = ancf2d.solve(h.load(
+            {"bar": body}, {"type": "dynamic", "t_end": 0.2, "dt": dt, "method": "radau5", "estimate": False},
+            bc=[{"type": "clamp", "at": "bar@0"}],
+            loads=[{"type": "force", "at": "bar@1", "value": [0.1 * E * HEIGHT * WIDTH, 20.0]}],
+            output={"probes": {"tip": "bar@1"}}))
+        assert done.course["tip"]["ux"].max() > 0.2 * LENGTH
+        assert not done.energies["dissipated"].any()
+        drifts.append(done.summary["energy_drift"])
+    assert drifts[0] < 1e-4
+    assert drifts[1] < drifts[0] / 2.0**6
+
+
+def test_the_strain_energy_of_statics_is_that_of_the_law() -> None:
+    """A bar stretched by 1.5 between frictionless faces holds A L W."""
+    found = ancf2d.solve(h.load({"bar": BAR}, {"type": "static", "steps": 2}, bc=[
+        {"type": "clamp", "at": "bar@0", "hold": "section"},
+        {"type": "prescribed", "at": "bar@1", "ux": 0.5 * LENGTH, "uy": 0, "angle": 0}]))
+    long = 0.5 * (1.5**2 - 1.0)
+    across = brentq(lambda v: law(np.array([long, v, 0.0]))[0][1], -0.4, 0.0, xtol=1e-14)
+    exact = HEIGHT * WIDTH * LENGTH * energy(np.array([long, across, 0.0]))
+    assert found.summary["energy"]["strain"] == pytest.approx(exact, rel=2e-2)
+
+
+def test_a_slender_column_of_rubber_buckles_as_a_linear_one() -> None:
+    load = [{"type": "force", "at": "bar@1", "value": [-1.0, 0]}]
+    factors = []
+    for material in (RUBBER, {"E": E, "nu": NU}):
+        body = {"geometry": h.line(LENGTH), "element": h.element("2d3n-nu", 6, "continuum"), "material": material,
+                "section": {"height": 0.02, "width": WIDTH}}
+        solved = ancf2d.solve(h.load({"bar": body}, {"type": "buckling", "modes": 1},
+                                     bc=[{"type": "clamp", "at": "bar@0"}], loads=load))
+        factors.append(solved.summary["load_factors"][0])
+    assert factors[0] == pytest.approx(factors[1], rel=5e-3)

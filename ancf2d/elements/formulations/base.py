@@ -42,6 +42,10 @@ class PointLaw:
     numbers of the state, as many, tell how large these are: round-off is a share of them.
     These may call other functions of numbers and arrays. Of a ``timed`` law the last number of the state is the time
     since the last accepted state, which solvers set.
+    ``elastic`` tells that internal strains follow from the strains alone: then there is no state to keep.
+    ``stored(ref, D, eps, state)`` returns the energy (elements, stations) that is kept beyond eps^T D eps/2 of the
+    strains eps (elements, stations, points strains) that bear stress; ref (stations, points, any), D (stations, points
+    strains, points strains), state (elements, stations, points, numbers).
     """
 
     fields: int
@@ -54,6 +58,8 @@ class PointLaw:
     state: int = 0
     internal: Callable[..., Any] | None = None
     timed: bool = False
+    elastic: bool = False
+    stored: Callable[[Any, Any, Any, Any], Any] | None = None
 
 
 @dataclass(frozen=True)
