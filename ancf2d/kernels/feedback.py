@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements.point_laws import turn
+from ..elements import point_laws
 from . import calls
 from .band import ldl_factor, ldl_solve
+from .compiled_laws import part
 from .dynamics import to_unknowns
 from .fronts import fronts_factor, fronts_solve
 from .lowlevel.arrays import numbers
@@ -25,6 +26,7 @@ from .motion import SIZE, evaluate_with_gradient
 from .points import _add, _law, _rates, _work_arrays, amplitude_of, fields_of_item
 from .symmetric import TINY, band_of
 
+_turn = part(point_laws.turn)
 # what a quantity is: a position, a rate, the angle of a direction or its rate
 POSITION, RATE, ANGLE, SPIN = range(4)
 
@@ -104,7 +106,7 @@ def tell(f, d, v):  # type: ignore[no-untyped-def]
         else:
             ux, uy = _components(f, i, d)
             if kind == ANGLE:
-                f.values[i] = turn(f.start[i], ux, uy, f.near[i])
+                f.values[i] = _turn(f.start[i], ux, uy, f.near[i])
             else:
                 x, (vx, vy) = f.start[i] + ux, _components(f, i, v)
                 f.values[i] = (x * vy - uy * vx) / (x * x + uy * uy)
@@ -204,7 +206,7 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
     for i in range(len(f.kind)):
         if f.kind[i] == ANGLE:
             ux, uy = _components(f, i, w.d)
-            f.near[i] = turn(f.start[i], ux, uy, f.near[i])
+            f.near[i] = _turn(f.start[i], ux, uy, f.near[i])
     for j in range(f.states):
         size = abs(w.d[p.full[p.inner + j]])
         if size > f.scale[j]:
