@@ -221,7 +221,8 @@ class Pass:
                 b[i] += C @ v0[i]
             z = factors.solve(-b)
             V, A = self.method.rates(step.h)
-            found = Stages(step.stages.t, z, v0 + free * np.tensordot(V, z, 1), a0 + free * np.tensordot(A, z, 1))
+            v, a = ((F @ z.reshape(s, -1)).reshape(z.shape) for F in (V, A))
+            found = Stages(step.stages.t, z, v0 + free * v, a0 + free * a)
             out.z[mine], out.v[mine], out.a[mine] = found.z, found.v, found.a
             change = self.method.end(change, found, step.h)
         return Course(starts, out, change)

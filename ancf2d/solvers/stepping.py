@@ -84,6 +84,7 @@ class Stepper:
         self.rows = self._rows(n)
         self.steps = 64
         self.failed: ComputationError | None = None
+        self._plan: Record | None = None
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         self.tracks = tracks(model, problem)
         self.driving = np.array(driving(problem), dtype=np.int64)
@@ -275,9 +276,11 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = Record(kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks))
+        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
+        if self._plan is None or self._plan.values != plan:
+            self._plan = Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
-            self.m.record, self.p, self.w, self.s, self._at, plan, self.rows, self.next_wanted, steps)
+            self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
         self._collect(found, stored, logged)
         if why == kernels.FAILED:
             raise failure(self, outcome)
