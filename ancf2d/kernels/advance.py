@@ -273,6 +273,12 @@ def _set_size(s, plan, h, relative, factor, event):  # type: ignore[no-untyped-d
 
 
 @inner
+def _late(plan, size):  # type: ignore[no-untyped-def]
+    """Return how far [m] a place may be off where a step ends behind an impact, else it is made again; 0 for any."""
+    return plan.tolerance * size if plan.dt == 0.0 else 0.0
+
+
+@inner
 def _target(s, plan):  # type: ignore[no-untyped-def]
     """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
     grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
@@ -296,7 +302,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
     Returns (REACHED, FULL, FAILED or EVENT; states stored, steps logged, outcome and iterations of the last try).
     """
     stored, logged, next_wanted = 0, 0, wanted_from
-    outcome, iterations, aims, aimed, event = DONE, 0, 0, 0.0, False
+    outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
     while True:
         t = s.numbers[TIME]
         if event or (aims == 0 and len(p.feedback.watched) > 0
@@ -308,7 +314,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return FULL, stored, logged, outcome, iterations
         target = _target(s, plan) if plan.dt > 0.0 else plan.t_stop
         h = min(s.numbers[STEP_SIZE], target - t)
-        if target - t < 1.1 * h:
+        if target - t < 1.1 * h and sooner == 0.0:
             h = target - t
         if aims > 0:
             h = aimed
@@ -331,7 +337,12 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 event = aimed == 0.0
                 continue
         end = target if h >= target - t else t + h
-        hit = p.sided and calls.impact(p.calls, (p, w, s, m, t, h))
+        sooner = calls.impact(p.calls, (p, w, s, m, t, h, _late(plan, size))) if p.sided else 0.0
+        if sooner > 0.0:
+            s.numbers[STEP_SIZE] = sooner
+            s.numbers[TRIES] += 1.0
+            continue
+        hit = sooner != 0.0
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:

@@ -112,7 +112,7 @@ accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
 # impacts: kernels.impact
 tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
-impact = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
+impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)

@@ -238,9 +238,28 @@ def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-unty
             share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
 
 
+@inner_with_memory
+def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped-def]
+    """Return how long a step may be so that what closes in it is off by no more than ``allowed`` [m], 0 if it is."""
+    best = h
+    for i in range(len(how)):
+        if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0 and g[i] > 0.0:
+            speed = -_approach(g[i], rate[i], second[i], h)
+            if speed > max(rate[i], 0.0):
+                # when the gap is 0, which began with g, its rate and second rate
+                closing = 2.0 * g[i] / (speed - rate[i])
+                if speed * (h - closing) > allowed:
+                    best = min(best, closing + 0.5 * allowed / speed)
+    return best if best < h else 0.0
+
+
 @addressed_with_memory
-def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Do what constraints that closed in the step from s at t to m.end do to its end; return whether there were any."""
+def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
+    """Do what constraints that closed in the step from s at t to m.end do to its end.
+
+    Returns -1 if there were any, 0 if there were none; or how long the step may be, with nothing done, where what
+    closed would be off by more than ``allowed`` [m] (0: it may).
+    """
     n, end = len(p.points.mem), m.end
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     evaluate(p.programs, t + h, w.amps)
@@ -252,14 +271,19 @@ def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             bounces |= p.points.restitution[i] > 0.0
     if not closes:
         _release(p, how)
-        return False
+        return 0.0
     bounce = np.zeros(len(s.z))
     elastic_ones = bounces
-    if bounces:
+    if bounces or allowed > 0.0:
         evaluate(p.programs, t, w.amps)
         _rates(p, w, s.z, s.v, s.a, g, rate, second)
         evaluate(p.programs, t + h, w.amps)
         bounces = False
+        if allowed > 0.0:
+            shorter = _in_time(p, s, how, g, rate, second, h, allowed)
+            if shorter > 0.0:
+                _release(p, how)
+                return shorter
         for i in range(n):
             k = p.place[p.points.multiplier[i]]
             if how[i] == CLOSED and not s.z[k] < 0.0:
@@ -278,7 +302,7 @@ def impact(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     for i in range(len(s.z)):
         change = end.z[i] - s.z[i]
         m.end.dense[0, i], m.end.dense[1, i], m.end.dense[2, i] = change, change, change
-    return True
+    return -1.0
 
 
 @addressed_with_memory

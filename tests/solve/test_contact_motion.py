@@ -116,6 +116,16 @@ def test_nothing_passes_through_an_obstacle_however_long_the_steps(dt):
     assert lost(found) > 100.0
 
 
+def test_adaptive_steps_end_where_something_closes():
+    # nothing else makes the steps of a free fall short
+    found = ride(scene(restitution=0.8), 1.0, tolerance=1e-6, every=1)
+    v = math.sqrt(2.0 * G * HEIGHT)
+    since = 1.0 - v / G * (1.0 + 2.0 * 0.8)
+    assert found.place("rod@1")[1] == pytest.approx(0.8**2 * v * since - 0.5 * G * since**2, abs=2e-5)
+    assert len(found.rows) < 200
+    assert lost(found) == pytest.approx(0.5 * MASS * v**2 * (1.0 - 0.8**4), rel=1e-4)
+
+
 def test_a_floor_that_rises_lifts_a_rod_and_the_balance_tells():
     lift = {"floor": {**FLOOR["floor"], "motion": {"y": {"type": "expression", "value": "0.6*sin(t)^2"}}}}
     found = ride(scene(obstacles=lift), 1.0, dt=1e-3)
