@@ -13,8 +13,11 @@ import ancf2d
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
+from ancf2d.solvers import stepping
+from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.study.run import prepare
 
 E, SIZE, LENGTH = 2e6, 0.02, 1.0
 ZENER = ((0.5, 0.1),)
@@ -266,3 +269,19 @@ def test_springs_of_a_stretched_bar_give_their_energy_to_their_dashpots() -> Non
     swung = swing(2.5e-3, 2.5e-3).energies
     assert (np.diff(swung["dissipated"]) > -1e-8 * swung["strain"].max()).all()
     assert swung["dissipated"][-1] > 0.0
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
+def test_a_resumed_motion_of_rubber_is_the_same_to_the_last_bit(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": material(ZENER),
+            "section": {"height": SIZE, "width": SIZE}}
+    loaded = h.load({"rubber": body}, {"type": "dynamic", "t_end": 0.1, "tolerance": 1e-4, "method": method},
+                    bc=[{"type": "pin", "at": "rubber@0"}], loads=[{"type": "gravity", "value": [0, -9.81]}])
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    whole = list(solve_dynamic(prepare(loaded), loaded.case.solver))
+    kept = [s.checkpoint for s in whole if s.checkpoint is not None]
+    half = kept[len(kept) // 2]
+    assert half["states"].any()
+    *_, last = solve_dynamic(prepare(loaded), loaded.case.solver, half)
+    np.testing.assert_array_equal(last.d, whole[-1].d)
+    assert last.history["dissipated"] == whole[-1].history["dissipated"]
