@@ -29,7 +29,6 @@ from .symmetric import TINY, band_of
 _turn = part(point_laws.turn)
 # what a quantity is: a position, a rate, the angle of a direction or its rate
 POSITION, RATE, ANGLE, SPIN = range(4)
-_turn = part(point_laws.turn)
 
 
 class Feedback(NamedTuple):
