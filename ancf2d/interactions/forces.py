@@ -109,8 +109,8 @@ def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R]
 
     ``force(x, y, par)`` returns fx, fy [N] and dfx/dx, dfx/dy, dfy/dx, dfy/dy; ``par`` are what the record's method
     ``constants()`` returns, at most five numbers. The force is multiplied by the record's amplitude. ``potential``
-    tells whether dfx/dy = dfy/dx: without, modes about a static state and buckling are refused. The record has ``tag``
-    and the keys ``at`` (kind POINT), ``amplitude`` and ``name``. Raises PluginError.
+    tells whether dfx/dy = dfy/dx: without, the stiffness is not symmetric and buckling looks for flutter. The record
+    has ``tag`` and the keys ``at`` (kind POINT), ``amplitude`` and ``name``. Raises PluginError.
     """
     def with_force(cls: R) -> R:
         law = position_law(tag_of(cls), force, potential)

@@ -276,6 +276,43 @@ def test_what_there_is_already_is_not_replaced() -> None:
         rod("static", springs=[spring()])
 
 
+@pytest.mark.usefixtures("registries")
+def test_keys_that_loads_declare_by_are_refused() -> None:
+    with pytest.raises(PluginError, match="OnLine: loads declare line to the model; give the key another name"):
+        @extend.load(lambda x, y, par: (0.0,) * 6, potential=True)
+        @extend.record
+        class OnLine:
+            """A load with a key that says where loads along bodies act."""
+
+            tag = "on_line"
+            at: object = extend.key(extend.POINT, "Point")
+            line: float = extend.key(extend.Number("m"), "x of a line")
+            amplitude: object = extend.key(extend.AMPLITUDE, extend.AMPLITUDE_DOC, default=None)
+            name: str | None = extend.key(extend.NAME, "Name", default=None)
+
+            def constants(self):
+                return [self.line]
+
+
+@pytest.mark.usefixtures("registries")
+def test_reuts_column() -> None:
+    """Reut 1939: a force on a fixed line on a plate at the tip; critical as Beck's (1952), whose adjoint it is."""
+    add("fixed_line")
+    column = {"geometry": {"type": "line", "start": [0, 0], "end": [0, 1]}, "element": h.element("cable", 16),
+              "section": {"EA": 1e7, "kGA": 1e7, "EI": 1, "rhoA": 1, "rhoI": 1e-7}}
+    plate = {"geometry": {"type": "line", "start": [-0.1, 1], "end": [0.1, 1]},
+             "element": {"type": "rigid", "mass": 1e-9, "inertia": 1e-12}}
+    ends = [{"type": "fixed_line", "at": f"plate@{s}", "value": -1, "axis": 0, "width": width}
+            for s, width in ((0, 0.2), (1, -0.2))]
+    found = ancf2d.solve(h.load({"column": column, "plate": plate}, {"type": "buckling", "modes": 1}, loads=ends,
+                                bc=[{"type": "clamp", "at": "column@0"}],
+                                joints=[{"type": "weld", "between": ["column@1", "plate@0.5"]}])).summary["critical"][0]
+    assert found["kind"] == "flutter"
+    assert found["factor"] == pytest.approx(20.0509, rel=1e-4)
+    # of both columns, where the frequencies meet
+    assert found["omega"] == pytest.approx(11.0156, rel=2e-3)
+
+
 # of tests/extend/plugins/friction.py
 SHARE, LIMIT = 0.6, 1e-3
 STIFF = 1e6

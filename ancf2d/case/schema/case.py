@@ -244,6 +244,10 @@ def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: t
     missing = [name for name in wanted if name not in keys]
     if missing:
         raise PluginError(f"{cls.__name__} has no key {' and '.join(missing)}")
+    taken = [name for name in DECLARED[where] if name in keys and name != "active"]
+    if taken:
+        raise PluginError(f"{cls.__name__}: {where} declare {' and '.join(taken)} to the model; give the key another "
+                          "name")
     for method in methods:
         if not callable(getattr(cls, method, None)):
             raise PluginError(f"{cls.__name__} has no method {method}(), which gives the numbers of its law")
