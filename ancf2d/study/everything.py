@@ -25,6 +25,12 @@ GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 # one integrator of each family; the others have the same kernels
 METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
 SIDE = 6  # of the frame that fronts are cheaper for than a band
+LAW = {"stiffness": 1e6, "damping": 1.0}
+# materials with memory, for formulations with fibres: other numbers of fibres and of terms than these are compiled when
+# they are needed
+MEMORY: dict[str, dict[str, Any]] = {
+    "yields": {"yield": 1e8}, "relaxes": {"viscoelastic": [{"modulus": 0.5, "time": 1.0}]},
+    "stretches like rubber": {"law": "neo_hooke"}}
 
 
 def compile_everything(done: Callable[[float, str], None] = lambda share, what: None,
@@ -67,6 +73,15 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "modes of a frame", {**frame, "solver": {"type": "eigen", "modes": 2}}
     follower = [{"type": "follower_force", "at": "c0_0@1", "value": [1.0, 0.0]}]
     yield "statics of a frame under a follower force", {**frame, "solver": STATIC, "loads": follower}
+    bodies = _contact_of_bodies()
+    impacts: dict[str, Any] = {"solver": {**MOMENT, "method": "generalized_alpha"}, "output": FEW}
+    yield "statics of contact between bodies", {**bodies, "solver": STATIC}
+    yield "generalized_alpha of contact between bodies", {**bodies, **impacts}
+    yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
+    # integrators call what these add by address: one stands for all
+    yield "radau5 with controllers, events and what moves", {
+        **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {"tip": "b@1"}}}
+    yield from _memories()
     for name in METHODS:
         motion, conserved = {"solver": {**MOMENT, "method": name}, "output": FEW}, INTEGRATORS[name].conserves
         yield name, {**_laws(conserved), **motion}
@@ -111,7 +126,62 @@ def _interactions() -> dict[str, Any]:
                         {"type": "rotational", "between": ["a@0.5", "rider@0"], "stiffness": 1.0, "damping": 0.1},
                         {"type": "rotational", "between": ["arm@1", [0, 0]], "stiffness": 1.0}],
             "loads": [{"type": "follower_force", "at": "b@0.5", "value": [0.0, 0.01]},
+                      {"type": "tendon", "on": "a", "y": 0.01, "tension": 0.01},
+                      {"type": "tendon", "through": ["b@0.1", {"at": "b@0.5", "y": 0.01}], "stiffness": 1.0},
                       {"type": "moment", "at": "arm@1", "value": 0.01}]}
+
+
+def _contact_with_obstacles() -> dict[str, Any]:
+    """Return a case with contact of bodies with obstacles, with a law and without; nothing has to touch yet."""
+    bodies = {name: _body([0, k], [1, k], {"type": "cable"}, STIFF) for k, name in enumerate(("hard", "soft"))}
+    return {"format": 1, "title": "obstacles", "bodies": bodies, "loads": [GRAVITY],
+            "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
+            "obstacles": {"drum": {"type": "circle", "center": [1, -0.13], "radius": 0.1},
+                          "floor": {"type": "half_plane", "through": [0, 0.97], "normal": [0, 1]}},
+            "contacts": [{"between": ["hard", "drum"]}, {"between": ["soft", "floor"], "friction": 0.1, "law": LAW}]}
+
+
+def _contact_of_bodies() -> dict[str, Any]:
+    """Return a case with contact of bodies with one another, with a law and without; nothing has to touch yet."""
+    bodies = {name: _body([0, y], [1, y], {"type": "cable"}, STIFF)
+              for name, y in (("a", 0.0), ("b", 0.06), ("c", 0.12))}
+    return {"format": 1, "title": "bodies that touch", "bodies": bodies, "loads": [GRAVITY],
+            "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
+            "contacts": [{"between": ["b", "a"], "law": LAW}, {"between": ["c", "b"]}]}
+
+
+def _answers() -> dict[str, Any]:
+    """Return a case with controllers, formulas, events, and a force and a mass that move along a body."""
+    bodies = {name: _body([0, k], [1, k], {"type": "reissner3"}, STIFF) for k, name in enumerate(("a", "b"))}
+    place = {"type": "expression", "value": "0.1 + t"}
+    return {"format": 1, "title": "answers", "bodies": bodies,
+            "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "b@0"},
+                                    {"type": "roller", "at": "a@1", "fixed": "y", "active": {"after": "tip.y > 9"}}],
+            "springs": [{"type": "rotational", "between": [[0, 1], "b@0"], "force": "2*sin(u) + 0.1*v"},
+                        {"type": "translational", "between": ["b@1", [2, 1]], "force": "20*u + 30*u^3"}],
+            "controllers": {"motor": {"type": "pid", "input": "1 - tip.theta", "kp": 3, "ki": 1, "kd": 0.1,
+                                      "filter": 1e-3, "limit": [-5, 5]},
+                            "lead": {"type": "state", "rate": {"z": "1 - tip.theta - z"}, "output": "z"}},
+            "loads": [{"type": "moment", "at": "b@0", "value": 1,
+                       "amplitude": {"type": "expression", "value": "motor + lead"}},
+                      {"type": "distributed", "on": "b", "value": ["-0.1*vx", "-0.1*vy"]},
+                      {"type": "force", "at": "a@1", "value": [0, 1], "active": {"until": "tip.y > 9"}},
+                      {"type": "force", "at": {"on": "a", "s": place}, "value": [0, -1]}]}
+
+
+def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield statics of a body of each formulation that bears a material with memory, or one of large strains."""
+    for kind, keys in MEMORY.items():
+        for name, formulation in FORMULATIONS.items():
+            element = next(t for t in ELEMENTS.values() if formulation.refuse(t) is None)
+            bears = formulation.fibres is not None if kind in ("yields", "relaxes") else name == "continuum"
+            if not bears:
+                continue
+            body = _body([0, 0], [1, 0], {"type": element.name, "formulation": name}, {**STIFF, **keys})
+            yield f"{name} that {kind}", {
+                "format": 1, "title": kind, "bodies": {"a": body}, "loads": [GRAVITY],
+                "boundary_conditions": [{"type": "clamp", "at": "a@0"}],
+                "solver": {"type": "quasi_static", "t_end": 1.0} if kind == "relaxes" else STATIC}
 
 
 def _frame(conserved: bool = False) -> dict[str, Any]:

@@ -28,6 +28,11 @@ def brief(seconds: float | None) -> str:
     return "-"
 
 
+def waits_table(found: Found) -> str:
+    """Return what compiling costs."""
+    return table(["kind of case", "compiling"], [[name, f"{t:.1f} s"] for name, t in found["waits"].items()])
+
+
 def start_table(found: Found) -> str:
     """Return what starting costs."""
     base = found["start"]["the imports alone"]

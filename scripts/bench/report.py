@@ -19,12 +19,13 @@ from typing import Any
 
 from scripts.pages import DOCS, machine, versions
 
-from . import kernels, modes, motion, page, start, statics
+from . import kernels, modes, motion, page, start, statics, waits
 from .apart import apart
 
 PAGE = DOCS / "speed.md"
 PARTS: dict[str, Callable[[int], Any]] = {
     "start": start.measure,
+    "waits": waits.measure,
     "static": lambda repeat: {str(n): statics.compare(n, repeat) for n in statics.COMPARED},
     "scaling": statics.scale,
     "arithmetic": lambda repeat: apart("kernels.measure", 3 * repeat),
@@ -71,6 +72,14 @@ explained below.
 ## Start
 
 {page.start_table(found)}
+
+### Compiling
+
+Kernels are compiled once for a machine, when a run first needs them. Processor time that the first run of a kind takes
+beyond a second one, each kind after those above it: what it adds is all that it waits for, and all processors share
+that. `ancf2d compile` compiles the kernels of all kinds at once. `scripts/bench/waits.py` has the cases.
+
+{page.waits_table(found)}
 
 ## Large deflection of a cantilever
 
