@@ -34,7 +34,7 @@ def unsuited(model: Model) -> str:
     """Return why the steps of a motion have no derivative, empty where they have one."""
     spec = model.case.solver
     if not isinstance(spec, Dynamic):
-        return "the solver has no steps in time"
+        return "the solver has no time steps"
     scheme = INTEGRATORS[spec.method or default_method(model)]
     if scheme.name not in MAKERS or scheme.conserves:
         return f"the steps of {scheme.name} are not differentiated"

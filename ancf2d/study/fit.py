@@ -21,7 +21,7 @@ from .gradient import derivatives
 from .record import Progress
 from .run import run_case, vocabulary
 
-# steps of the differences of motions, as shares of the way between the bounds: where steps in time are fixed, and where
+# steps of the differences of motions, as shares of the way between the bounds: where time steps are fixed, and where
 # they adapt, so that runs side by side differ by their errors too
 STEP, STEP_ADAPTIVE = 1e-4, 2e-3
 # bounds whose ratio is more than this are gone through by equal ratios

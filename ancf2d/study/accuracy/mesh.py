@@ -10,7 +10,6 @@ from ..order import Estimate
 from ..variants import Variant
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
 from .setting import Level, Setting, meshed, with_setting
-from .weighted import weighted
 
 LADDER = 3          # levels at least, the first of which is the least mesh
 HOPELESS = 256      # times the least mesh: a case that no mesh up to there solves
@@ -136,6 +135,8 @@ class Ladder:
         if len(self.levels) != LADDER - 1 or len(self.shares) < 2 or pursuit.weights:
             return
         if pursuit.last is not None and pursuit.last[0] is self.levels[-1]:
+            from .weighted import weighted
+
             found = weighted(with_setting(pursuit.loaded, self.levels[-1].setting), pursuit.last[1])
             if found is not None:
                 pursuit.weights, pursuit.by_adjoint = found.bodies, True
