@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..elements import contact_bodies as laws
 from ..elements import contact_geometry as geometry
@@ -245,6 +244,8 @@ class BodyPair:
 
     def _folded(self, d: Array | None) -> tuple[float, float]:
         """Return how deep a body is in itself, by the distance of places of its axis, and S of one of them."""
+        from scipy.spatial import cKDTree
+
         mesh, z, height = self.mesh, np.linspace(-1.0, 1.0, STATIONS)[:-1], self.mesh.plan.section.height
         places, s = [], (mesh.starts[:, None] + 0.5 * (z + 1.0) * mesh.lengths[:, None]).ravel()
         for ie, dofs in enumerate(mesh.dofs):
