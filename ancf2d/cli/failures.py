@@ -8,7 +8,7 @@ import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem
 from .session import Session
-from .text import many, say
+from .text import let_go_of_output, many, say
 
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
@@ -40,6 +40,7 @@ def explain(error: BaseException, session: Session) -> int:
     elif isinstance(error, OSError):
         what = "the output" if error.filename is None else f"'{error.filename}'"
         reason, code = f"cannot read or write {what}: {error.strerror or error}", FAILED
+        let_go_of_output()
         say(f"error: {reason}", err=True)
     elif isinstance(error, MemoryError):
         reason, code = "there is not enough memory for this", FAILED

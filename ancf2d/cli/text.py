@@ -8,6 +8,7 @@ import re
 import shlex
 import sys
 from collections.abc import Sequence
+from typing import TextIO
 
 import click
 
@@ -30,10 +31,21 @@ def write(text: str, err: bool = False) -> None:
     try:
         click.echo(text, nl=False, err=err)
     except BrokenPipeError:
-        stream = sys.stderr if err else sys.stdout
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())  # what is still buffered would fail once more at the end
-        os.close(nowhere)
+        _let_go(sys.stderr if err else sys.stdout)
+
+
+def let_go_of_output() -> None:
+    """Drop what stdout still has to write where it cannot be written: Python would fail once more at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _let_go(sys.stdout)
+
+
+def _let_go(stream: TextIO) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())  # what is still buffered would fail once more at the end
+    os.close(nowhere)
 
 
 def command_line(*arguments: object) -> str:

@@ -292,7 +292,9 @@ def test_reader_that_goes_away_hears_no_json_of_a_failure(folder: Path) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_full_disk_under_stdout_is_said(folder: Path) -> None:
     with open("/dev/full", "w") as full:
-        process = start(["elements"], stdout=full, stderr=subprocess.PIPE, cwd=folder)
+        # what is buffered fails as it is flushed, which PYTHONUNBUFFERED would do at once
+        process = start(["elements"], stdout=full, stderr=subprocess.PIPE, cwd=folder,
+                        env={k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"})
         _, err = process.communicate(timeout=30)
     assert process.returncode == 1
     assert err == "error: cannot read or write the output: No space left on device\n"

@@ -196,7 +196,7 @@ def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(count: lis
 
 def test_models_with_multipliers_need_few_factorisations_too(count: list[Any]) -> None:
     """A support that turns the end of a cable, and a slider with a mass: beside the same frequencies one by one."""
-    case = cantilever(["shaker", "turn"], count=60)
+    case = cantilever(["shaker", "turn"], count=120)
     case["bodies"]["slider"] = {"geometry": {"type": "line", "start": [0.73, 0], "end": [0.73, 1]},
                                 "element": {"type": "rigid", "mass": 0.1, "inertia": 0.01}}
     case["joints"] = [{"type": "prismatic", "on": "beam", "point": "slider@0"}]
