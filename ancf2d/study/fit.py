@@ -14,7 +14,6 @@ from ..case.axes import Bounds
 from ..case.numbers import Variable, numbers_between, variable_at
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
-from ..model.model import Model
 from .fit_data import Data, Watch, check_data, comparable
 from .goal import for_study
 from .gradient import derivatives
@@ -148,8 +147,6 @@ class _Problem:
         self.scales, self.measured = scales, data.values[data.known]
         self.moves = loaded.case.solver.moves
         self.last: tuple[Any, Array] | None = None
-        # where the case was solved last, the model and its states
-        self.kept: tuple[bytes, Model, list[Any]] | None = None
 
     def values(self, z: Array) -> list[float]:
         """Return the parameters at z."""
@@ -179,7 +176,6 @@ class _Problem:
         outcome = run_case(for_study(self.case(z)), progress=replace(self.progress, state=states.append))
         if outcome.failure is not None:
             raise outcome.failure
-        self.kept = z.tobytes(), outcome.model, states
         return self.watch(outcome.model, states)
 
     def residuals(self, z: Array) -> Array:
@@ -196,14 +192,12 @@ class _Problem:
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
-        from ..solvers.variation import why_not
-
-        case, numbers = self.case(z), [replace(v, value=x) for v, x in zip(self.variables, self.values(z), strict=True)]
-        known = self.kept[1:] if self.moves and self.kept is not None and self.kept[0] == z.tobytes() else None
-        if not self.moves or (known is not None and not why_not(known[0])):
-            found = derivatives(case, self.watch, numbers, known=known)
+        if not self.moves:
+            found = derivatives(self.case(z), self.watch, [replace(v, value=x) for v, x in
+                                                           zip(self.variables, self.values(z), strict=True)])
             self.runs += 1 + sum(4 for method in found.methods if method != "exact")
             return found.jacobian * self.rates(z) / self.scale[:, None]
+        # exact ones of short motions cost more, and least squares need no such digits
         h = STEP if self.loaded.case.solver.dt is not None else STEP_ADAPTIVE  # type: ignore[union-attr]
         columns = []
         for k in range(len(z)):

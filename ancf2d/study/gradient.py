@@ -55,10 +55,10 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
 
 
 def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[Variable],
-                progress: Progress | None = None, known: tuple[Model, list[Any]] | None = None) -> Derivatives:
-    """Return what ``gradient`` does with what is known of it; ``known``: model and states of the run, if it is made."""
+                progress: Progress | None = None) -> Derivatives:
+    """Return what ``gradient`` does with what is known of it."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
-    study = Study(loaded, watch, progress or Progress(), known=known)
+    study = Study(loaded, watch, progress or Progress())
     study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
@@ -104,15 +104,14 @@ class Study:
     """A case solved once, what is watched of it, and how that changes with its numbers."""
 
     def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
-                 warn: Callable[[str], None] = lambda text: None, known: tuple[Model, list[Any]] | None = None
-                 ) -> None:
+                 warn: Callable[[str], None] = lambda text: None) -> None:
         self.loaded, self.watch = _tight(for_study(loaded)), watch
         # what is to be said of the case is said once, not of each run beside it
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
-        self.model, states = known or self._run(None, 0.0)
+        self.model, states = self._run(None, 0.0)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         self.responses, self.reason = self._responses(states)
