@@ -314,7 +314,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return FULL, stored, logged, outcome, iterations
         target = _target(s, plan) if plan.dt > 0.0 else plan.t_stop
         h = min(s.numbers[STEP_SIZE], target - t)
-        if target - t < 1.1 * h and sooner == 0.0:
+        if target - t < 1.1 * h and not sooner > 0.0:
             h = target - t
         if aims > 0:
             h = aimed
