@@ -17,7 +17,7 @@ def vocabulary():
         formulations=("continuum", "enhanced", "strain_split", "structural"),
         nodal_coordinates=("x", "y", "rx_x", "rx_y", "ry_x", "ry_y", "theta"),
         integrators=("radau5", "generalized_alpha", "RK45", "Radau"),
-        output_fields=("stress", "strain", "energy", "plastic_strain"))
+        output_fields=("stress", "strain", "energy", "plastic_strain", "pressure", "traction", "gap", "N", "Q", "M"))
 
 
 @pytest.fixture(scope="session")
