@@ -96,7 +96,7 @@ class Gravity:
                 out.dead.append(context.dead(*_element_loads(mesh, elements, forces), gravity=True))
         for mass in context.masses:
             if isinstance(mass.at, MovingPoint):
-                out.patches.append(context.moving(mass.at, [mass.mass * a for a in self.value]))
+                out.patches.append(context.moving(mass.at, [mass.mass * a for a in self.value], gravity=True))
                 continue
             for (coords, weights), a in zip(context.point(mass.at).position(), self.value, strict=True):
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))

@@ -89,10 +89,12 @@ class LoadContext:
     # what follows another amplitude
     follow: Callable[[Amplitude], Callable[[float], float]] | None = None
 
-    def moving(self, at: MovingPoint, value: Sequence[float]) -> MovingPatch:
+    def moving(self, at: MovingPoint, value: Sequence[float], gravity: bool = False) -> MovingPatch:
         """Return a force of fixed direction that moves along a body and follows the amplitude."""
         assert self.follow is not None
-        return moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
+        patch = moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
+        patch.gravity = gravity
+        return patch
 
     def dead(self, dofs: Index, values: Array, gravity: bool = False) -> DeadLoad:
         """Return a load of fixed direction that follows the amplitude."""

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import Active, Latch
+from ..case import Active, Case, Latch
 from ..elements.point_laws import MAX_MEM, PointLaw
 from ..elements.shape import Array
 from ..elements.sliding import OFF, Moving
+from ..model.breakpoints import breakpoints
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Field, Items, table_of
-from ..model.timing import rates_of
+from ..model.timing import Signal, rates_of
 from .prismatic import axis_coefficients
 
 Course = Callable[[float], float]
@@ -59,8 +60,9 @@ class MovingPatch:
     """
 
     multiplier, fed, scale, symmetric = -1, -1, 1.0, False
-    # when it acts, None for always
+    # when it acts, None for always; whether it is the weight of a mass
     active: Active | Latch | None = None
+    gravity = False
 
     def __init__(self, mesh: BodyMesh, course: Course, law: PointLaw, par: Sequence[float], signal: Course | None,
                  mass: float = 0.0, sign: float = 1.0, others: Sequence[Field] = (), stretches: bool = False) -> None:
@@ -142,12 +144,23 @@ class MovingPatch:
         r = p0 + G @ d[self.dofs[m]]
         return self.mass, r[:2], (G @ v[self.dofs[m]])[:2] + rates_of(self.course, t)[0] * r[2:4]
 
+    def potential(self, d: Array, t: float) -> float:
+        """Return the potential of a constant weight at d (n_full,), from where it is in the reference at t = 0.
+
+        0 while it is off the body; what comes onto it from there begins at its end.
+        """
+        m = self.element(t)
+        if m == OFF:
+            return 0.0
+        _, G, p0, par = self._place(m, t)
+        plan, begins = self.mesh.plan, min(max(self.course(0.0), 0.0), 1.0)
+        return -float(par @ (p0 + G @ d[self.dofs[m]] - plan.position(begins)[0]))
+
     def crossings(self, times: Sequence[float]) -> list[float]:
         """Return the times between some in which s is smooth at which the point enters another element."""
         out: list[float] = []
         for a, b in pairwise(times):
-            t = np.linspace(a, b, SAMPLES + 2)[1:-1]
-            t = np.concatenate([[a + 1e-9 * (b - a)], t, [b - 1e-9 * (b - a)]])
+            t = _inside(a, b)
             s = np.array([self.course(x) for x in t.tolist()])
             for node in self.nodes.tolist():
                 off = np.flatnonzero(s != node)
@@ -165,6 +178,13 @@ def _jet(course: Course | None, t: float) -> tuple[float, float, float]:
 _NONE: NDArray[Any] = np.zeros(0)
 # times between two breaks of a course at which it is looked at
 SAMPLES = 1000
+
+
+def _inside(a: float, b: float) -> Array:
+    """Return times between two breaks of a course, near to these and between."""
+    t = np.linspace(a, b, SAMPLES + 2)
+    t[[0, -1]] = a + 1e-9 * (b - a), b - 1e-9 * (b - a)
+    return t
 
 
 def _root(course: Course, value: float, a: float, b: float) -> float:
@@ -225,6 +245,21 @@ def moving_table(patches: Iterable[Any], row: Callable[[Any], int], fixed: Array
 def moving_force(mesh: BodyMesh, course: Course, value: Sequence[float], signal: Course | None) -> MovingPatch:
     """Return a force of constant direction, ``signal`` times ``value``, at a point that moves along a body."""
     return MovingPatch(mesh, course, FORCE, value, signal)
+
+
+def never_met(case: Case) -> list[str]:
+    """Return what to say of points of a motion that are never on the body along which they move."""
+    out = []
+    for where, at in case.moving_points.items():
+        course, t_end = Signal(at.s), case.solver.end
+        ends = [0.0, *(b.t for b in breakpoints(course, 0.0, t_end)), t_end]
+        s = [np.array([course(x) for x in _inside(a, b).tolist()]) for a, b in pairwise(ends)]
+        # between breaks it passes over all that lies between
+        if all((x > 1.0 + NEAR).all() or (x < -NEAR).all() for x in s):
+            least, most = min(x.min() for x in s), max(x.max() for x in s)
+            out.append(f"{where}: s is between {least:.6g} and {most:.6g} up to t = {t_end:g} and never on {at.on}, so "
+                       "that nothing acts there (it does while 0 <= s <= 1)")
+    return out
 
 
 def moving_mass(mesh: BodyMesh, course: Course, mass: float) -> MovingPatch:

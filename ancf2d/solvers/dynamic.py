@@ -85,8 +85,8 @@ class Balance:
         own = strain - springs if self.stepper.tracks else strain
         total = kinetic + own - dead - row.work + row.lost
         # what drives a mass along a body does work on it, too: what the mass gains
-        carried = self.energies.carried(d, v, row.side)[0]
-        given = (springs if self.stepper.tracks else 0.0) + carried
+        carried, lifted = self.energies.carried(d, v, row.side)[0], self.energies.lifted(d, row.side)
+        given = (springs if self.stepper.tracks else 0.0) + carried + lifted
         if np.isnan(self.numbers[0]):
             self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
@@ -97,7 +97,7 @@ class Balance:
             self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + given - float(self.numbers[3]) + dead + potential
-        return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential,
+        return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential + lifted,
                 "dissipated": row.lost - (kept - float(self.numbers[5])), "work": work}
 
     @property

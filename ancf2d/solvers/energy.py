@@ -25,9 +25,10 @@ def is_constant(amplitude: Callable[[float], float]) -> bool:
     return isinstance(amplitude, Signal) and (amplitude.amplitude is None or isinstance(amplitude.amplitude, Constant))
 
 
-def has_potential(load: DeadLoad) -> bool:
-    """Whether a dead load counts as potential energy, and not by the work it does: gravity that is constant."""
-    return load.gravity and is_constant(load.amplitude)
+def has_potential(load: DeadLoad | MovingPatch) -> bool:
+    """Whether a load counts as potential energy, and not by the work it does: gravity that is constant."""
+    amplitude = load.signal if isinstance(load, MovingPatch) else load.amplitude
+    return load.gravity and amplitude is not None and is_constant(amplitude)
 
 
 class Kinds:
@@ -64,7 +65,9 @@ class Energies:
 
     def __init__(self, model: Model) -> None:
         self.model, self.kinds = model, Kinds(model)
-        self.moving = [p for p in model.interactions.points if isinstance(p, MovingPatch) and p.mass]
+        patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
+        self.moving = [p for p in patches if p.mass]
+        self.weights = [p for p in patches if has_potential(p)]
         self.gravity = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if has_potential(load)]
 
     @cached_property
@@ -104,8 +107,12 @@ class Energies:
         return kept_energy(self.model, d, t)
 
     def potential(self, d: Array) -> float:
-        """Return the potential of gravity that is constant, measured from the reference."""
+        """Return the potential of gravity that is constant on what rests on bodies, measured from the reference."""
         return -sum(factor * float(load.values @ d[load.dofs]) for load, factor in self.gravity)
+
+    def lifted(self, d: Array, t: float) -> float:
+        """Return the potential of gravity that is constant on masses that move along bodies at t."""
+        return sum(patch.potential(d, t) for patch in self.weights)
 
     def momentum(self, d: Array, v: Array) -> tuple[float, float, float]:
         """Return the linear momentum px, py and the angular momentum about the origin.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Gated, Latch
+from ..case import SWITCHED, Gated, Latch
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.moving import MovingPatch
@@ -26,8 +26,6 @@ from ..model.timing import Answer
 from ..results.records import EVENT_WORDS
 from .linear import dense
 
-# what a case has that may begin and end
-SECTIONS = ("boundary_conditions", "joints", "springs", "loads")
 # of a gradient: what is left of it where others make the constraint hold
 SAME = 1e-7
 
@@ -247,7 +245,7 @@ class Events:
         out: list[dict[str, Any]] = []
         names = [name for name, _ in self.model.supports]
         case, t_end = self.model.case, self.motion.spec.t_end
-        for section in SECTIONS:
+        for section in SWITCHED:
             for k, item in enumerate(getattr(case, section)):
                 active = getattr(item, "active", None)
                 window = self._own.get(id(self.model.timing.window(active)), active)
@@ -256,7 +254,7 @@ class Events:
                 for t, what in zip(happened, EVENT_WORDS, strict=False):
                     if (t > 0.0 or (t == 0.0 and isinstance(window, Latch))) and t <= t_end:
                         out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
-                        if section == SECTIONS[0] and what == EVENT_WORDS[0] and names[k] in self.impulses:
+                        if section == SWITCHED[0] and what == EVENT_WORDS[0] and names[k] in self.impulses:
                             out[-1]["impulse"] = self.impulses[names[k]]
         out.sort(key=lambda event: event["t"])
         if t_end < case.solver.t_end:

@@ -126,7 +126,8 @@ def energies(model: Model, state: State) -> dict[str, float]:
         return {"strain": state.energy + kept, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
     kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]
-    return {"strain": state.energy, "kinetic": kinetic, "potential": moving.potential(state.d)}
+    potential = moving.potential(state.d) + moving.lifted(state.d, state.side)
+    return {"strain": state.energy, "kinetic": kinetic, "potential": potential}
 
 
 def unbalanced_forces(model: Model, state: State) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..case import (
+    SWITCHED,
     Buckling,
     Case,
     Dynamic,
@@ -20,6 +21,7 @@ from ..case import (
     Static,
 )
 from ..elements.shape import Array
+from ..interactions.moving import never_met
 from ..model.model import Model
 from .state import State
 
@@ -101,6 +103,11 @@ def left_out(case: Case) -> list[str]:
             out.append(f"the response is of probes: {', '.join(fields)} are those of the state about which the model "
                        "oscillates")
         return out
+    if case.solver.moves:
+        late = [(f"{section}.{k}", item.active.from_) for section in SWITCHED for k, item in enumerate(
+            getattr(case, section)) if getattr(item, "active", None) is not None and item.active.from_ is not None]
+        return [*never_met(case), *(f"{what}: it begins at t = {begin:g}, and the motion ends at {case.solver.end:g}"
+                                    for what, begin in late if begin >= case.solver.end)]
     if not isinstance(case.solver, Eigen):
         return []
     dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import ancf2d
+from ancf2d.study.run import prepare
 
 Array = NDArray[np.float64]
 # of a beam of unit length, mass per length and bending stiffness: the first mode is as long as the way at this speed
@@ -173,6 +174,41 @@ def test_spring_with_an_end_that_moves() -> None:
     t = solved.course_t
     expected = -0.25 * (1 - np.exp(-c * t) * (np.cos(w * t) + c / w * np.sin(w * t)))
     assert solved.course["seat"]["uy"] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("s", "work"), [("0.8", 0.0), ("0.2 + 0.6*t^2", None)])
+def test_the_weight_of_a_mass_that_moves_has_a_potential(s: str, work: float | None) -> None:
+    """Bar and mass fall about a pin: with the mass at rest on the bar energy stays, else its drive does work on it."""
+    solved = ancf2d.solve({
+        "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
+        "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": s}}, "mass": 2}],
+        "loads": [{"type": "gravity", "value": [0, -10]}],
+        "solver": {"type": "dynamic", "t_end": 0.7, "tolerance": 1e-8, "estimate": False},
+        "output": {"probes": {"tip": "bar@1"}, "interval": 0.1}})
+    tip, energy = solved.probes["tip"], solved.summary["energy"]
+    r = 0.8 if work == 0.0 else 0.2 + 0.6 * 0.49
+    # heights above where they are in the reference at t = 0
+    potential = 10 * (3 * 0.5 * tip["y"] + 2 * r * tip["y"])
+    kinetic = 0.5 * (1 + 2 * r * r) * tip["omega"]**2 + (0.0 if work == 0.0 else (1.2 * 0.7)**2)
+    assert energy["potential"] == pytest.approx(potential, rel=1e-9)
+    # rates of a rigid bar are along it within the tolerance of the steps alone
+    assert energy["kinetic"] == pytest.approx(kinetic, rel=1e-6)
+    assert energy["work"] == pytest.approx(kinetic + potential if work is None else work, abs=1e-6)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
+def test_what_never_comes_onto_its_body_is_told() -> None:
+    def said(**more: Any) -> list[str]:
+        return prepare(ancf2d.load(bridge(0.5, **more))).warnings
+    off: dict[str, Any] = {"on": "beam"}
+    for value, meets in (("-3*t", False), ("t + 0.3", True), ("1.5 + t", False), ("-1 if t < 0.3123 else 2", False),
+                         ("2 if t < 0.3123 else 0.5", True), ("1e5*(t - 0.3123)", True)):
+        off["s"] = {"type": "expression", "value": value}
+        told = said(loads=[{"type": "force", "at": off, "value": [0, 1]}])
+        assert [text.startswith("loads.0.at: s is between") for text in told] == [True] * (not meets)
+        assert said(masses=[{"at": off, "mass": 1}]) == [text.replace("loads", "masses") for text in told]
+    (text,) = said(loads=[{"type": "force", "at": "beam@0.5", "value": [0, 1], "active": {"from": 9}}])
+    assert text == "loads.0: it begins at t = 9, and the motion ends at 0.63662"
 
 
 def test_what_moves_is_checked() -> None:

@@ -4,7 +4,7 @@ A further solver or amplitude is one more dataclass with a ``tag`` (what ``type`
 module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions`` and in plugins, which register them.
 """
 
-from .active import Active, Gated, Latch, Windowed, amplitude_of
+from .active import SWITCHED, Active, Gated, Latch, Windowed, amplitude_of
 from .amplitudes import Amplitude, Constant, Expression, Ramp, Sine, Table
 from .body import (
     AreaSection,
@@ -49,7 +49,8 @@ from .solvers import (
 )
 
 __all__ = [
-    "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case", "Constant",
+    "SWITCHED", "Active", "Amplitude", "Arc", "ArcPiece", "AreaSection", "Body", "BodyInitial", "Buckling", "Case",
+    "Constant",
     "Controller", "CurveGeometry", "Damping", "Dynamic", "Eigen", "Element", "Expected", "Expression",
     "FrequencyResponse", "Gated", "Geometry", "Goal", "GroundPoint", "Initial", "Latch", "Layers", "LimitPoints",
     "Line", "LinePiece", "LinearStatic", "LoadFactor", "Material", "MaterialDamping", "MaxwellTerm", "MovingPoint",

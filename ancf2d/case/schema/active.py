@@ -75,6 +75,8 @@ class Active:
         return _within(self.times, t)
 
 
+# what a case has that may begin and end
+SWITCHED = ("boundary_conditions", "joints", "springs", "loads")
 ACTIVE, ACTIVE_DOC = Record(Active), "When it acts (dynamic; default: always)"
 
 
