@@ -28,7 +28,7 @@ from ..model.points import PointRef, point_ref
 from ..model.profiles import breaks, values
 from .body_loads import VARYING, covered
 from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
-from .tendon_laws import ELASTIC, TENSION, piece, taut
+from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # fields of an elastic tendon: the stiffness between all of them is one matrix
 MOST = 504
@@ -53,6 +53,24 @@ class ElasticTendon(PointPatch):
         """Return the tension [N] at displacements d (n_q,)."""
         length = 1.0 if self.signal is None else self.signal(t)
         return float(taut(self.p0, self.G @ d[self.dofs[0]], length, self.par, int(self.par[3]))[1])
+
+    def wound(self, d: Array) -> float:
+        """Return the derivative of the tension [N] by the amplitude at displacements d (n_q,), where it rests."""
+        _, T, k, _ = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
+        return float(-k * self.par[2] * (1.0 + T / self.par[0]))
+
+    def winding(self, d: Array) -> Array:
+        """Return the forces (n,) along its coordinates per unit of the amplitude at displacements d, where it rests."""
+        u, f, size = self.G @ d[self.dofs[0]], np.zeros(len(self.p0)), int(self.par[3])
+        for at in range(0, len(f), size):
+            x, y = piece(self.p0, u, u, at, size)
+            if L := float(np.hypot(x, y)):
+                slopes(self.p0, u, u, at, size, x / L, y / L, f)
+        return np.asarray(-self.wound(d) * (self.G.T @ f))
+
+    def rests(self) -> None:
+        """Let the amplitude be 0: what winds it up is an input of small motions."""
+        self.signal = lambda t: 0.0
 
     def tighten(self, share: float) -> None:
         """Do nothing: without slack it does not pull in the reference."""
@@ -140,7 +158,9 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
 class Guide:
     """A tendon guided along a body from S = ``first`` to ``last`` at ``y`` off its axis.
 
-    ``cover`` integrates along it: (elements, points xi, weights in m). ``tension(d, t)`` is its tension [N].
+    ``cover`` integrates along it: (elements, points xi, weights in m). ``tension(d, t)`` is its tension [N], and
+    ``wound(d)`` the derivative of that by the amplitude. It depends on the coordinates ``depends``: none where it is
+    given.
     """
 
     mesh: BodyMesh
@@ -149,6 +169,8 @@ class Guide:
     y: float | Profile
     cover: list[tuple[Index, Array, Array]]
     tension: Callable[[Array, float], float]
+    wound: Callable[[Array], float]
+    depends: Index
 
     def offsets(self, s: Array) -> tuple[Array, Array]:
         """Return y and dy/dx at places S (n,), 0 for a curve whose tendon is on its axis, with moments at its ends."""
@@ -268,14 +290,16 @@ class Tendon:
         Raises LoadError where its body cannot have it.
         """
         pieces = self._pieces(context)
-        tension = self._put(context, out, pieces)
+        elastic, given = self._put(context, out, pieces), self.tension or 0.0
         if self.on is not None:
             mesh = context.meshes[self.on]
             cover = _cover(mesh, self.from_, self.to, self.y, self._more)
-            out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, tension))
+            own = (elastic.tension, elastic.wound, elastic.coordinates) if elastic is not None else (
+                lambda d, t: given * context.amplitude(t), lambda d: given, np.zeros(0, dtype=np.intp))
+            out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, *own))
 
-    def _put(self, context: LoadContext, out: LoadSet, pieces: list[list[Field]]) -> Callable[[Array, float], float]:
-        """Add the pieces, and return the tension as a function of displacements and time."""
+    def _put(self, context: LoadContext, out: LoadSet, pieces: list[list[Field]]) -> ElasticTendon | None:
+        """Add the pieces, and return the elastic tendon that they are, if it is one."""
         size = max(map(len, pieces))
         pieces = [[*p, *[NOTHING] * (size - len(p))] for p in pieces]
         if self.stiffness is not None:
@@ -285,7 +309,7 @@ class Tendon:
                                 f"fewer elements or eyelets, at most {MOST // size} pieces")
             tendon = ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude)
             out.springs.append(tendon)
-            return tendon.tension
+            return tendon
         given = self.tension
         assert given is not None
         out.patches += [PointPatch(TENSION, p, [given, size], context.amplitude) for p in pieces]
@@ -295,4 +319,4 @@ class Tendon:
             for end, sign in ((self.to, 1.0), (self.from_, -1.0)):
                 kind, turning = turn_fields(context.point(Point(self.on, end)))
                 out.patches.append(PointPatch(MOMENT, turning, [sign * given * self.y, kind], context.amplitude))
-        return lambda d, t: given * context.amplitude(t)
+        return None

@@ -205,9 +205,12 @@ class _Builder:
                 load.add(context, out)
             except LoadError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
-            if out is not self.loads and out.springs:
-                self.report(("loads", i, "name"), f"loads.{i}: an elastic tendon cannot be an input",
-                            "one of given tension")
+        for one in self.inputs.values():
+            # springs that are wound up stay where they are, at rest
+            for tendon in one.springs:
+                tendon.rests()
+            self.loads.springs += one.springs
+            self.loads.guides += [guide for guide in one.guides if len(guide.depends)]
         self.springs += self.loads.springs
         if self.case.steady_rotation is not None:
             masses = [(m, self.point(m.at)) for m in self.case.resting_masses]

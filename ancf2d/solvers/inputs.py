@@ -138,6 +138,8 @@ def load_forces(small: Linearised, loads: LoadSet) -> Array:
     e = model.e0 + d[:model.n_q]
     for batch in Interactions([], loads.patches, [], model.e0).loads:
         np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
+    for tendon in loads.springs:
+        np.add.at(out, tendon.coordinates, tendon.winding(d))
     if loads.natural:
         model.set_natural(small.base.state.t if small.base.loaded else None)
         natural = np.zeros(len(d))

@@ -101,6 +101,7 @@ def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
         ends = (model.point(p) for p in spring.between if not isinstance(p, GroundPoint))
         if any(is_inside(end, mesh) and end.ie == ie for end in ends):
             coords.append(patch.coordinates)
+    coords += [guide.depends for guide in model.loads.guides if guide.mesh is mesh]
     if any(row.owner in owners for row in model.rows):
         return None
     for _, _, _, dofs in model.interactions.constraints(state.d, state.side):

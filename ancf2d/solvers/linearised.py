@@ -54,7 +54,8 @@ def base_state(model: Model, about: str) -> Base:
     """
     if about == "static":
         return _equilibrium(model)
-    return _rest(replace(model, loads=LoadSet(flows=model.loads.flows)))
+    guides = [guide for guide in model.loads.guides if len(guide.depends)]
+    return _rest(replace(model, loads=LoadSet(flows=model.loads.flows, guides=guides)))
 
 
 def _rest(model: Model) -> Base:

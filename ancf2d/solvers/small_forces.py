@@ -78,9 +78,10 @@ class SmallForces:
             return np.zeros(3)
         # natural strains are not quite linear in their size; what has no amplitude follows the load factor
         natural = [replace(one, amplitude=lambda t: t) for one in loads.natural]
+        guides = [replace(one, tension=lambda d, t, by=one.wound: t * by(d)) for one in loads.guides]
         own = tuple(replace(load, amplitude=None) for load in model.case.loads if load.name == name)
         alone = replace(model, case=replace(model.case, loads=own, steady_rotation=None), inputs={},
-                        loads=LoadSet(natural=natural))
+                        loads=LoadSet(natural=natural, guides=guides))
         forces = SectionForces(alone, self.point.mesh, np.array([self.point.xi]))
         ends = [self._at(forces, replace(self.state, side=step)) for step in (FACTOR, -FACTOR)]
         alone.set_natural(None)

@@ -8,6 +8,7 @@ import helpers
 import numpy as np
 import pytest
 
+import ancf2d
 from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
 from ancf2d.errors import CaseError
 from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
@@ -192,3 +193,33 @@ def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, i
         (U1, f1, _), (U0, f0, _) = at(u + e), at(u - e)
         assert f[k] == pytest.approx((U1 - U0) / (2 * h), abs=1e-8)
         np.testing.assert_allclose(H[free, k], ((f1 - f0) / (2 * h))[free], atol=1e-8)
+
+
+INPUTS: dict[str, dict[str, Any]] = {
+    "given": {"on": "a", "y": "0.04*(1 - 0.5*s)", "to": 0.8, "tension": 30.0},
+    "wound": {"on": "a", "y": "0.04*(1 - 0.5*s)", "stiffness": 3e4, "slack": -0.02},
+    "laced": {"through": [[0.0, -0.3], {"at": "a@0.5", "y": -0.06}, "a@1"], "stiffness": 3e4, "slack": 0.01}}
+
+
+@pytest.mark.parametrize(("name", "kind"), [("wound", "reissner3"), *(
+    pytest.param(name, kind, marks=pytest.mark.slow) for name, kind in (
+        ("given", "reissner3"), ("laced", "reissner3"), ("given", "vallejo"), ("wound", "vallejo")))])
+def test_tendons_as_inputs_are_derivatives_of_statics(name: str, kind: str) -> None:
+    """At frequency 0, about a loaded state: motions, N, Q and M beside differences of equilibria; tension or slack."""
+    load = {"type": "tendon", "name": "t", **INPUTS[name]}
+    # other tendons, and what pulls at them all, act in the state
+    others = [{"type": "tendon", **one} for other, one in INPUTS.items() if other != name]
+    push = {"type": "force", "at": "a@1", "value": [300.0, -5.0]}
+    scene: dict[str, Any] = {"bodies": {"a": beam(kind, 5)}, "boundary_conditions": CLAMP, "output": {
+        "probes": {"p": "a@0.43", "q": "a@0.9"}, "fields": ["N", "Q", "M"]}}
+    response = ancf2d.solve({**scene, "loads": [load, *others, push], "solver": {
+        "type": "frequency_response", "frequencies": [0], "inputs": ["t"], "about": "static"}}).summary["response"]["t"]
+    ends, h = [], 0.01
+    for share in (h, 0.0, -h):
+        loads = [{**load, "amplitude": {"type": "ramp", "scale": share}}, *others, push]
+        ends.append(ancf2d.solve({**scene, "loads": loads, "solver": {"type": "static"}}).summary["probes"])
+    for probe, found in response.items():
+        for q in ("ux", "uy", "theta", "N", "Q", "M"):
+            plus, middle, minus = (end[probe][q] for end in ends)
+            slope, bend = (plus - minus) / (2 * h), abs(plus - 2 * middle + minus) / h
+            assert found[q]["re"][0] == pytest.approx(slope, rel=3e-4, abs=0.05 * bend), (probe, q)
