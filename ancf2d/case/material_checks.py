@@ -11,10 +11,8 @@ from .schema import Layers
 # solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
 HYPERELASTIC = (*KNOWING, "buckling")
-RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "buckling",
+RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "state_space", "buckling",
             "dynamic")
-# loads whose forces are those of strains, which relax too
-STRAINING = ("eigenstrain", "temperature", "tendon")
 FIELDS = ("stress", "strain", "energy")
 # solvers that follow fibres along their way
 FOLLOWING = ("static", "quasi_static", "dynamic")
@@ -92,16 +90,10 @@ def _check_layers(checker: Any) -> None:
 
 
 def _check_inputs(checker: Any) -> None:
-    """Check that what oscillates is a force, and that no section forces are asked for, which would relax too."""
+    """Check that no section forces are asked for, which would relax too."""
     case = checker.case
-    if INVALID in (case.loads, case.boundary_conditions, case.output) or case.output.fields is INVALID:
+    if case.output is INVALID or case.output.fields is INVALID:
         return
-    strains = {load.name for load in case.loads if load is not INVALID and load.tag in STRAINING}
-    moves = {support.name for support in case.boundary_conditions if support is not INVALID and support.motions}
-    for k, name in enumerate(case.inputs):
-        if name in strains | moves:
-            checker.fail(("solver", "inputs", k), f"solver.inputs: {name} cannot oscillate beside a viscoelastic "
-                         "material, whose forces would follow it with a delay", "a force")
     for k, field in enumerate(case.output.fields):
         if field in ("N", "Q", "M"):
             checker.fail(("output", "fields", k), f"output.fields: the response of {field} is not known of a "

@@ -15,11 +15,11 @@ from ..model.model import Model
 from .classify import Classifier
 from .eigen import full_shapes
 from .flutter import Change, Stability, critical_factors
-from .inputs import Quadratic
 from .ldl import Symmetric
 from .linear import scattered, unknowns_to_coordinates
 from .linearised import Base, Linearised, base_state, stored
 from .lowest_modes import Pencil, each, ritz
+from .projected import Quadratic
 from .resolution import Resolution
 from .state import State
 from .static import unscaled

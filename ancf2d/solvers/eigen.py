@@ -13,22 +13,19 @@ from numpy.typing import NDArray
 
 from ..case import Eigen
 from ..elements.shape import Array
-from ..errors import ComputationError
 from ..model.model import Model
 from .classify import Classifier, Verdict
-from .factors import Factors
-from .inputs import Complex, Quadratic
 from .linearised import Linearised, small_motions
 from .lowest_modes import Modes, characteristic, first_shift, lowest
+from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
+from .relaxing import relaxing_pairs
 from .state import State
 
 # relative uncertainty of an eigenvalue that is worth a word
 POOR = 1e-6
 # a real part within this share of a pair that nothing damps is round-off
 IMAGINARY = 1e-7
-# of materials that relax: iterations for one mode, and the change of its eigenvalue at the end and where it has failed
-NEWTON, SAME, ROUGH = 20, 1e-12, 1e-8
 
 
 def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
@@ -36,17 +33,16 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
 
     About the reference, loads do not act; about the static equilibrium they have been followed to their full size
     and K is the tangent there, their own stiffness included. In a turning frame the state is the equilibrium in it.
-    Without C and with a symmetric K, s^2 = -omega^2 is real.
+    Without C and with a symmetric K, s^2 = -omega^2 is real. Materials that relax add to K what depends on s.
     """
     turns = model.case.steady_rotation is not None
     small = small_motions(model, spec.about, "eigen")
     base = small.base
-    relaxes = spec.damped and bool(small.relaxing)
-    if relaxes and (turns or not base.model.symmetric):
-        raise ComputationError("modes of materials that relax are not found with loads or frames that make K "
-                               "unsymmetric", at={"solver": "eigen"}, advice="damped: false, or frequency_response")
     real = base.model.symmetric and not turns and not (spec.damped and small.rates.damps)
-    found = (_relaxing if relaxes else _real if real else _complex)(small, spec)
+    if spec.damped and small.relaxing:
+        found = _relaxing(small, spec, real)
+    else:
+        found = (_real if real else _complex)(small, spec)
     model, state = base.model, base.state
     shapes = full_shapes(model, found.vectors)
     classifier = Classifier(model, state.d)
@@ -97,39 +93,23 @@ def _real(small: Linearised, spec: Eigen) -> Found:
     return Found(s, modes.vectors, None, zero, modes.error, mode_warnings(spec.modes, modes))
 
 
-def _relaxing(small: Linearised, spec: Eigen) -> Found:
-    """Return the modes that vibrate of materials that relax: Newton's method from those of the long-time modulus.
-
-    T(s) x = 0 is no polynomial in s; x becomes T(s)^-1 T'(s) x, and s less the ratio of their sizes (Ruhe 1973).
-    """
-    start, problem = _real(small, spec), Quadratic(small)
-    s, shapes, gaps = start.s.astype(complex), start.vectors.astype(complex), np.zeros(len(start.s))
-    weights, lost = problem.weights**2, 0
-    for k in np.flatnonzero(~start.zero):
-        one, x = complex(s[k]), shapes[k]
-        # first of this shape alone
-        for _ in range(NEWTON):
-            step = complex(x @ (problem.matrix(one) @ x)) / complex(x @ problem.slope(one, x))
-            one -= step
-            if abs(step) <= SAME * abs(one):
-                break
-        for _ in range(NEWTON):
-            u = np.asarray(Factors(problem.matrix(one)).solve(problem.slope(one, x)))
-            step = complex(x.conj() @ (weights * x)) / complex(x.conj() @ (weights * u))
-            x = u / problem.size(np.abs(u))
-            one, gaps[k] = one - step, abs(step) / abs(one)
-            if gaps[k] <= SAME:
-                break
-        lost += not (one.imag > 0.0 and gaps[k] <= ROUGH)
-        s[k], shapes[k] = one, x
-    kept = np.array([z or (v.imag > 0.0 and g <= ROUGH) for z, v, g in zip(start.zero, s, gaps, strict=True)])
-    order = np.flatnonzero(kept)[np.argsort(s.imag[kept], kind="stable")]
-    phases = [problem.phases(x) for x in shapes[order]]
-    warnings = [*start.warnings, "materials relax: real eigenvalues, of motions that decay without vibrating, are not "
-                "listed"]
-    warnings += [f"{lost} of the modes of the long-time modulus do not vibrate"] if lost else []
+def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
+    """Return pairs and real eigenvalues of materials that relax, from the modes of the long-time modulus."""
+    start, problem = (_real if real else _complex)(small, spec), Quadratic(small, relaxes=True)
+    still, moves = np.flatnonzero(start.zero), ~start.zero
+    known = [*start.vectors[moves], *(() if start.quarter is None else start.quarter[moves])]
+    pairs = relaxing_pairs(problem, known, int(moves.sum()) if real else spec.modes)
+    s = np.concatenate([np.zeros(len(still)), pairs.s])
+    X = np.concatenate([start.vectors[still].astype(complex), pairs.vectors])
+    order = np.lexsort((np.abs(s), s.imag))
+    phases = [problem.phases(x) for x in X[order]]
     vectors, quarter = (np.array([p[k] for p in phases]).reshape(len(order), small.n) for k in (0, 1))
-    return Found(s[order], vectors, quarter, start.zero[order], gaps[order], warnings)
+    warnings = start.warnings if real else []
+    if pairs.lost:
+        warnings = [*warnings, f"{pairs.lost} eigenvalues of materials that relax were not found: ask for more modes, "
+                    "whose shapes they are sought with"]
+    return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(still))[order],
+                 np.concatenate([start.residual[still], pairs.gaps])[order], warnings)
 
 
 def _complex(small: Linearised, spec: Eigen) -> Found:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .inputs import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
+from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 from .quadratic import AT_REST, Search, shift_of
 
 if TYPE_CHECKING:

@@ -17,8 +17,9 @@ from ..model.mesh import Index
 from ..model.model import Model
 from ..results.responses import interpolated
 from .factors import Factors
-from .inputs import Complex, Input, Inputs, Output, Quadratic, Space, outputs, projected_values, within_constraints
+from .inputs import Input, Inputs, Output, outputs
 from .linearised import small_motions
+from .projected import Complex, Quadratic, Space, projected_values, within_constraints
 from .state import State
 
 # from so many unknowns and frequencies on, responses at given frequencies are computed in a space of few vectors
@@ -52,7 +53,7 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     small = small_motions(model, spec.about, "frequency_response")
     state = small.base.state
     inputs, probes = Inputs(small)(spec.inputs), outputs(small, spec.inputs)
-    problem = Quadratic(small)
+    problem = Quadratic(small, relaxes=True)
     if spec.frequencies is None:
         hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.told_frequencies)
         if len(hz) >= MOST_POINTS:
@@ -73,7 +74,7 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
     The error is beside the largest displacement of a probe at the same frequency, of section forces beside the
     largest of these; None where each frequency is solved.
     """
-    if problem.n >= LARGE and len(hz) >= MANY and not problem.small.relaxing:
+    if problem.n >= LARGE and len(hz) >= MANY and not problem.relaxing:
         found = _Reduced(problem, inputs, probes).settled(np.array(hz))
         if found is not None:
             return found
@@ -91,7 +92,7 @@ def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequen
     grid, reduced = np.union1d(hz, space(hz[0], hz[-1], SEARCHED)[1:-1]), _Reduced(problem, inputs, probes)
     place = _Placing(problem, probes, spec)
     # the matrix of a material that relaxes is no quadratic polynomial of s, which a small space could keep
-    for _ in range(0 if problem.small.relaxing else ROUNDS):
+    for _ in range(0 if problem.relaxing else ROUNDS):
         found = reduced.settled(grid)
         if found is None:
             break
@@ -100,7 +101,7 @@ def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequen
             return hz.tolist(), *found
         grid = hz
     solved = _Solved(problem, inputs, probes)
-    hz = place(solved, hz, np.zeros(0, dtype=complex) if problem.small.relaxing else reduced.poles())
+    hz = place(solved, hz, np.zeros(0, dtype=complex) if problem.relaxing else reduced.poles())
     return hz.tolist(), solved(hz), None
 
 
@@ -296,7 +297,7 @@ def _direct_parts(inputs: Sequence[Input], probes: Sequence[Output]) -> Array:
 def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Complex]:
     """Return the motion z (n,) that each input causes at s, from one factorisation."""
     factors = Factors(problem.matrix(s))
-    found = [] if factors.singular else [_refined(problem, factors, _force(one, s), s) for one in inputs]
+    found = [] if factors.singular else [_refined(problem, factors, problem.force(one, s), s) for one in inputs]
     if not found or not all(np.isfinite(z).all() for z in found):
         raise ComputationError("the response is infinite: an undamped mode has this frequency, or something moves "
                                "freely", at={"hz": float(f"{abs(s) / (2 * math.pi):.6g}")},
@@ -309,9 +310,7 @@ def _refined(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Co
     z = np.asarray(factors.solve(f))
     last = np.inf
     for _ in range(MOST):
-        parts = [np.ascontiguousarray(part) for part in (z.real, z.imag)]
-        K, C, M = (act(parts[0]) + 1j * act(parts[1]) for act in (problem.stiffness, problem.damping, problem.mass))
-        more = np.asarray(factors.solve(f - K - s * C - s * s * M - problem.relaxed(s, z)))
+        more = np.asarray(factors.solve(f - problem.action(s, z)))
         size = float(np.linalg.norm(problem.weights * more) / (np.linalg.norm(problem.weights * z) or 1.0))
         if not size < 0.5 * last:
             break
@@ -319,10 +318,6 @@ def _refined(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Co
         if size <= ROUND_OFF:
             break
     return z
-
-
-def _force(one: Input, s: complex) -> Complex:
-    return np.asarray(one.f[0] + s * one.f[1] + s * s * one.f[2], dtype=complex)
 
 
 def _read(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], s: complex, Z: Sequence[Complex]

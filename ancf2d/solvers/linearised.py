@@ -179,17 +179,18 @@ class Relaxing:
         self.model, self.d, self.terms = model, d, terms
         self.groups = [group for pool, group in zip(model.pools, model.groups, strict=True)
                        if pool.plan.section.maxwell == terms]
-        self.V = _by_columns(model, self._forces)
+        self.V = _by_columns(model, self.forces)
 
     def factor(self, s: complex) -> complex:
-        """Return sum g s tau/(1 + s tau)."""
-        return sum((g * s * tau / (1.0 + s * tau) for g, tau in self.terms), 0j)
+        """Return sum g s tau/(1 + s tau), real where s is."""
+        return sum((g * s * tau / (1.0 + s * tau) for g, tau in self.terms), 0.0)
 
     def slope(self, s: complex) -> complex:
         """Return the derivative of the factor by s."""
-        return sum((g * tau / (1.0 + s * tau) ** 2 for g, tau in self.terms), 0j)
+        return sum((g * tau / (1.0 + s * tau) ** 2 for g, tau in self.terms), 0.0)
 
-    def _forces(self, v: Array) -> Array:
+    def forces(self, v: Array) -> Array:
+        """Return V v (n_full,) of motions in full coordinates."""
         out = np.zeros(len(v))
         self.model.set_natural(None)
         for group in self.groups:
@@ -201,7 +202,7 @@ class Relaxing:
         num = self.model.numbering
         v = np.zeros(len(num.place))
         num.expand(x, v)
-        return num.reduce(self._forces(v))
+        return num.reduce(self.forces(v))
 
 
 class RateForces:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .factors import Factors, turned_on_half_circle
-from .inputs import Complex, Quadratic, Space, projected_pairs
+from .projected import Complex, Quadratic, Space, projected_pairs
 
 # up to so many unknowns, every eigenvalue is computed at once
 DENSE = 40

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,17 +14,21 @@ from ..errors import ComputationError
 from ..model.model import Model
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
-from .inputs import Complex, Input, Inputs, Quadratic
+from .inputs import Input, Inputs
 from .inputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
 from .lowest_modes import each, find_shift, lowest
+from .projected import Complex, Quadratic
 from .refine import refined
+from .relaxing import Projected
 from .state import State
 
 # rounds of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
 # share of an eigenvalue by which a matrix is moved off it, so that it has factors
 BESIDE = 1e-10
+# share of a response that is new beside modes and other responses, from which on it is one more vector
+NEW = 1e-4
 UNITS = "consistent units; u = 1 is the load or the motion as the case gives it"
 
 
@@ -56,8 +60,8 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     small = small_motions(model, spec.about, "state_space")
     base = small.base
     inputs, outputs = Inputs(small)(spec.inputs), _Outputs(small, spec.outputs)
-    found, warnings = _symmetric(small, spec, inputs, outputs) if base.model.symmetric else \
-        _unsymmetric(small, spec, inputs, outputs)
+    form = _relaxing if small.relaxing else _symmetric if base.model.symmetric else _unsymmetric
+    found, warnings = form(small, spec, inputs, outputs)
     names = _with_rates(found, list(spec.inputs), [k for k, one in enumerate(inputs) if one.name not in model.inputs])
     state = base.state
     entries = poles(found.A)
@@ -184,6 +188,83 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
     return found, pair_warnings(spec.modes, pairs, pairs.s)
 
 
+def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
+              ) -> tuple[LinearModel, list[str]]:
+    """Return the model in the space of the modes at the long-time modulus and of what the inputs do at rest and later.
+
+    z = lift u + q W makes q'' + C q' + K q + what relaxes = f0 u + f1 u' + f2 u'' + what of it relaxes. The lift is the
+    static response to inputs that move constraints, 0 of others. With q = p + f2 u and q' = v + b u + f2 u', b = f1 - C
+    f2, no derivatives of u are left among the states p, v and dashpots.
+    """
+    problem, (shapes, warnings) = Quadratic(small, relaxes=True), _shapes(small, spec)
+    moved = [bool(i.f[0][~problem.moved].any()) for i in inputs]
+    free = small.model.symmetric and not _held(small)
+    rest = _left_out(small, shapes, inputs) if free else _static(small, inputs)
+    lifts = [np.where(m & problem.moved, x, 0.0) for m, x in zip(moved, rest, strict=True)]
+    lifted = [_lifted(problem, i, x) for i, x in zip(inputs, lifts, strict=True)]
+    beside = [x for x, m in zip(rest, moved, strict=True) if not m]
+    beside += _while_relaxing(problem, lifted)
+    space = Projected(problem, [*shapes, *beside], NEW)
+    m, n, W = len(space.W), len(space.A), space.W
+    f0, f1, f2 = (np.array([i.f for i in lifted]) @ W.T).transpose(1, 2, 0)
+    delayed = np.array([i.relaxing for i in lifted]) @ W.T
+    b, states = f1 - space.C @ f2, list(space.states)
+    A, B = space.A, np.zeros((n, len(inputs)))
+    # K and the dashpots act on f2 u, as A has them in its columns of q
+    B[m:] = A[m:, :m] @ f2
+    B[:m], B[m:2 * m] = b, B[m:2 * m] + f0 - space.C @ b
+    for t, term in enumerate(space.terms, start=1):
+        for k, one in enumerate(inputs):
+            push = term.modulus * delayed[k, term.material]
+            if push.any():
+                A = np.block([[A, np.zeros((len(A), 1))], [np.zeros((1, len(A))), np.array([[-1.0 / term.time]])]])
+                A[m:2 * m, -1] = -push
+                B = np.vstack([B, np.eye(len(inputs))[k] / term.time])
+                B[m:2 * m, k] += push
+                states.append(f"d{t}.{one.name}")
+    y, rates = outputs(W), outputs.rates[:, None]
+    through = outputs.static(inputs, np.array(lifts)) + y @ f2
+    C = np.zeros((len(rates), len(A)))
+    C[:, :m], C[:, m:2 * m] = np.where(rates, 0.0, y), np.where(rates, y, 0.0)
+    return LinearModel(A, B, C, np.where(rates, y @ b, through), states, np.where(rates, through, 0.0)), warnings
+
+
+def _shapes(small: Linearised, spec: StateSpace) -> tuple[Array, list[str]]:
+    """Return the shapes (k, n) of the modes at the long-time modulus: real and imaginary parts of pairs."""
+    if small.model.symmetric and not small.rates.gyrates:
+        modes = lowest(small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q]), spec.modes)
+        return modes.vectors, mode_warnings(spec.modes, modes)
+    _, pairs = pairs_of(small, spec.modes)
+    return np.concatenate([pairs.vectors.real, pairs.vectors.imag]), pair_warnings(spec.modes, pairs, pairs.s)
+
+
+def _held(small: Linearised) -> bool:
+    """Return whether nothing moves freely: the tangent stiffness has factors."""
+    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+    modes = lowest(pencil, 1)
+    return not (np.abs(modes.values) <= modes.floor).any()
+
+
+def _while_relaxing(problem: Quadratic, inputs: list[Input]) -> list[Array]:
+    """Return the responses (n,) at s = 1/tau of each term: static ones are other combinations of modes at each time."""
+    out: list[Array] = []
+    for s in sorted({1.0 / tau for material in problem.relaxing for _, tau in material.terms}):
+        factors = Factors(problem.matrix(s))
+        out += [] if factors.singular else [factors.solve(problem.force(one, s).real) for one in inputs]
+    return out
+
+
+def _lifted(problem: Quadratic, one: Input, lift: Array) -> Input:
+    """Return what an input does to motions beside its lift (n,)."""
+    if not lift.any():
+        return one
+    f = one.f - np.array([problem.stiffness(lift), problem.damping(lift), problem.mass(lift)])
+    more = np.array([r.stiffness(lift) for r in problem.relaxing])
+    # the lift follows the constraints
+    f[:, ~problem.moved] = 0.0
+    return replace(one, f=f, relaxing=one.relaxing - more)
+
+
 def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
     """Return y (n,) with y^T (K + s C + s^2 M) = 0 and y^T (C + 2 s M) x = 1, by inverse iteration."""
     at = s * (1.0 + BESIDE)
@@ -197,11 +278,17 @@ def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
 
 def _static(small: Linearised, inputs: list[Input]) -> Array:
     """Return the static responses (inputs, n). Raises ComputationError where nothing holds the model."""
+    return _solved(small, [i.f[0] for i in inputs])
+
+
+def _solved(small: Linearised, forces: Sequence[Array]) -> Array:
+    """Return the static responses to forces (k, n). Raises ComputationError where nothing holds the model."""
     pencil = small.pencil
     if pencil.factor(0.0).bad >= 0:
         raise ComputationError("the tangent stiffness is singular", at={"solver": "state_space"},
                                advice="a support, joint or spring; or a state that is not critical")
-    return np.array([refined(pencil.stiffness, pencil.solve, pencil.system.norm, i.f[0], 0.0)[0] for i in inputs])
+    return np.array([refined(pencil.stiffness, pencil.solve, pencil.system.norm, f, 0.0)[0] for f in forces
+                     ]).reshape(-1, small.n)
 
 
 def _left_out(small: Linearised, Phi: Array, inputs: list[Input]) -> Array:

@@ -26,10 +26,10 @@ from .buckling import response_size, response_state, tangent_rate
 from .contact import memory, recall
 from .differences import Quotient, derivative
 from .factors import Factors
-from .inputs import Complex, Quadratic
 from .linearised import Base, Linearised, stored
 from .lowest_modes import Pencil
 from .motion_variation import Motion
+from .projected import Complex, Quadratic
 from .refine import refined
 from .state import State
 from .static import unscaled
@@ -167,7 +167,7 @@ class _Mode:
 
 
 class Vibration(_OneByOne):
-    """Eigenvalues of small motions about a state: s' = -y^T (K' + s C' + s^2 M') x / y^T (C + 2 s M) x.
+    """Eigenvalues of small motions about a state, T(s) x = 0: s' = -y^T T'(s) x / y^T dT/ds x.
 
     ``wanted``: the kinds and numbers of those that are differentiated.
     """
@@ -190,7 +190,7 @@ class Vibration(_OneByOne):
         else:
             d = base.displacements(z, self.state.t)
             state = replace(self.state, d=d, turned=None)
-        return Quadratic(Linearised(Base(base, state, self.loaded)), self.damped)
+        return Quadratic(Linearised(Base(base, state, self.loaded)), self.damped, relaxes=self.damped)
 
     def _mode(self, entry: int) -> _Mode:
         entries, p = self.state.report["frequencies"], self.problem
@@ -208,7 +208,7 @@ class Vibration(_OneByOne):
         free = self.model.numbering.free
         x = np.where(free < self.model.n_q, start[np.minimum(free, self.model.n_q - 1)], 0.0)
         x, y = _null(Factors(A), x), _null(Factors(A.T.tocsc()), x.conj())
-        scale = complex(y @ _each(p.damping, x) + 2 * s * (y @ _each(p.mass, x)))
+        scale = complex(y @ p.slope(s, x))
         return _Mode(entry, s, x, y, scale)
 
     @cached_property
@@ -222,8 +222,7 @@ class Vibration(_OneByOne):
         def forms(step: float) -> Array:
             z = self.z if moved is None else self.z + step * moved.value
             p = self._problem(at(step), z)
-            out = [complex(-(m.y @ (_each(p.stiffness, m.x) + m.s * _each(p.damping, m.x)
-                                    + m.s**2 * _each(p.mass, m.x))) / m.scale) for m in self.modes]
+            out = [complex(-(m.y @ p.action(m.s, m.x)) / m.scale) for m in self.modes]
             return np.array([part for one in out for part in (one.real, one.imag)])
         found = derivative(forms, h)
         first = (np.zeros(0), np.zeros(0)) if moved is None else (moved.value, moved.error)

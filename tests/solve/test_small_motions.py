@@ -14,8 +14,8 @@ import yaml
 import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solvers.inputs import Quadratic
 from ancf2d.solvers.linearised import Linearised, base_state
+from ancf2d.solvers.projected import Quadratic
 from ancf2d.solvers.quadratic import MOST, STRIDE, _motions, _settled
 from ancf2d.study.run import run_case
 

@@ -1,0 +1,144 @@
+"""Small motions of materials that relax: modes, responses and linear models beside matrices and closed forms."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from test_relaxation import PRONY, SIZE, ZENER, E, complex_modulus, material
+from test_state_space import transfer
+
+import ancf2d
+from ancf2d.model.build import build_model
+from ancf2d.solvers.inputs import Inputs, outputs
+from ancf2d.solvers.linear import full_mass
+from ancf2d.solvers.linearised import Linearised, base_state
+from ancf2d.solvers.projected import Quadratic
+
+TERMS = {"zener": ZENER, "prony": PRONY}
+SECTION = {"height": SIZE, "width": SIZE}
+
+
+def scene(*bodies: Any, **more: Any) -> dict[str, Any]:
+    """Return a chain of beams of these materials, clamped where ``base`` shakes it, with a load of each sort."""
+    names = [f"b{k}" for k in range(len(bodies))]
+    case: dict[str, Any] = {
+        "bodies": {name: {"geometry": {"type": "line", "start": [k, 0], "end": [k + 1, 0]}, "section": SECTION,
+                          "element": {"type": "reissner3", "count": 3}, "material": {**one, "alpha": 1e-4}}
+                   for k, (name, one) in enumerate(zip(names, bodies, strict=True))},
+        "joints": [{"type": "weld", "between": [f"{a}@1", f"{b}@0"]} for a, b in itertools.pairwise(names)],
+        "boundary_conditions": [{"type": "prescribed", "at": "b0@0", "name": "base", "ux": 0, "uy": 1, "angle": 0}],
+        "loads": [{"type": "force", "at": f"{names[-1]}@1", "value": [0.3, 1.0], "name": "push"},
+                  {"type": "temperature", "on": "b0", "value": 10, "gradient": 500, "name": "heat"}],
+        "output": {"probes": {"tip": f"{names[-1]}@1"}}}
+    return {key: value for key, value in {**case, **more}.items() if value}
+
+
+def solved(case: dict[str, Any], **solver: Any) -> Any:
+    return ancf2d.solve(ancf2d.load({**case, "solver": solver}))
+
+
+def responses(case: dict[str, Any], hz: list[float], inputs: list[str], about: str = "reference") -> np.ndarray:
+    """Return the amplitudes (frequencies, inputs) of tip.uy."""
+    found = solved(case, type="frequency_response", inputs=inputs, frequencies=hz, about=about).summary["response"]
+    return np.array([np.array(found[name]["tip"]["uy"]["re"]) + 1j * np.array(found[name]["tip"]["uy"]["im"])
+                     for name in inputs]).T
+
+
+def linear_model(case: dict[str, Any], inputs: list[str], about: str) -> tuple[list[np.ndarray], Any]:
+    done = solved(case, type="state_space", inputs=inputs, outputs=["tip.uy"], modes=6, about=about)
+    return [done.arrays[f"state_space/{name}"] for name in "ABCD"], done
+
+
+@pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
+def test_a_shaken_and_heated_beam_responds_with_the_complex_modulus(terms: tuple[tuple[float, float], ...]) -> None:
+    """Of one material with K -> K e(s): shaking is inertia in the moving frame, what strains it is e(s) times a force.
+
+    M r is that of the rigid translation r, K and M those of the elastic beam.
+    """
+    hz, inputs = [0.05, 1.0, 2.5, 10.0, 40.0], ["base", "heat", "push"]
+    found = responses(scene(material(terms)), hz, inputs)
+    model = build_model(ancf2d.load({**scene(material(())), "solver": {
+        "type": "frequency_response", "inputs": inputs, "frequencies": hz}}))
+    small = Linearised(base_state(model, "reference"))
+    K, M, num = small.K.toarray(), small.M.toarray(), model.numbering
+    base, heat, push = Inputs(small)(inputs)
+    tip = next(one for one in outputs(small) if one.quantity == "uy")
+    rigid = expanded(model, np.linalg.solve(K, base.f[0])).real + base.p
+    Mr = np.zeros(len(rigid))
+    Mr[:model.n_q] = full_mass(model, model.e0) @ rigid[:model.n_q]
+    for f, row in zip(hz, found, strict=True):
+        s = 2j * np.pi * f
+        e = complex_modulus(s, terms)
+        forces = (-(s**2) * num.reduce(Mr), e * heat.f[0], push.f[0])
+        exact = [tip.of(expanded(model, np.linalg.solve(e * K + s**2 * M, force)))[0] for force in forces]
+        exact[0] += 1.0
+        assert (np.abs(row / exact - 1.0) < 1e-7).all()
+
+
+def expanded(model: Any, z: np.ndarray) -> np.ndarray:
+    """Return the complex motion of all coordinates that unknowns z (n,) make."""
+    parts = np.zeros((2, len(model.numbering.place)))
+    for part, one in zip(parts, (z.real, z.imag), strict=True):
+        model.numbering.expand(np.ascontiguousarray(one), part)
+    return parts[0] + 1j * parts[1]
+
+
+RUBBERS = {"one": (material(ZENER),), "two": (material(PRONY[1:3]), {**material(((1.5, 0.05),)), "E": 3 * E}),
+           "one of two": (material(()), material(PRONY[2:]))}
+JET = {"type": "follower_force", "at": "b0@1", "value": [-0.002, 0.001], "name": "jet"}
+DASHPOT = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 0.5, "damping": 0.02}
+
+
+@pytest.mark.parametrize("kind", RUBBERS)
+@pytest.mark.parametrize("jet", [False, True])
+def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) -> None:
+    """Beside the responses of all unknowns: what is left out shrinks with the modes, and nothing at rest."""
+    more = {"loads": [*scene(material(()))["loads"], JET]} if jet else {}
+    case = scene(*RUBBERS[kind], springs=[DASHPOT], **more)
+    if len(RUBBERS[kind]) == 2:
+        case["loads"][0]["at"] = "b1@1"
+    inputs, hz = ["push", "base", "heat"], [1e-4, 0.02, 0.5, 1.5]
+    about = "static" if jet else "reference"
+    wanted = responses(case, hz, inputs, about)
+    system, done = linear_model(case, inputs, about)
+    assert done.summary["state_space"]["states"][-1].startswith("d")
+    for f, row, allowed in zip(hz, wanted, (1e-6, 1e-5, 1e-3, 1e-2), strict=True):
+        found = transfer(system, 2j * np.pi * f)[0]
+        assert (np.abs(found - row) < allowed * np.abs(row)).all(), (f, found, row)
+    assert (np.linalg.eigvals(system[0]).real < 0).all()
+
+
+def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
+    case = scene(material(ZENER), boundary_conditions=[])
+    system, done = linear_model(case, ["push", "heat"], "reference")
+    assert sum(p["omega"] == 0 and abs(p["growth"]) < 1e-3 for p in done.summary["state_space"]["poles"]) >= 3
+    hz = [0.5, 2.0, 6.0]
+    for f, row in zip(hz, responses(case, hz, ["push", "heat"]), strict=True):
+        assert (np.abs(transfer(system, 2j * np.pi * f)[0] - row) < 5e-3 * np.abs(row)).all()
+
+
+@pytest.mark.parametrize("kind", RUBBERS)
+@pytest.mark.parametrize("with_", ["nothing", "dashpot", "jet", "spin"])
+def test_eigenvalues_solve_the_problem_of_all_unknowns(kind: str, with_: str) -> None:
+    """det T(s) = 0: the smallest singular value of T(s) at each s beside that at 1.001 s."""
+    more: dict[str, Any] = {"nothing": {}, "dashpot": {"springs": [DASHPOT]}, "jet": {},
+                            "spin": {"steady_rotation": {"omega": 2.0}}}[with_]
+    case = scene(*RUBBERS[kind], **more)
+    case["loads"] = [JET] if with_ == "jet" else []
+    case["boundary_conditions"] = [{"type": "clamp", "at": "b0@0"}]
+    case = {key: value for key, value in case.items() if value}
+    about = "static" if with_ == "jet" else "reference"
+    done = solved(case, type="eigen", modes=3, about=about)
+    found = [complex(f["growth"], f["omega"]) for f in done.summary["frequencies"]]
+    assert sum(s.imag > 0 for s in found) == 3
+    assert sum(s.imag == 0 for s in found) >= 3
+    assert all(s.real < 0 for s in found)
+    model = build_model(ancf2d.load({**case, "solver": {"type": "eigen", "about": about}}))
+    problem = Quadratic(Linearised(base_state(model, "static" if with_ == "spin" else about)), relaxes=True)
+    for s in found:
+        least = [np.linalg.svd(problem.matrix(x).toarray() / np.outer(problem.weights, problem.weights),
+                               compute_uv=False)[-1] for x in (s, 1.001 * s)]
+        assert least[0] < 1e-5 * least[1]
