@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import complete_types, debug_option, examples, json_option, quiet_option
+from .options import complete_types, examples, json_session
 from .session import Bar, Session
 from .text import number, table
 
@@ -36,10 +36,7 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
 @click.option("--formulation", help="Formulation. Default: the one recommended for the type.")
 @click.option("--quadrature", callback=_quadrature, metavar="NX,NY",
               help="Gauss points along and across, or exact. Default: those of type and formulation.")
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, element: str, preset: str | None, formulation: str | None,
             quadrature: list[int] | str | None) -> int:
     """Examine an element type: basis, forces, patch tests, locking, convergence, cost.

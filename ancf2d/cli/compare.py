@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from .failures import FAILED
-from .options import debug_option, examples, json_option, quiet_option
+from .options import examples, json_session
 from .session import Session
 
 
@@ -19,10 +19,7 @@ from .session import Session
               help="Allowed difference, absolute.")
 @click.option("--all", "everything", is_flag=True, help="Also compare the numbers of steps and iterations, and require "
               "the same stored states.")
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, a: str, b: str, rtol: float, atol: float, everything: bool) -> int:
     """Compare two result files as numbers.
 

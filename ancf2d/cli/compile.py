@@ -6,14 +6,12 @@ import time
 
 import click
 
-from .options import debug_option, examples, quiet_option
+from .options import examples, plain_session
 from .session import Bar, Session
 
 
 @click.command(epilog=examples("ancf2d compile", "ancf2d compile -q"))
-@quiet_option
-@debug_option
-@click.pass_obj
+@plain_session
 def command(session: Session) -> int:
     """Compile the kernels of all kinds of models, once for this machine.
 

@@ -11,18 +11,16 @@ from .failures import FAILED
 from .options import (
     case_argument,
     complete_types,
-    debug_option,
     examples,
     force_option,
     jobs_option,
-    json_option,
-    quiet_option,
+    json_session,
     scheduler_option,
     set_option,
     workers,
 )
 from .session import Bar, Session
-from .text import TIME, command_line, duration, number, say, table
+from .text import TIME, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.convergence import Convergence, Series
@@ -91,10 +89,7 @@ def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) 
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, meshes: list[int] | None, types: str | None, formulation: str | None,
             reference: float | None, jobs: int | None, scheduler: str | None, output: str | None,
             overrides: tuple[str, ...], force: bool, dts: tuple[float, ...] | None,
@@ -106,7 +101,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     """
     session.subject = {"case": case}
     from ..results import check_output
-    from ..study.convergence import Steps, convergence
+    from ..study.convergence import Steps, convergence, write_convergence
     from ..study.digests import inputs_of
     from ..study.run import load
 
@@ -119,18 +114,8 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
         study = convergence(loaded, variants, meshes, reference, who, session.note_once, bar.follow, steps)
-    for text in study.warnings:
-        session.warn(text)
-    result = study.as_json()
-    if output is not None:
-        from ..study.convergence import write_convergence
-
-        write_convergence(study, loaded, output, session.command_line, force=force)
-        result["output"] = output
-    session.print_json(result)
-    session.out(report(study))
-    if output is not None:
-        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
+    session.tell(study, report(study), output,
+                 lambda path: write_convergence(study, loaded, path, session.command_line, force=force))
     if not study.converged:
         say("error: no mesh could be solved", err=True)
         return FAILED

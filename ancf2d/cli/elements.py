@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ..errors import CaseError, Problem
-from .options import complete_types, debug_option, examples, json_option, quiet_option
+from .options import complete_types, examples, json_session
 from .session import Session
 from .text import many, table
 
@@ -16,10 +16,7 @@ from .text import many, table
 @click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"',
                                "ancf2d elements mine.yaml"))
 @click.argument("name", required=False, metavar="[NAME]", shell_complete=complete_types)
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, name: str | None) -> int:
     """List element types, or describe one type, listed or defined in a file.
 

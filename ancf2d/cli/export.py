@@ -6,7 +6,7 @@ import os
 
 import click
 
-from .options import debug_option, examples, force_option, json_option, quiet_option
+from .options import examples, force_option, json_session
 from .session import Bar, Session
 
 
@@ -15,10 +15,7 @@ from .session import Bar, Session
 @click.argument("source", type=click.Path(), metavar="OUT.h5")
 @click.argument("file", type=click.Path(), metavar="FILE")
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, source: str, file: str, force: bool) -> int:
     """Write results in another format, selected by the suffix of FILE.
 

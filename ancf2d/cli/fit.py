@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import (
-    all_of,
-    case_argument,
-    case_stem,
-    debug_option,
-    examples,
-    force_option,
-    json_option,
-    quiet_option,
-    set_option,
-    vary_option,
-)
+from .options import all_of, case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Session
 from .text import command_line, many, number, table
 
@@ -44,10 +33,7 @@ if TYPE_CHECKING:
 @click.option("--results", type=click.Path(), metavar="FILE.h5",
               help="File of parameters, data and model; default: the case's name with -fit.h5.")
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], sigma: tuple[str, ...], starts: int,
             overrides: tuple[str, ...], output: str | None, results: str | None, force: bool) -> int:
     """Find the numbers of a case with which it agrees best with measured data.

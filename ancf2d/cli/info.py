@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import click
 
-from .options import debug_option, examples, json_option, quiet_option
+from .options import examples, json_session
 from .session import Session
 
 
 @click.command(epilog=examples("ancf2d info beam.h5", "ancf2d info beam.h5 --json"))
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, file: str) -> int:
     """Describe the contents and origin of a result file.
 

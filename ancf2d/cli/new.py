@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ..errors import ResultsError
-from .options import debug_option, examples, quiet_option
+from .options import examples, plain_session
 from .schema import schema_text, write_schema
 from .session import Session
 from .text import command_line
@@ -23,9 +23,7 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "
 @click.option("--kind", type=click.Choice(KINDS),
               help=f"Template to start from. Default: NAME if it is one of them, else {KINDS[0]}.")
 @click.option("--force", is_flag=True, help="Replace NAME.yaml if it exists.")
-@quiet_option
-@debug_option
-@click.pass_obj
+@plain_session
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     """Start a commented case NAME.yaml.
 

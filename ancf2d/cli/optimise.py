@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .failures import FAILED
-from .options import (
-    all_of,
-    case_argument,
-    case_stem,
-    debug_option,
-    examples,
-    force_option,
-    json_option,
-    quiet_option,
-    set_option,
-    vary_option,
-)
+from .options import all_of, case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Bar, Session
 from .text import command_line, many, number, say, table
 
@@ -48,10 +37,7 @@ if TYPE_CHECKING:
 @click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all tries to a result file.")
 @set_option
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, constraints: tuple[str, ...],
             method: str, iterations: int, output: str | None, history: str | None, overrides: tuple[str, ...],
             force: bool) -> int:

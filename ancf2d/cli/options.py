@@ -41,6 +41,16 @@ quiet_option = _switch("-q", "--quiet", attribute="quiet", help="Print errors on
 verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe what was built and what was left out.")
 
 
+def plain_session(command: F) -> F:
+    """Hand a command its session, with the options --quiet and --debug."""
+    return quiet_option(debug_option(click.pass_obj(command)))  # type: ignore[return-value]
+
+
+def json_session(command: F) -> F:
+    """Hand a command its session, with the options --json, --quiet and --debug."""
+    return json_option(plain_session(command))
+
+
 def _load_plugin(ctx: click.Context, parameter: click.Parameter, paths: tuple[str, ...]) -> None:
     from ..extend.plugins import add_plugin, load_plugins
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import complete_kinds, debug_option, examples, force_option, quiet_option
+from .options import complete_kinds, examples, force_option, plain_session
 from .session import Bar, Session
 from .text import table
 
@@ -91,9 +91,7 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's title, or what the titles of "
               "several cases have in common.")
 @force_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@plain_session
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,
             list_only: bool, title: str | None, animate: str | None, frames: int, fps: int, force: bool,
             size: tuple[float, float] | None, font_size: float | None, dpi: float | None, sheet: str | None,

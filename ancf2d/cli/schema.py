@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .options import debug_option, examples, force_option, quiet_option
+from .options import examples, force_option, plain_session
 from .output_schema import OUTPUTS, output_schema
 from .session import Session
 from .text import write
@@ -23,9 +23,7 @@ from .text import write
 @click.option("--of", "of", type=click.Choice(list(OUTPUTS)),
               help="Print the schema of what a command prints with --json.")
 @force_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@plain_session
 def command(session: Session, output: str | None, markdown: bool, definition: bool, of: str | None,
             force: bool) -> int:
     """Print the JSON Schema of case files, or of what a command prints with --json."""

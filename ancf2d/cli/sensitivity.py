@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import case_argument, debug_option, examples, force_option, json_option, quiet_option, set_option
+from .options import case_argument, examples, force_option, json_session, set_option
 from .session import Bar, Session
-from .text import command_line, many, number, table
+from .text import many, number, table
 
 if TYPE_CHECKING:
     from ..study.sensitivity import Sensitivity
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, paths: tuple[str, ...], output: str | None,
             overrides: tuple[str, ...], force: bool) -> int:
     """Differentiate the goal of a case with respect to its numbers.
@@ -47,16 +44,8 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
     check_output(output, force, *inputs_of(loaded))
     with Bar("differentiating", session.shows_progress) as bar:
         study = sensitivity(loaded, paths, Progress(compiling=session.note_once), bar.follow)
-    for text in study.warnings:
-        session.warn(text)
-    result = study.as_json()
-    if output is not None:
-        write_sensitivity(study, loaded, output, session.command_line, force=force)
-        result["output"] = output
-    session.print_json(result)
-    session.out(report(study))
-    if output is not None:
-        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
+    session.tell(study, report(study), output,
+                 lambda path: write_sensitivity(study, loaded, path, session.command_line, force=force))
     return 0
 
 

@@ -69,6 +69,17 @@ class Session:
                 self._printed = True
                 write(text + "\n")
 
+    def tell(self, study: Any, text: str, output: str | None, write: Callable[[str], Any]) -> None:
+        """Print what a study found, as JSON or text, with its warnings; with ``output``, ``write`` its file first."""
+        for warning in study.warnings:
+            self.warn(warning)
+        if output is not None:
+            write(output)
+        self.print_json(study.as_json() | ({} if output is None else {"output": output}))
+        self.out(text)
+        if output is not None:
+            self.out(f"\nresults in {output}; next: {command_line('plot', output)}")
+
     @property
     def shows_progress(self) -> bool:
         """Whether a progress bar may be drawn: on a terminal only."""

@@ -12,11 +12,9 @@ from .failures import FAILED
 from .options import (
     case_argument,
     case_stem,
-    debug_option,
     examples,
     jobs_option,
-    json_option,
-    quiet_option,
+    json_session,
     scheduler_option,
     set_option,
     workers,
@@ -64,10 +62,7 @@ SHOWN = 10
               help="Also keep the result file of each row, in DIR/runs, named by a digest of its case.")
 @click.option("--csv", "csv_file", type=click.Path(), metavar="FILE", help="Also write the table as CSV.")
 @click.option("--force", is_flag=True, help="Recompute existing rows, and replace files that ancf2d did not write.")
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
             samples: int | None, seed: int | None, design: str | None, overrides: tuple[str, ...], jobs: int | None,
             scheduler: str | None, out: str | None, keep: bool, csv_file: str | None, force: bool) -> int:

@@ -17,18 +17,16 @@ from .failures import FAILED
 from .options import (
     case_argument,
     complete_types,
-    debug_option,
     examples,
     force_option,
     jobs_option,
-    json_option,
-    quiet_option,
+    json_session,
     scheduler_option,
     set_option,
     workers,
 )
 from .session import Bar, Session
-from .text import TIME, command_line, duration, number, say, table
+from .text import TIME, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.tradeoff.plan import Choice
@@ -242,10 +240,7 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
 @force_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int | None, scheduler: str | None,
             output: str | None, force: bool, **chosen: Any) -> int:
     """Measure what accuracy costs, and recommend a setting for each wanted accuracy.
@@ -257,6 +252,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     from ..results import check_output
     from ..study.digests import inputs_of
     from ..study.run import load
+    from ..study.tradeoff.result import write_tradeoff
     from ..study.tradeoff.study import tradeoff
 
     choice, who = _choice(**chosen), workers(jobs, scheduler, default=1)
@@ -264,21 +260,11 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     check_output(output, force, *inputs_of(loaded))
     with Bar("solving", session.shows_progress) as bar:
         study = tradeoff(loaded, choice, who, session.note_once, bar.follow)
-    for text in study.warnings:
-        session.warn(text)
-    result = study.as_json()
-    if output is not None:
-        from ..study.tradeoff.result import write_tradeoff
-
-        write_tradeoff(study, loaded, output, session.command_line, force=force)
-        result["output"] = output
-    session.print_json(result)
     given = [part for text in overrides for part in ("--set", text)]
-    session.out(report(study, shlex.join(["ancf2d", "run", case, *given])))
-    if output is not None:
-        session.out(f"\nresults in {output}; next: {command_line('plot', output)}")
+    session.tell(study, report(study, shlex.join(["ancf2d", "run", case, *given])), output,
+                 lambda path: write_tradeoff(study, loaded, path, session.command_line, force=force))
     if not study.converged:
-        say(f"error: {result['reason']}", err=True)
+        say(f"error: {study.as_json()['reason']}", err=True)
         return FAILED
     return 0
 

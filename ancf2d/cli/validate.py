@@ -8,7 +8,7 @@ import click
 
 from ..errors import CaseError, Problem
 from .failures import WRONG, problem_object
-from .options import cases_argument, debug_option, examples, json_option, quiet_option, set_option
+from .options import cases_argument, examples, json_session, set_option
 from .session import Session
 from .text import many, say
 
@@ -16,10 +16,7 @@ from .text import many, say
 @click.command(epilog=examples("ancf2d validate beam.yaml", "ancf2d validate beam.yaml swing.yaml --json"))
 @cases_argument
 @set_option
-@json_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@json_session
 def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]) -> int:
     """Check cases without solving them.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import debug_option, examples, force_option, quiet_option
+from .options import examples, force_option, plain_session
 from .session import Session
 
 
@@ -18,9 +18,7 @@ from .session import Session
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address; do not open a browser.")
 @force_option
-@quiet_option
-@debug_option
-@click.pass_obj
+@plain_session
 def command(session: Session, file: str, save: str | None, fields: tuple[str, ...], port: int, no_browser: bool,
             force: bool) -> int:
     """Show a result in the browser: bodies in motion, fields, modes, probes.

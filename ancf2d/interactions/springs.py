@@ -162,7 +162,7 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
             rest = self.rest() if hasattr(self, "rest") else None
             return (about if on == "angle" else along)(law, ends, constants_of(self), self.damped, rest)
 
-        if "check" not in cls.__dict__:
+        if not hasattr(cls, "check"):
             cls.check = _check
         register("springs", cls, ("between", "name"), ("constants",), damped=damped)
         cls.law, cls.place = law, place
@@ -173,15 +173,6 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
 def _check(self: Any) -> Iterator[Issue]:
     """Yield ends that cannot be those of a spring."""
     yield from check_ends(self.between)
-
-
-def _without_effect(self: Any) -> Iterator[Issue]:
-    if self.force is not None:
-        for name in ("stiffness", "damping"):
-            if getattr(self, name) != 0.0:
-                yield Issue((name,), f"{{}}: {name} and force are both given", "one of them")
-    elif self.stiffness == 0 and self.damping == 0:
-        yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0, or force")
 
 
 # springs whose force is a formula
@@ -237,10 +228,45 @@ def _acting(only: str | None, gap: float) -> list[float]:
     return [-math.inf if only == "tension" else -gap, math.inf if only == "compression" else gap]
 
 
+class _SpringOrStop:
+    """What springs with stiffness and damping, or a formula, have in common."""
+
+    between: tuple[Any, ...]
+    stiffness: float
+    damping: float
+    force: str | None
+    only: str | None
+    gap: float
+
+    @property
+    def damped(self) -> bool:
+        """Whether rates cause forces."""
+        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
+
+    @property
+    def breaks(self) -> bool:
+        """Whether it acts in a part of its elongations or angles alone."""
+        return self.only is not None or self.gap > 0.0
+
+    def check(self) -> Iterator[Issue]:
+        """Yield ends that cannot be, or a spring without any effect."""
+        yield from check_ends(self.between)
+        if self.force is not None:
+            for name in ("stiffness", "damping"):
+                if getattr(self, name) != 0.0:
+                    yield Issue((name,), f"{{}}: {name} and force are both given", "one of them")
+        elif self.stiffness == 0 and self.damping == 0:
+            yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0, or force")
+
+    def constants(self) -> list[float]:
+        """Return the constants of the law: U = k u^2/2 and c du/dt, where it acts; u as in ``rest``."""
+        return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
+
+
 @by_force
 @spring(linear, over_step=linear_mean)
 @record
-class TranslationalSpring:
+class TranslationalSpring(_SpringOrStop):
     """A spring and damper along the line between two points; one-sided with ``only``, a stop with ``gap``."""
 
     tag = "translational"
@@ -256,34 +282,15 @@ class TranslationalSpring:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
-    @property
-    def damped(self) -> bool:
-        """Whether rates cause forces."""
-        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
-
-    @property
-    def breaks(self) -> bool:
-        """Whether it acts in a part of its elongations or angles alone."""
-        return self.only is not None or self.gap > 0.0
-
-    def check(self) -> Iterator[Issue]:
-        """Yield ends that cannot be, or a spring without any effect."""
-        yield from check_ends(self.between)
-        yield from _without_effect(self)
-
-    def constants(self) -> list[float]:
-        """Return the constants of the law: U = k (L - L0)^2/2, and c dL/dt, where it acts."""
-        return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
-
     def rest(self) -> float | None:
-        """Return the length L0."""
+        """Return the length L0; u = L - L0."""
         return self.length
 
 
 @by_force
 @spring(linear, on="angle", over_step=linear_mean)
 @record
-class RotationalSpring:
+class RotationalSpring(_SpringOrStop):
     """A spring and damper on the angle between two sections."""
 
     tag = "rotational"
@@ -299,25 +306,6 @@ class RotationalSpring:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 
-    @property
-    def damped(self) -> bool:
-        """Whether rates cause forces."""
-        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
-
-    @property
-    def breaks(self) -> bool:
-        """Whether it acts in a part of its elongations or angles alone."""
-        return self.only is not None or self.gap > 0.0
-
-    def check(self) -> Iterator[Issue]:
-        """Yield ends that cannot be, or a spring without any effect."""
-        yield from check_ends(self.between)
-        yield from _without_effect(self)
-
-    def constants(self) -> list[float]:
-        """Return the constants of the law: U = k (theta_b - theta_a - angle)^2/2, and its damping, where it acts."""
-        return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
-
     def rest(self) -> float:
-        """Return the angle."""
+        """Return the angle; u = theta_b - theta_a - angle."""
         return self.angle
