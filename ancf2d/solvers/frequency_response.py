@@ -167,7 +167,8 @@ class _Solved:
     def _one(self, f: float) -> Complex:
         if f not in self.known:
             s = 2j * math.pi * f
-            self.known[f] = _read(self.problem, self.inputs, self.probes, s, _direct(self.problem, self.inputs, s))
+            found = _direct(self.problem, self.inputs, s)
+            self.known[f] = response_of(self.problem, self.inputs, self.probes, s, found)
         return self.known[f]
 
 
@@ -228,7 +229,7 @@ class _Reduced:
         for z, lift in zip(Z, self.lifts, strict=True):
             self.space.add(z.real - lift)
             self.space.add(np.ascontiguousarray(z.imag))
-        self.known[f] = _read(self.problem, self.inputs, self.probes, s, Z)
+        self.known[f] = response_of(self.problem, self.inputs, self.probes, s, Z)
         return self.known[f]
 
     def _lift(self, Z: Sequence[Complex]) -> None:
@@ -297,7 +298,7 @@ def _direct_parts(inputs: Sequence[Input], probes: Sequence[Output]) -> Array:
 def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Complex]:
     """Return the motion z (n,) that each input causes at s, from one factorisation."""
     factors = Factors(problem.matrix(s))
-    found = [] if factors.singular else [_refined(problem, factors, problem.force(one, s), s) for one in inputs]
+    found = [] if factors.singular else [refined_response(problem, factors, problem.force(one, s), s) for one in inputs]
     if not found or not all(np.isfinite(z).all() for z in found):
         raise ComputationError("the response is infinite: an undamped mode has this frequency, or something moves "
                                "freely", at={"hz": float(f"{abs(s) / (2 * math.pi):.6g}")},
@@ -305,7 +306,7 @@ def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Com
     return found
 
 
-def _refined(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Complex:
+def refined_response(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Complex:
     """Return the solution for f, with the digits that the formed matrix of a fine mesh has lost."""
     z = np.asarray(factors.solve(f))
     last = np.inf
@@ -320,8 +321,8 @@ def _refined(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Co
     return z
 
 
-def _read(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], s: complex, Z: Sequence[Complex]
-          ) -> Complex:
+def response_of(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], s: complex,
+                Z: Sequence[Complex]) -> Complex:
     """Return what probes read (inputs, outputs) of motions z (n,) at s."""
     num = problem.small.model.numbering
     out, rates = _direct_parts(inputs, probes).astype(complex), s ** np.arange(3)

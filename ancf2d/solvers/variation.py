@@ -7,40 +7,32 @@ differentiated by the same few lines. What is read from states (``states``) is t
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from ..case import Buckling, Eigen, LinearStatic, LoadFactor, Static
+from ..case import LimitPoints, LoadFactor, Static
 from ..elements.shape import Array
-from ..errors import ComputationError
-from ..interactions.forces import LoadSet
 from ..model.model import Model
-from .beside import Varied, unsuited
-from .buckling import STEP as STRETCH
-from .buckling import response_size, response_state, tangent_rate
+from .beside import Varied
 from .contact import memory, recall
+from .continuation import Curve
 from .differences import Quotient, derivative
 from .factors import Factors
-from .linearised import Base, Linearised, stored
-from .lowest_modes import Pencil
-from .motion_variation import Motion
-from .projected import Complex, Quadratic
+from .linearised import stored
+from .path_events import goal_of
+from .post import Observer
 from .refine import refined
 from .state import State
-from .static import unscaled
 from .system import System
 
-# corrections of a solution before it is differentiated, and of eigenvectors
-POLISH, ITERATIONS = 3, 3
-# eigenvalues this close, relative, are one; and how far from one its matrix is factored
-EQUAL, BESIDE = 1e-6, 1e-7
-# half the difference in the load factor that rates are formed with
-SMALL = 1e-4
+# corrections of a solution before it is differentiated
+POLISH = 3
+# of the size of a scene, displacements over which tangents are differentiated along a path
+ALONG = 1e-3
 
 
 class Response(Protocol):
@@ -59,25 +51,26 @@ class Response(Protocol):
         ...
 
 
-class _OneByOne:
+class OneByOne:
     """What is found for each number by itself."""
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Do nothing."""
 
 
-class Equilibrium(_OneByOne):
+class Equilibrium(OneByOne):
     """An equilibrium R(z, t) = 0 at a load factor t, or the solution of linear statics."""
 
-    def __init__(self, model: Model, state: State, linear: bool = False) -> None:
+    def __init__(self, model: Model, state: State, linear: bool = False, polish: int = POLISH) -> None:
         self.model, self.t, self.linear, self.state = model, state.t, linear, state
         self.z = state.d[model.numbering.free].copy()
         self.contacts = memory(model) if model.contacts else None
         self.turns = state.d.copy(), model.turns.from_reference(state.d) if state.turned is None else state.turned
-        self.system = self._system(model)
+        self.system = self.system_of(model)
         self.zero = np.zeros(len(state.d))
-        self.tangent_at(self.z)
-        for _ in range(POLISH):
+        if polish:
+            self.tangent_at(self.z)
+        for _ in range(polish):
             self.correct()
 
     def tangent_at(self, z: Array) -> None:
@@ -92,7 +85,7 @@ class Equilibrium(_OneByOne):
         self.z = self.z + step
         return self.system.norm(step)
 
-    def _system(self, model: Model) -> System:
+    def system_of(self, model: Model) -> System:
         system = System(model)
         system.count_from(self.turns)
         if self.contacts is not None:
@@ -117,7 +110,7 @@ class Equilibrium(_OneByOne):
 
     def residual(self, model: Model) -> Array:
         """Return R (n,) of a model at the unknowns of this equilibrium."""
-        system, d = self._system(model), model.displacements(self.z, self.t)
+        system, d = self.system_of(model), model.displacements(self.z, self.t)
         if not self.linear:
             return system.forces(d, self.t).R
         start = system.assemble(self.zero, self.t, load_stiffness=False)
@@ -142,12 +135,13 @@ class Equilibrium(_OneByOne):
         """Return the state of a model at the unknowns z + change."""
         return [self.state_at(model, self.z + change)]
 
-    def state_at(self, model: Model, z: Array) -> State:
-        """Return the state of a model at unknowns z (n,)."""
-        system, d, t = self._system(model), model.displacements(z, self.t), self.t
+    def state_at(self, model: Model, z: Array, t: float | None = None) -> State:
+        """Return the state of a model at unknowns z (n,), and at another load factor where that is given."""
+        t = self.t if t is None else t
+        system, d = self.system_of(model), model.displacements(z, t)
         if not self.linear:
             found = system.forces(d, t)
-            return replace(self.state, d=d, Q=found.Q, F=found.F, energy=found.energy, turned=system.count(d, t))
+            return replace(self.state, t=t, d=d, Q=found.Q, F=found.F, energy=found.energy, turned=system.count(d, t))
         start = system.assemble(self.zero, t, load_stiffness=False)
         elastic, natural = system.action(self.zero, d, t, linear=True), np.zeros_like(d)
         energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
@@ -155,223 +149,132 @@ class Equilibrium(_OneByOne):
         return replace(self.state, d=d, Q=start.Q + elastic, F=start.F, energy=energy)
 
 
-@dataclass
-class _Mode:
-    """An eigenvalue s [1/s], its entry in the report, and its right and left vectors (n,)."""
+class PathEnd(OneByOne):
+    """A state of a path whose load factor t is found with it: a limit point, or where a probe reaches a value.
 
-    entry: int
-    s: complex
-    x: Complex
-    y: Complex
-    scale: complex
-
-
-class Vibration(_OneByOne):
-    """Eigenvalues of small motions about a state, T(s) x = 0: s' = -y^T T'(s) x / y^T dT/ds x.
-
-    ``wanted``: the kinds and numbers of those that are differentiated.
+    R(z, t) = 0 is one equation short: g(z, t) = 0 is the other one. Of a probe it is the distance from the value; at a
+    limit point psi^T K phi, with the vectors psi and phi that K makes 0 there, held as they are (Griewank & Reddien,
+    SIAM Journal on Numerical Analysis 21, 1984), which gives t' = -psi^T dR/dp / psi^T dR/dt there.
     """
 
-    def __init__(self, model: Model, state: State, wanted: Sequence[tuple[str, int]]) -> None:
-        spec = model.case.solver
-        assert isinstance(spec, Eigen)
-        self.model, self.state, self.damped = model, state, spec.damped
-        self.loaded = spec.about == "static" or model.case.steady_rotation is not None
-        self.rest = Equilibrium(model, state) if self.loaded else None
-        self.z = state.d[model.numbering.free] if self.rest is None else self.rest.z
-        self.problem = self._problem(model, self.z)
-        entries = state.report["frequencies"]
-        self.modes = [self._mode(k) for k, e in enumerate(entries) if (e["kind"], e["number"]) in wanted]
-
-    def _problem(self, model: Model, z: Array) -> Quadratic:
-        base = model if self.loaded else replace(model, loads=LoadSet(flows=model.loads.flows))
-        if self.rest is not None:
-            state = self.rest.state_at(model, z)
-        else:
-            d = base.displacements(z, self.state.t)
-            state = replace(self.state, d=d, turned=None)
-        return Quadratic(Linearised(Base(base, state, self.loaded)), self.damped, relaxes=self.damped)
-
-    def _mode(self, entry: int) -> _Mode:
-        entries, p = self.state.report["frequencies"], self.problem
-        s = complex(entries[entry]["growth"], entries[entry]["omega"])
-        near = [e for e in entries if abs(complex(e["growth"], e["omega"]) - s) <= EQUAL * abs(s)]
-        if len(near) > 1 or not s.imag:
-            what = "is that of a motion that does not vibrate" if not s.imag else "is one of several that are equal"
-            raise ComputationError(f"the frequency omega = {s.imag:.9g} {what}: it has no derivative",
-                                   at={"mode": entry + 1}, advice="a goal that names another mode, or a model without "
-                                   "that symmetry")
-        A = p.matrix(s * (1.0 + BESIDE))
-        start = self.state.arrays["modes/shapes"][0][entry].astype(complex)
-        if "modes/quarter" in self.state.arrays:
-            start = start + 1j * self.state.arrays["modes/quarter"][0][entry]
-        free = self.model.numbering.free
-        x = np.where(free < self.model.n_q, start[np.minimum(free, self.model.n_q - 1)], 0.0)
-        x, y = _null(Factors(A), x), _null(Factors(A.T.tocsc()), x.conj())
-        scale = complex(y @ p.slope(s, x))
-        return _Mode(entry, s, x, y, scale)
-
-    @cached_property
-    def _n(self) -> int:
-        return len(self.z) if self.rest is not None else 0
-
-    def slope(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp (n,) of the state, where it is an equilibrium, then ds/dp of the modes (real, imaginary)."""
-        moved = None if self.rest is None else self.rest.slope(at, h)
-
-        def forms(step: float) -> Array:
-            z = self.z if moved is None else self.z + step * moved.value
-            p = self._problem(at(step), z)
-            out = [complex(-(m.y @ p.action(m.s, m.x)) / m.scale) for m in self.modes]
-            return np.array([part for one in out for part in (one.real, one.imag)])
-        found = derivative(forms, h)
-        first = (np.zeros(0), np.zeros(0)) if moved is None else (moved.value, moved.error)
-        return Quotient(np.append(first[0], found.value), np.append(first[1], found.error), found.h)
-
-    def states(self, model: Model, change: Array) -> list[State]:
-        """Return the state of a model with its frequencies changed."""
-        state = self.state if self.rest is None else self.rest.state_at(model, self.z + change[:self._n])
-        report = {**self.state.report, "frequencies": [dict(e) for e in self.state.report["frequencies"]]}
-        for mode, (real, imaginary) in zip(self.modes, change[self._n:].reshape(-1, 2).tolist(), strict=True):
-            entry = report["frequencies"][mode.entry]
-            entry["growth"] += real
-            entry["omega"] += imaginary
-            entry["hz"] = entry["omega"] / (2 * math.pi)
-        if self.rest is None:
-            d = model.displacements(self.z, self.state.t)
-            return [replace(state, d=d, report=report)]
-        return [replace(state, report=report)]
-
-
-def _each(apply: Callable[[Array], Array], x: Complex) -> Complex:
-    """Return A x of a real A."""
-    return np.asarray(apply(np.ascontiguousarray(x.real)) + 1j * apply(np.ascontiguousarray(x.imag)))
-
-
-def _null(factors: Factors, x: Complex) -> Complex:
-    """Return the vector that a nearly singular matrix makes 0, by inverse iteration from another."""
-    for _ in range(ITERATIONS):
-        x = factors.solve(x)
-        x = x / np.linalg.norm(x)
-    return x
-
-
-class Instability(_OneByOne):
-    """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
-
-    The linear response u and its rate of the tangent are those of ``solvers.buckling``. ``wanted``: the numbers of the
-    load factors that are differentiated, from 1 on.
-    """
-
-    def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
-        self.model, self.state, self.wanted = model, state, list(wanted)
-        self.pencil = self._pencil(model)
-        self.pencil.system.factor({"solver": "buckling"})
-        self.u = (state.d - self.pencil.d)[model.numbering.free]
+    def __init__(self, model: Model, state: State, limit: bool) -> None:
+        self.model, self.limit = model, limit
+        self.rest = Equilibrium(model, state, polish=0)
+        self.system, self.curve, n = self.rest.system, Curve(self.rest.system, 0.0, 1), len(self.rest.z)
+        self.t_size = abs(self.rest.t) or 1.0
+        # some direction at first, which is not across the path
+        start = self.rest.z / (self.system.norm(self.rest.z) or 1.0)
+        self.tangent = np.append(start + 1e-3 * np.random.default_rng(0).standard_normal(n), self.rest.t)
+        self._factor()
         for _ in range(POLISH):
-            self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
-        self.h = STRETCH / response_size(self.pencil, self._full(model, self.u))
-        self.values = [state.report["load_factors"][k - 1] for k in wanted]
-        for one in self.values:
-            if sum(abs(f - one) <= EQUAL * one for f in state.report["load_factors"]) > 1:
-                raise ComputationError(f"the load factor {one:.9g} is one of several that are equal: it has no "
-                                       "derivative", advice="a model without that symmetry")
-        self.shapes = [self._shape(k - 1, one) for k, one in zip(wanted, self.values, strict=True)]
+            self._factor()
+            off = self._unbalanced(model)
+            change = self._met(-self._within(off[:-1]), -off[-1])
+            self.rest.z, self.rest.t = self.rest.z + change[:-1], self.rest.t + float(change[-1])
+        self._factor()
 
-    def _pencil(self, model: Model) -> Pencil:
-        return Pencil(model, model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, True)
+    def _factor(self) -> None:
+        """Factor [K, dR/dt; c], where c goes along the path, and find the path's tangent (n + 1,)."""
+        from scipy.sparse import block_array
 
-    def _shape(self, number: int, factor: float) -> Array:
-        """Return a shape (n,), with its multipliers, to the last digits."""
-        from scipy.sparse import diags_array
+        system, t = self.system, self.rest.t
+        self.d = d = self.model.displacements(self.rest.z, t)
+        system.assemble(d, t)
+        self.by_t = self.curve.load_rate(d, t)
+        K = stored(self.model, system.matrix, system.matrix.target.values)
+        self.c = self.tangent * np.append(system.weights**2, (self.model.extent / self.t_size)**2)
+        rows = [[K, self.by_t[:, None]], [self.c[None, :-1], self.c[None, -1:]]]
+        A = block_array(rows, format="csc")
+        last = np.append(np.zeros(len(K.indptr) - 1), 1.0)
+        self.factors = Factors(A)
+        self.tangent, psi = self.factors.solve(last), Factors(A.T.tocsc()).solve(last)[:-1]
+        self.tangent = self.tangent / system.norm(self.tangent[:-1])
+        self.phi, self.psi = self.tangent[:-1], psi / float(psi @ self.by_t)
+        self.met = self._rate(self.tangent)
 
-        pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free
-        shape = self.state.arrays["modes/shapes"][0][number]
-        rate = stored(self.model, pencil.matrix, tangent_rate(pencil, self._full(self.model, self.u), self.h))
-        moved = diags_array((free < n_q).astype(float))
-        A = stored(self.model, pencil.matrix, pencil.K) + factor * (1.0 + BESIDE) * (moved @ rate @ moved)
-        start = np.where(free < n_q, shape[np.minimum(free, n_q - 1)], 0.0)
-        return np.asarray(_null(Factors(A.tocsc()), start).real)
+    def _within(self, b: Array) -> Array:
+        """Return a change (n + 1,) of z and t that changes R by b (n,), to the digits that the strains have."""
+        x = self.factors.solve(np.append(b, 0.0))
+        for _ in range(2):
+            off = b - self._stiffness(self.system, self.d, self.rest.t, x[:-1]) - x[-1] * self.by_t
+            x = x + self.factors.solve(np.append(off, -float(self.c @ x)))
+        return np.asarray(x)
+
+    def _met(self, change: Array, b: float) -> Array:
+        """Return a change (n + 1,) moved along the path to where it changes g by b."""
+        return np.asarray(change + (b - self._rate(change)) / self.met * self.tangent)
+
+    def _rate(self, direction: Array) -> float:
+        """Return the derivative of g along a direction (n + 1,)."""
+        size = max(self.system.norm(direction[:-1]) / self.model.extent, abs(float(direction[-1])) / self.t_size)
+        h = ALONG / size if size else 1.0
+        return float(derivative(lambda k: np.array([self._goal(self.model, *(
+            self.rest.z + k * direction[:-1], self.rest.t + k * float(direction[-1])))]), h).value[0])
+
+    def _goal(self, model: Model, z: Array, t: float) -> float:
+        """Return g of a model."""
+        d, spec = model.displacements(z, t), model.case.solver
+        if self.limit:
+            return float(self.psi @ self._stiffness(self.rest.system_of(model), d, t, self.phi))
+        assert isinstance(spec, Static)
+        goal = goal_of(model, spec.until)
+        assert goal is not None
+        goal.settle(*self.rest.turns)
+        return goal.distance(d, t)
 
     @staticmethod
-    def _full(model: Model, u: Array) -> Array:
-        """Return dd/dt (n_full,) of its unknowns u (n,)."""
-        out = np.zeros(len(model.numbering.place))
-        model.numbering.expand(u, out)
-        if model.moves:
-            zero = np.zeros(len(u))
-            out += (model.displacements(zero, SMALL) - model.displacements(zero, -SMALL)) / (2 * SMALL)
-        return out
+    def _stiffness(system: System, d: Array, t: float, x: Array) -> Array:
+        """Return K x (n,) by way of the strains."""
+        num, full = system.model.numbering, np.zeros(len(d))
+        num.expand(x, full)
+        return num.reduce(system.action(d, full, t, loads=True))
 
-    def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
-        """Return dR/dt + K u (n,) at the reference."""
-        high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
-        return np.asarray((high.R - low.R) / (2 * SMALL)
-                          + pencil.model.numbering.reduce(pencil.full_stiffness(self._full(pencil.model, u))))
-
-    def _rate(self, pencil: Pencil, u: Array, x: Array) -> float:
-        """Return x^T dK/dt x along the response u, by way of the strains; constraints' rows have no part in it."""
-        num = pencil.model.numbering
-        full, way, out = np.zeros(len(num.place)), self._full(pencil.model, u), 0.0
-        num.expand(np.where(num.free < num.n_q, x, 0.0), full)
-        for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-            moved = pencil.system.action(pencil.d + k * self.h * way, full, k * self.h, loads=True)
-            out += weight / (12 * self.h) * float(full @ moved)
-        return out
+    def _unbalanced(self, model: Model) -> Array:
+        """Return R and g (n + 1,) of a model at this state."""
+        return np.append(self.rest.residual(model), self._goal(model, self.rest.z, self.rest.t))
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return du/dp (n,) of the response, then dmu/dp of the factors."""
-        first = derivative(lambda s: self._unbalanced(self._pencil(at(s)), self.u), h)
-        change = -self.pencil.solve(first.value)
+        """Return dz/dp and dt/dp (n + 1,)."""
+        weights = np.append(self.system.weights, [self.model.extent / self.t_size, 1.0 / abs(self.met)])
 
-        def forms(step: float) -> Array:
-            pencil, u = self._pencil(at(step)), self.u + step * change
-            return np.array([float(x @ pencil.stiffness(x)) + mu * self._rate(pencil, u, x)
-                             for x, mu in zip(self.shapes, self.values, strict=True)])
-        scales, found = np.array([self._rate(self.pencil, self.u, x) for x in self.shapes]), derivative(forms, h)
-        return Quotient(np.append(change, -found.value / scales),
-                        np.append(np.zeros_like(change), np.abs(found.error / scales)), found.h)
+        def changes(step: float) -> Array:
+            off = self._unbalanced(at(step))
+            return np.append(-self._within(off[:-1]), -off[-1])
+        found = derivative(changes, h, weights)
+        error = found.error[:-1] + found.error[-1] / abs(self.met) * np.abs(self.tangent)
+        return Quotient(self._met(found.value[:-1], found.value[-1]), error, found.h)
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the linear response of a model with its load factors changed."""
-        n, pencil = len(self.u), self._pencil(model)
-        factors = np.array(self.state.report["load_factors"])
-        factors[np.array(self.wanted, dtype=int) - 1] += change[n:]
-        return [response_state(pencil, pencil.d, self._full(model, self.u + change[:n]), factors,
-                               np.zeros((len(factors), n)), [], 0)]
+        """Return the state of a model where unknowns and load factor have changed."""
+        return [self.rest.state_at(model, self.rest.z + change[:-1], self.rest.t + float(change[-1]))]
 
 
-def why_not(model: Model) -> str:
-    """Return why the states of a model have no such response, empty where they have one."""
-    solver = model.case.solver
-    if solver.moves:
-        return unsuited(model)
-    if model.remembers:
-        return "materials remember the way to a state"
-    if any(pair.item.friction for pair in model.contacts):
-        return "friction depends on the way to a state"
-    if solver.on_path and not isinstance(getattr(solver, "until", None), LoadFactor):
-        return "the end of the path depends on the case"
-    if solver.scales and (model.loads.flows or not model.symmetric):
-        return "loads have no potential"
-    if solver.scales and next(unscaled(model), None) is not None:
-        return "constant loads have moved the model before"
-    if not isinstance(solver, LinearStatic | Static | Eigen | Buckling):
-        return "the solver has no states of equilibrium"
-    return ""
+class Path(OneByOne):
+    """The end of a path and, by their numbers, some of its limit points."""
 
+    def __init__(self, model: Model, states: Sequence[State], limits: Sequence[int]) -> None:
+        spec, self.last = model.case.solver, states[-1]
+        assert isinstance(spec, Static)
+        self.limits = sorted(set(limits))
+        passed = [next(s for s in states if len(s.report["limit_points"]) >= k) for k in self.limits]
+        self.parts: list[Equilibrium | PathEnd] = [PathEnd(model, s, limit=True) for s in passed]
+        if isinstance(spec.until, LoadFactor):
+            self.parts.append(Equilibrium(model, self.last))
+        else:
+            self.parts.append(PathEnd(model, self.last, isinstance(spec.until, LimitPoints)))
 
-def responses(model: Model, states: Sequence[Any], whole: bool, modes: Sequence[tuple[str, int]],
-              factors: Sequence[int]) -> list[Response]:
-    """Return the responses of the states of a run, of the last one unless ``whole``.
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return the changes of all these states, one behind the other."""
+        found = [part.slope(at, h) for part in self.parts]
+        self.lengths = np.cumsum([len(q.value) for q in found])
+        return Quotient(np.concatenate([q.value for q in found]), np.concatenate([q.error for q in found]),
+                        min(q.h for q in found))
 
-    ``modes`` and load ``factors`` (by number) are those that are wanted.
-    """
-    solver, kept = model.case.solver, states if whole else states[-1:]
-    if solver.moves:
-        return [Motion(model, states[-1], whole)]
-    if isinstance(solver, Eigen):
-        return [Vibration(model, state, modes) for state in kept]
-    if isinstance(solver, Buckling):
-        return [Instability(model, state, factors) for state in kept]
-    return [Equilibrium(model, state, solver.linear) for state in kept]
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the last state, with what is told of the limit points."""
+        found = [part.states(model, one)[0]
+                 for part, one in zip(self.parts, np.split(change, self.lengths[:-1]), strict=True)]
+        points, observer = list(self.last.report["limit_points"]), Observer(model)
+        for k, state in zip(self.limits, found[:-1], strict=True):
+            points[k - 1] = {"factor": state.t, "probes": observer.observe(state)}
+        return [replace(found[-1], report={**self.last.report, "limit_points": points})]

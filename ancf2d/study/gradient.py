@@ -8,12 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Eigen, Goal, LoadedCase, Static, with_overrides
+from ..case import (
+    Buckling,
+    Eigen,
+    FrequencyResponse,
+    Goal,
+    LinearStatic,
+    LoadedCase,
+    Static,
+    with_overrides,
+)
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..solvers.beside import unsuited
 from ..solvers.differences import Quotient, UnsuitedError, derivative
+from ..solvers.motion_variation import Motion
+from ..solvers.small_variation import Excited, Instability, Vibration
+from ..solvers.static import unscaled
+from ..solvers.variation import Equilibrium, Path, Response
 from .goal import for_study
 from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
@@ -127,19 +141,17 @@ class Study:
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
-        from ..solvers.variation import responses, why_not
-
-        reason, goals = why_not(self.model), getattr(self.watch, "goals", ())
+        reason, goals = why_not(self.model), getattr(self.watch, "goals", None)
         whole = getattr(self.watch, "whole", True) and len(states) > 1
-        if not reason and any(g.limit_point is not None for g in goals):
-            reason = "a limit point is a state along the path"
+        if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
+            reason = "contact changes along the path"
+        if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
+            reason = "it is not known which modes are read"
         if not reason and whole and not self.moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
-        modes = [(g.kind, g.number) for g in goals if g.kind is not None and g.number is not None]
-        factors = [g.load_factor for g in goals if g.load_factor is not None]
-        return list(responses(self.model, states, whole, modes, factors)), ""
+        return responses(self.model, states, whole, goals), ""
 
     def expect(self, variables: Sequence[Variable]) -> None:
         """Find together what is found more cheaply for several numbers than for each."""
@@ -177,12 +189,15 @@ class Study:
         slopes = [one.slope(at, h) for one in self.responses]
 
         def watched(step: float) -> Array:
-            states = [s for one, slope in zip(self.responses, slopes, strict=True)
-                      for s in one.states(at(step) if step else self.model, step * slope.value)]
-            return self.watch(at(step) if step else self.model, states)
+            model = at(step) if step else self.model
+            return self.watch(model, [
+                s for one, slope in zip(self.responses, slopes, strict=True)
+                for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
         if self.middle is None:
-            # of motions, beside the values of a run: Newton's iterations go further where steps are differentiated
-            self.middle = watched(0.0) if self.moves else self.values
+            # beside the values of a run: Newton's iterations go further where steps are differentiated, and a peak is
+            # between the frequencies of a range
+            solver = self.model.case.solver
+            self.middle = watched(0.0) if self.moves or isinstance(solver, FrequencyResponse) else self.values
         found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
         del self.models[variable.path]
         share = max(_share(slope) for slope in slopes)
@@ -201,6 +216,45 @@ class Study:
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")
             return self.watch(model, states)
         return derivative(run, h, middle=self.values)
+
+
+def why_not(model: Model) -> str:
+    """Return why the states of a model have no such response, empty where they have one."""
+    solver = model.case.solver
+    if solver.moves:
+        return unsuited(model)
+    if model.remembers:
+        return "materials remember the way to a state"
+    if any(pair.item.friction for pair in model.contacts):
+        return "friction depends on the way to a state"
+    if solver.scales and (model.loads.flows or not model.symmetric):
+        return "loads have no potential"
+    if solver.scales and next(unscaled(model), None) is not None:
+        return "constant loads have moved the model before"
+    if not isinstance(solver, LinearStatic | Static | Eigen | Buckling | FrequencyResponse):
+        return "the solver has no states of equilibrium"
+    return ""
+
+
+def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[Goal] | None) -> list[Response]:
+    """Return the responses of the states of a run, of the last one unless ``whole``, to what ``goals`` are of.
+
+    Without goals these are the responses at all frequencies.
+    """
+    solver, kept, asked = model.case.solver, states if whole else states[-1:], goals or ()
+    if solver.moves:
+        return [Motion(model, states[-1], whole)]
+    if isinstance(solver, Eigen):
+        modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
+        return [Vibration(model, state, modes) for state in kept]
+    if isinstance(solver, Buckling):
+        return [Instability(model, state, [g.load_factor for g in asked if g.load_factor]) for state in kept]
+    if isinstance(solver, FrequencyResponse):
+        read = None if goals is None else [g for g in goals if g.input is not None]
+        return [Excited(model, state, read) for state in kept]
+    if solver.on_path:
+        return [Path(model, states, [g.limit_point for g in asked if g.limit_point])]
+    return [Equilibrium(model, state, solver.linear) for state in kept]
 
 
 def _share(found: Quotient) -> float:
