@@ -25,7 +25,7 @@ from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import NOTHING, Field, PointPatch, position_fields, turn_fields
 from ..model.points import PointRef, point_ref
-from ..model.profiles import breaks, values
+from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
 from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
@@ -36,6 +36,8 @@ MOST = 504
 FEW = -2
 # of the body's length: the step by which the slope of a profile is found
 STEP = 1e-6
+# of a guide, over the length of a body: points through which it is drawn
+DRAWN = 40
 
 
 class ElasticTendon(PointPatch):
@@ -235,6 +237,15 @@ class Tendon:
     def places(self) -> tuple[str, list[float]] | None:
         """The body along which it is guided, and the places S where the guide has kinks."""
         return None if self.on is None else (self.on, [s for s, _ in _breaks(self.y) if self.from_ < s < self.to])
+
+    @property
+    def drawn(self) -> Array | None:
+        """S and y (n, 2) of points of a guide whose distance from the axis varies; both sides of a jump."""
+        if self.on is None or isinstance(self.y, float):
+            return None
+        ends = [self.from_, *(s for s in self.places[1] if s > self.from_), self.to] if self.places else []
+        s = np.concatenate([np.linspace(a + SIDE, b - SIDE, max(2, round(DRAWN * (b - a)))) for a, b in pairwise(ends)])
+        return np.stack([s, values(self.y, s)], axis=1)
 
     def check(self) -> Iterator[Issue]:
         """Yield what a tendon cannot be."""

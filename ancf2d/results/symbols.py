@@ -26,7 +26,7 @@ ALWAYS = -math.inf, math.inf
 @dataclass(frozen=True)
 class Symbol:
     """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring or a stretch of a tendon
-    joins its two points.
+    joins its two points, which lie ``off`` the axes of their bodies.
 
     ``on`` holds the body and S of each point, None for a point of the ground; ``tracks`` the names in ``tracks_of`` of
     those that move along their bodies. A symbol that ``turns`` keeps its angle with the axis at its first point.
@@ -40,6 +40,7 @@ class Symbol:
     turns: bool = False
     tracks: tuple[str | None, ...] = ()
     acts: tuple[float, float] = ALWAYS
+    off: tuple[float, ...] = ()
 
 
 def _with_numbers(value: Any) -> Any:
@@ -110,7 +111,7 @@ class _Scene:
 
     def _named(self, entry: dict[str, Any], path: str) -> dict[str, Any]:
         """Return an entry whose points that move have their names in ``tracks_of``."""
-        out, ends = dict(entry), entry.get("between")
+        out, ends = {**entry, "path": path}, entry.get("between")
         if isinstance(entry.get("at"), dict):
             out["at"] = {**entry["at"], "track": f"{path}.at"}
         if isinstance(ends, list):
@@ -222,22 +223,22 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
 
 
 def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
-    """Yield the straight ways from eyelet to eyelet, or along the guide of a body, at a distance that a table may give.
-    """
+    """Yield the straight ways from eyelet to eyelet, or along the guide of a body, whose distance may vary."""
     eyelets = [(e.get("at"), e.get("y") or 0.0) if isinstance(e, dict) else (e, 0.0)
                for e in entry.get("through") or []]
     if entry.get("on") in scene.results.bodies:
         start, end = entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"]
-        y = entry.get("y") or 0.0
-        eyelets = [(f"{entry['on']}@{s}", float(np.interp(s, y["s"], y["value"])) if isinstance(y, dict) else y)
-                   for s in np.linspace(start, end, 2 * ALONG_LOAD).tolist()]
+        way, told = [(s, entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)], scene.results.arrays
+        if (varies := f"guides/{entry['path']}") in told:
+            way = scene.results.array(varies).tolist()
+        eyelets = [(f"{entry['on']}@{s}", y) for s, y in way]
     if not all(isinstance(y, int | float) for _, y in eyelets):
         return
     for ends in pairwise(eyelets):
         for symbol in scene.symbol("tendon", [at for at, _ in ends]):
             turns = [scene.direction(at)[0] for at, _ in ends]
             off = [[-y * math.sin(turn), y * math.cos(turn)] for (_, y), turn in zip(ends, turns, strict=True)]
-            yield replace(symbol, points=symbol.points + off)
+            yield replace(symbol, points=symbol.points + off, off=tuple(y for _, y in ends))
 
 
 def _distributed(scene: _Scene, entry: dict[str, Any], angle: float) -> Iterator[Symbol]:
@@ -267,6 +268,14 @@ def symbols_of(results: Results, state: int | None, scale: float, at: int | None
         return found
     t = float(results.t[scene.at])
     return [symbol for symbol in found if symbol.acts[0] <= t < symbol.acts[1]]
+
+
+def tendons_of(results: Results, state: int | None) -> list[np.ndarray]:
+    """Return the points (n, 2) through which each tendon of a file's case runs in a state (None: reference)."""
+    scene = _Scene(results, state, 1.0, state)
+    found = ([s.points for s in _load(scene, entry)] for entry in scene.entries("loads")
+             if entry.get("type") == "tendon")
+    return [np.vstack([ways[0][:1], *(way[1:] for way in ways)]) for ways in found if ways]
 
 
 # ---------------------------------------------------------------------- outlines

@@ -291,8 +291,13 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
     if resume:
         return ResultWriter.resume(out, header, model.e0, force=force)
     names = {m.plan.name: [c for node in m.coordinate_names for c in node] for m in model.meshes.values()}
-    return ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names,
-                        fields=field_records(model), force=force)
+    writer = ResultWriter(out, header, [body_record(m) for m in model.meshes.values()], model.e0, names,
+                          fields=field_records(model), force=force)
+    for k, load in enumerate(loaded.case.loads):
+        if load.drawn is not None:
+            writer.array(f"guides/loads.{k}", load.drawn, f"S 1; y {loaded.case.units.length}",
+                         "S and y of points through which the guide of a tendon is drawn")
+    return writer
 
 
 def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:

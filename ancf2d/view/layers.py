@@ -106,15 +106,19 @@ class Attached:
             (p, t) for s in self.symbols for p, t in zip(s.on, s.tracks, strict=True)) if place and track]
         self.turning = np.array([k for k, s in zip(self._first(), self.symbols, strict=True) if s.turns], int)
         self.ahead: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
+        # distances of points from the axes of their bodies, and the axes about them
+        off = np.array([y for s in self.symbols for y in s.off or (0.0,) * len(s.points)])
+        self.beside: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray],
+                                tuple[np.ndarray, np.ndarray]]] = []
         for name, body in results.bodies.items():
             mine = np.array([k for k, p in enumerate(places) if p and p[0] == name], int)
             if mine.size:
                 self.rows.append((mine, axis_shapes(body, _at(places, mine))))
+                if (some := mine[off[mine] != 0.0]).size:
+                    self.beside.append((some, off[some, None], *_about(body, _at(places, some))))
             held = np.flatnonzero(np.isin(self.turning, mine))
             if held.size:
-                s = _at(places, self.turning[held])
-                self.ahead.append((held, axis_shapes(body, np.maximum(s - STEP, 0.0)),
-                                   axis_shapes(body, np.minimum(s + STEP, 1.0))))
+                self.ahead.append((held, *_about(body, _at(places, self.turning[held]))))
 
     def _first(self) -> list[int]:
         """Return the number of each symbol's first point."""
@@ -134,10 +138,10 @@ class Attached:
                 break
             row = axis_shapes(self.results.bodies[name], np.clip(track[state:state + 1], 0.0, 1.0))
             out[k] = self.ground[k] + (_values(row, e) - _values(row, self.results.e0))[0]
+        for some, off, before, after in self.beside:
+            out[some] += off * _direction(before, after, e)[:, ::-1] * [-1.0, 1.0]
         for held, before, after in self.ahead:
-            along = _values(after, e) - _values(before, e)
-            length = np.linalg.norm(along, axis=1, keepdims=True)
-            arms[held] = self.arm * along / np.where(length > 0, length, 1.0)
+            arms[held] = self.arm * _direction(before, after, e)
         return np.concatenate([out, out[self.turning] + arms])
 
     def ways(self, first: int, states: np.ndarray) -> list[dict[str, Any]]:
@@ -163,6 +167,18 @@ class Attached:
         return {"symbols": out, "outlines": {name: {"lines": mark.lines, "unit": mark.unit, "filled": mark.filled,
                                                     "load": mark.load}
                                              for name, mark in outlines().items() if name in kinds}}
+
+
+def _about(body: BodyRecord, s: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Return the axis a little before and a little after places S (n,)."""
+    return axis_shapes(body, np.maximum(s - STEP, 0.0)), axis_shapes(body, np.minimum(s + STEP, 1.0))
+
+
+def _direction(before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], e: np.ndarray
+               ) -> np.ndarray:
+    along = _values(after, e) - _values(before, e)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(along / np.where(length > 0, length, 1.0))
 
 
 def _at(places: Sequence[tuple[str, float] | None], some: np.ndarray) -> np.ndarray:

@@ -8,13 +8,15 @@ import re
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results
-from ancf2d.results.symbols import symbols_of, tracks_of
+from ancf2d.results.export import export
+from ancf2d.results.symbols import symbols_of, tendons_of, tracks_of
 from ancf2d.study.run import load, run_case
 from ancf2d.view import make_page
 
@@ -125,6 +127,46 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run_case(load(folder / "frame.yaml"), str(folder / "frame.h5"))
     return folder / "frame.h5"
 
+
+
+GUIDED: dict[str, Any] = {
+    "bodies": {"a": {"geometry": {"type": "arc", "center": [0, 0], "radius": 1, "from": 0, "to": 1.5},
+                     "section": {"height": 0.2, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3},
+                     "element": {"type": "reissner3", "count": 8}}},
+    "boundary_conditions": [{"type": "clamp", "at": "a@0"}],
+    "loads": [{"type": "tendon", "on": "a", "y": "0.08*cos(6*s)", "from": 0.1, "tension": 60},
+              {"type": "tendon", "on": "a", "tension": 100,
+               "y": {"s": [0, 0.5, 0.5, 1], "value": [-0.09, -0.09, -0.03, -0.03]}},
+              {"type": "tendon", "through": [{"at": "a@0.1", "y": -0.14}, "a@1", [0.2, 0.5]], "tension": 10}],
+    "solver": {"type": "linear_static"}}
+
+
+def test_tendons_are_drawn_where_they_run(tmp_path: Path) -> None:
+    """Guides by expression and with a jump too, in figures, pages and ParaView: y on an arc is a smaller radius."""
+    (tmp_path / "a.yaml").write_text(json.dumps(GUIDED))
+    run_case(load(tmp_path / "a.yaml"), str(tmp_path / "a.h5"))
+    with open_results(tmp_path / "a.h5") as results:
+        wavy, stepped, laced = tendons_of(results, None)
+        s = np.arctan2(wavy[:, 1], wavy[:, 0]) / 1.5
+        assert s[[0, -1]] == pytest.approx([0.1, 1.0], abs=1e-3)
+        # the direction of the axis at its ends is that of a chord
+        np.testing.assert_allclose(np.hypot(*wavy.T), 1 - 0.08 * np.cos(6 * s), atol=1e-3)
+        radii = np.hypot(*stepped.T)
+        np.testing.assert_allclose(np.sort(radii), [1.03] * (len(radii) // 2) + [1.09] * (len(radii) // 2), atol=1e-3)
+        np.testing.assert_allclose(laced, [[1.14 * np.cos(0.15), 1.14 * np.sin(0.15)], [np.cos(1.5), np.sin(1.5)],
+                                           [0.2, 0.5]], atol=1e-3)
+        data = embedded(make_page(results).html)
+        reference, moves = decoded(data)
+        firsts = [symbol["first"] for symbol in data["symbols"] if symbol["kind"] == "tendon"]
+        for state, shown in ((None, reference), (-1, reference + moves[-1])):
+            drawn = [symbol.points for symbol in symbols_of(results, state, 1.0) if symbol.kind == "tendon"]
+            np.testing.assert_allclose([shown[k:k + 2] for k in firsts], drawn, atol=1e-5)
+        export(tmp_path / "a.h5", tmp_path / "a.vtkhdf")
+        last = tendons_of(results, -1)
+    with h5py.File(tmp_path / "a.vtkhdf") as file:
+        grid = file["VTKHDF"]
+        written, whose = grid["Points"][:], grid["PointData/body"][:]
+    np.testing.assert_allclose(written[-len(whose):][whose == -2, :2], np.vstack(last))
 
 def test_symbols_move_and_turn_with_what_they_stand_on(frame: Path) -> None:
     with open_results(frame) as results:

@@ -216,8 +216,9 @@ R = TypeVar("R", bound=type)
 DECLARED: dict[str, dict[str, Any]] = {
     # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
     # the places S of it at which nodes are wanted; the points that it acts at where its keys do not
-    # tell; whether its amplitude may answer the motion
-    "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True},
+    # tell; whether its amplitude may answer the motion; the points (S, y) of a body through which it is drawn, where
+    # its keys do not tell
+    "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True, "drawn": None},
     # whether rates cause forces, and whether it acts in a part of its elongations alone
     "springs": {"damped": False, "breaks": False},
     # the body along which a point slides; when it acts, None for always

@@ -2,8 +2,8 @@
 
 Each body is there twice: as quadrilaterals over its true section, from the element's own shape functions, and as its
 axis, one polyline; the cell field ``centreline`` tells them apart, ``body`` which body it is (-1: the surface of an
-obstacle, as lines). A grid of both kinds of
-cells is read by every program that reads the format, with its steps; collections of grids are not.
+obstacle, as lines; -2: a tendon, as a line). A grid of both kinds of cells is read by every program that reads the
+format, with its steps; collections of grids are not.
 
 Source: VTKHDF format specification, docs.vtk.org.
 """
@@ -29,10 +29,11 @@ from ancf2d.results.journal import JournaledFile
 from ancf2d.results.obstacles import obstacles_of
 from ancf2d.results.reader import Results
 from ancf2d.results.records import BodyRecord, FieldRecord
+from ancf2d.results.symbols import tendons_of
 from ancf2d.results.target import MARK
 
 QUAD, POLYLINE = 9, 4  # VTK's numbers of these cells
-OBSTACLE = -1  # in the place of a body's number
+OBSTACLE, TENDON = -1, -2  # in the place of a body's number
 SIDE = 1e-8  # of half the height: how far from the line between two layers fields are taken
 MOST_CELLS = 2_000  # along all elements together, as long as every element has one
 CHUNK = 1 << 14  # points
@@ -183,10 +184,10 @@ class _Grid:
     def __init__(self, results: Results, root: h5py.Group, parts: list[Part]) -> None:
         self.results, self.root, self.parts = results, root, parts
         self.steps = max(results.nt, 1)
-        # the lines of obstacles, behind the bodies
-        self.lines = self._obstacles(None)
+        # of obstacles and tendons, behind the bodies
+        self.lines = self._lines(None)
         self.of_bodies = sum(p.points for p in parts)
-        self.n = self.of_bodies + sum(map(len, self.lines))
+        self.n = self.of_bodies + sum(len(line) for _, line in self.lines)
         self.moves = results.nt > 0 and results.holds("v")
         self.reference = self._points(results.e0, None)
         self.point_data, self.cell_data = root.create_group("PointData"), root.create_group("CellData")
@@ -209,11 +210,13 @@ class _Grid:
         shape = (self.steps * self.n, *width)
         return group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
 
-    def _obstacles(self, state: int | None) -> list[np.ndarray]:
-        return [line for solid in obstacles_of(self.results, state, 1.0) for line in solid.lines]
+    def _lines(self, state: int | None) -> list[tuple[int, np.ndarray]]:
+        solids = obstacles_of(self.results, state, 1.0)
+        return [*((OBSTACLE, line) for solid in solids for line in solid.lines),
+                *((TENDON, line) for line in tendons_of(self.results, state))]
 
     def _points(self, e: np.ndarray, state: int | None) -> np.ndarray:
-        lines = [np.pad(line, ((0, 0), (0, 1))) for line in self._obstacles(state)]
+        lines = [np.pad(line, ((0, 0), (0, 1))) for _, line in self._lines(state)]
         return np.vstack([*(p.take(body_levels(p.body, e)) for p in self.parts), *lines])
 
     def _rates(self, e: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -223,9 +226,10 @@ class _Grid:
     def write_cells(self) -> None:
         """Write cells, and which body points and cells belong to."""
         cells = [(p.number, kind, points) for p in self.parts for kind, points in p.cells()]
-        first = self.of_bodies
-        for line in self.lines:
-            cells.append((OBSTACLE, POLYLINE, np.arange(first, first + len(line))[None]))
+        first, numbers = self.of_bodies, np.full(self.n, OBSTACLE)
+        for number, line in self.lines:
+            cells.append((number, POLYLINE, np.arange(first, first + len(line))[None]))
+            numbers[first:first + len(line)] = number
             first += len(line)
         ids = np.concatenate([points.ravel() for _, _, points in cells])
         sizes = np.concatenate([np.full(len(points), points.shape[1]) for _, _, points in cells])
@@ -238,9 +242,8 @@ class _Grid:
         self._fixed(self.root, "Types", np.repeat([kind for _, kind, _ in cells], counts).astype(np.uint8))
         self._fixed(self.cell_data, "body", np.repeat([number for number, _, _ in cells], counts).astype(np.int32))
         self._fixed(self.cell_data, "centreline",
-                    np.repeat([kind == POLYLINE and number != OBSTACLE for number, kind, _ in cells],
+                    np.repeat([kind == POLYLINE and number >= 0 for number, kind, _ in cells],
                               counts).astype(np.uint8))
-        numbers = np.full(self.n, OBSTACLE)
         for p in self.parts:
             numbers[p.first:p.first + p.points] = p.number
         self._fixed(self.point_data, "body", numbers.astype(np.int32))
