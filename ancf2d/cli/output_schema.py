@@ -78,7 +78,10 @@ def _run() -> Schema:
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),
         "energy_drift": _is("number?", "relative to the largest kinetic plus strain energy"),
-        "events": _list(_object("what begins or ends", t=_is("number", "time"), what=_is("string", "what it is"))),
+        "events": _list(_object("what begins or ends", {
+            "impulse": _is("object", "fx, fy, m of a support on its body"),
+            "offset": _is("object", "how far what it moves is from what is prescribed")},
+            t=_is("number", "time"), what=_is("string", "what it is"))),
         "momentum": _object("at the end", linear=_list(NUMBER), angular=_is("number", "about the origin")),
         "accuracy": _ACCURACY}
     return _object("one solved case", {**optional, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, solver=TEXT,

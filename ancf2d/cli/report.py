@@ -122,8 +122,15 @@ def _controllers(found: dict[str, dict[str, float]], labels: Labels) -> list[str
     return table(rows, left=(0, 2))
 
 
+def _event(event: dict[str, Any]) -> str:
+    """Return what happened, with the numbers that belong to it."""
+    more = (f"{name}: " + ", ".join(f"{k} {number(v)}" for k, v in event[name].items())
+            for name in ("impulse", "offset") if name in event)
+    return "; ".join([event["what"], *more])
+
+
 def _events(found: list[dict[str, Any]], labels: Labels) -> list[str]:
-    rows = [[f"t [{labels[2]}]", "event"], *([number(event["t"]), event["what"]] for event in found[-MOST_EVENTS:])]
+    rows = [[f"t [{labels[2]}]", "event"], *([number(event["t"]), _event(event)] for event in found[-MOST_EVENTS:])]
     more = len(found) - MOST_EVENTS
     return [*table(rows, left=(1,)), *([f"and {more} before"] if more > 0 else [])]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from ..case.schema.case import register
 from ..case.schema.points import POINT, Point
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
-from ..model.constraints import Equations, Row, along, combine, hold_rotation, prescribe_rotation
+from ..model.constraints import Equations, Row, along, combine, hold_along, hold_rotation, prescribe_rotation
 from ..model.mesh import Index
 from ..model.points import PointRef
-from ..model.switched import OF_REFERENCE
 from ..model.timing import Timing
 
 R = TypeVar("R", bound=type)
@@ -43,18 +42,6 @@ def support(cls: R) -> R:
     return register("boundary_conditions", cls, ("at", "name"))
 
 
-def check_switch(item: Any, own: Equations) -> None:
-    """Raise SupportError for a support that cannot begin where its point is by then."""
-    if item.active is None or not item.active.begins:
-        return
-    if item.motions:
-        raise SupportError(("active",), "a prescribed motion can end, but not begin",
-                           "to or until alone, or a pin, roller or clamp, which hold a point where it is")
-    if any(row.holds in OF_REFERENCE for row in own.rows):
-        raise SupportError(("active",), "holding the section straight or its warping cannot begin: it is held along "
-                           "the directions of the reference", "hold: section or hold: all, or to or until alone")
-
-
 def motion(unit: str) -> ByShape:
     """Return the kind of a prescribed motion: a number, or an amplitude."""
     return ByShape(number=Number(unit), map=OneOf(Amplitude))
@@ -74,13 +61,12 @@ def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
     out.rows += _position_rows(point, owner)
     columns, _ = point.director()
     out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("ry_x", "ry_y"), strict=True)]
-    tx, ty = math.cos(point.angle), math.sin(point.angle)
     for name in dict.fromkeys(name for _, name in point.mesh.plan.element.functionals):
         i, j = derivative_order(name)
         if i == 0 and j > 1:
             row = point.shape_row(0, j)
             columns = [point.columns(row, 0), point.columns(row, 1)]
-            out.rows.append(Row(*along(columns, tx, ty), owner, "section warping"))
+            out.rows.append(hold_along(columns, point.angle, owner, "section warping"))
 
 
 def _coordinates(point: PointRef) -> list[tuple[int, str]]:
@@ -104,17 +90,16 @@ def _breathe(point: PointRef, owner: str, out: Equations) -> None:
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
         raise SupportError(("hold",), f"the section of {element.name} is rigid: it cannot breathe", "section or all")
-    angle = point.director()[1] - 0.5 * math.pi
-    tx, ty = math.cos(angle), math.sin(angle)
-    axis = point.position()
-    out.rows.append(Row(*along(axis, tx, ty), owner, "axial position"))
-    out.rows.append(Row(*along(point.position("uniform"), -ty, tx), owner, "mean transverse position"))
+    across = point.director()[1]
+    angle = across - 0.5 * math.pi
+    out.rows.append(hold_along(point.position(), angle, owner, "axial position"))
+    out.rows.append(hold_along(point.position("uniform"), across, owner, "mean transverse position"))
     for j in range(1, element.degree_y + 1):
         row = point.shape_row(0, j)
         columns = [point.columns(row, 0), point.columns(row, 1)]
-        coords, coefs = along(columns, tx, ty)
-        if len(coords):
-            out.rows.append(Row(coords, coefs, owner, "section direction" if j == 1 else "section warping"))
+        held = hold_along(columns, angle, owner, "section direction" if j == 1 else "section warping")
+        if len(held.coords):
+            out.rows.append(held)
 
 
 @support

@@ -28,7 +28,7 @@ from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.moving import moving_mass
 from ..interactions.obstacles import frame_of
 from ..interactions.springs import moving_spring
-from ..interactions.supports import SupportError, check_switch
+from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .contacts import Contacts
 from .elimination import Elimination, eliminate, inconsistent
@@ -130,7 +130,6 @@ class _Builder:
             own = Equations()
             try:
                 support.add(point, name, timing, own)
-                check_switch(support, own)
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
             else:
@@ -226,7 +225,7 @@ class _Builder:
         names = [n for n, _ in self.supports]
         for motion in motions(self.equations):
             # a static displacement or angle may well begin at a step
-            starts = from_reference and (moving or motion.key in ("x", "y"))
+            starts = from_reference and (moving or motion.key in ("x", "y")) and motion.starts
             found = [motion.start_problem(self.extent)] if starts else []
             found += [motion.jump_problem(solver.end)] if moving else []
             for message, expected in filter(None, found):

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..case import Active, Latch
 from ..elements.point_laws import PointLaw, half_sine, with_multiplier
 from ..elements.registry import RIGID_FRAME
 from ..elements.shape import Array
@@ -26,7 +27,8 @@ LENGTH = "length"
 class Row:
     """A linear equation: sum of coefs * d[coords] = signal(t), or 0 without a signal.
 
-    ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words.
+    ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words. ``vector`` has the columns of
+    x and y of what it holds along an angle, which turns with the section until that is caught.
     """
 
     coords: Index
@@ -34,6 +36,7 @@ class Row:
     owner: str
     holds: str
     signal: Course | None = None
+    vector: tuple[list[tuple[Index, Array]], float] | None = None
 
     def value(self, t: float, order: int = 0) -> float:
         """Return the right-hand side at load factor or time t, or its first or second derivative by time."""
@@ -86,9 +89,9 @@ def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index
 
 
 def at_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A direction at the angle of another field: p x (cos, sin)(theta) = 0."""
+    """A direction at the angle of another field, and beyond it by mem[0]: p x (cos, sin)(theta) = 0."""
     x, y = p0[0] + u[0], p0[1] + u[1]
-    c, s = np.cos(p0[2] + u[2]), np.sin(p0[2] + u[2])
+    c, s = np.cos(p0[2] + u[2] + mem[0]), np.sin(p0[2] + u[2] + mem[0])
     g = x * s - y * c
     f[0], f[1], f[2] = s, -c, x * c + y * s
     H[0, 2], H[2, 0], H[1, 2], H[2, 1], H[2, 2] = c, c, s, s, -g
@@ -98,7 +101,7 @@ def at_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 def at_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
     """Products of means; sine and cosine change by what they do over the chord."""
-    t0, t1, lam = p0[2] + u0[2], p0[2] + u1[2], u1[3]
+    t0, t1, lam = p0[2] + u0[2] + mem[0], p0[2] + u1[2] + mem[0], u1[3]
     xm, ym = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
     chord = half_sine(t1 - t0)
     half = 0.5 * (t0 + t1)
@@ -221,6 +224,11 @@ def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
         out.constraints.append(directions_aligned(a, b, owner))
 
 
+def hold_along(columns: list[tuple[Index, Array]], angle: float, owner: str, holds: str) -> Row:
+    """Return the equation that holds a planar vector of a section along a direction, which turns with the section."""
+    return Row(*along(columns, math.cos(angle), math.sin(angle)), owner, holds, None, (columns, angle))
+
+
 def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
     """Ask that the section at a point keeps its reference direction."""
     if point.turns_by_theta:
@@ -240,7 +248,8 @@ def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equatio
         out.constraints.append(direction_prescribed(point, signal, owner))
 
 
-_KEYS = {"x": "x", "y": "y", "ux": "ux", "uy": "uy", "rotation": "angle"}
+# the keys of prescribed motions by what their equations hold
+MOTIONS = {"x": "x", "y": "y", "ux": "ux", "uy": "uy", "rotation": "angle"}
 _WORDS = {"x": "prescribed x", "y": "prescribed y", "ux": "prescribed displacement ux",
           "uy": "prescribed displacement uy", "angle": "prescribed angle"}
 
@@ -252,6 +261,13 @@ class Motion:
     owner: str
     key: str
     course: Course
+    # when it acts, None for always
+    window: Active | Latch | None = None
+
+    @property
+    def starts(self) -> bool:
+        """Whether it acts from the start."""
+        return self.window is None or self.window.at(0.0)
 
     @property
     def name(self) -> str:
@@ -273,7 +289,11 @@ class Motion:
 
     def jump_problem(self, t_end: float) -> tuple[str, str] | None:
         """Return message and what is expected of a motion that would ask for an infinite velocity."""
-        found = jumps(self.course, 0.0, t_end) if isinstance(self.course, Signal) else []
+        begin, end = (-math.inf, math.inf) if self.window is None else self.window.times
+        # what waits for a condition may begin at any time
+        first = max(begin, 0.0) if begin < math.inf else 0.0
+        found = jumps(self.course, first, min(end, t_end)) if isinstance(self.course, Signal) else []
+        found = [t for t in found if first < t < end]
         if not found:
             return None
         more = ("", " and once more")[len(found) - 1] if len(found) < 3 else f" and {len(found) - 1} times more"
@@ -285,5 +305,5 @@ def motions(equations: Equations) -> Iterator[Motion]:
     items: list[Any] = [*equations.rows, *equations.constraints]
     for item in items:
         course = getattr(item, "signal", None)
-        if course is not None and item.holds in _KEYS:
-            yield Motion(item.owner, _KEYS[item.holds], course)
+        if course is not None and item.holds in MOTIONS:
+            yield Motion(item.owner, MOTIONS[item.holds], course, getattr(item, "active", None))

@@ -14,14 +14,12 @@ import numpy as np
 from ..case import Active, Latch
 from ..elements.point_laws import PointLaw, with_multiplier
 from ..elements.shape import Array
-from .constraints import Equations, Row
+from .constraints import AT_ANGLE, Equations, Row
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
-from .points import PointRef
+from .points import PointRef, dot
 
 # beside the size of its terms: how far off a joint may be that begins
 CLOSED = 1e-6
-# what is held by components along directions of the reference, which a body that has turned does not have any more
-OF_REFERENCE = ("axial position", "mean transverse position", "section direction", "section warping")
 
 
 def held(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -54,8 +52,28 @@ def held_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
     return 0.0, 0.0
 
 
+def held_along(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """A vector along a direction that a section had when it was caught: p . (cos, sin) is what it was there.
+
+    Fields: the vector, and what tells how the section turns, which is not held; par: the direction in the reference.
+    """
+    c, s = np.cos(mem[0]), np.sin(mem[0])
+    f[0], f[1] = c, s
+    with_multiplier((p0[0] + u[0]) * c + (p0[1] + u[1]) * s - mem[1], u, f, H)
+    return 0.0, 0.0
+
+
+def held_along_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """It is linear."""
+    c, s = np.cos(mem[0]), np.sin(mem[0])
+    f[0], f[1] = u1[4] * c, u1[4] * s
+    f[4] = (p0[0] + u1[0]) * c + (p0[1] + u1[1]) * s - mem[1]
+    return 0.0, 0.0
+
+
 HELD = PointLaw("held", held, held_mean, constraint=True)
 HELD_ANGLE = PointLaw("held_angle", held_angle, held_angle_mean, constraint=True)
+HELD_ALONG = PointLaw("held_along", held_along, held_along_mean, constraint=True)
 
 
 def switched(own: Equations, window: Active | Latch | None, size: Callable[[int], float], extent: float,
@@ -79,15 +97,36 @@ def _constraint(row: Row, size: Callable[[int], float], extent: float, point: Po
     if row.holds == "rotation" and point is not None and not point.turns_by_theta:
         _, fields = turn_fields(point)
         return PointConstraint(HELD_ANGLE, fields, [], row.owner, row.holds, fields[0].p0)
-    scale = extent * max(abs(w) * size(c) for c, w in zip(row.coords.tolist(), row.coefs.tolist(), strict=True))
-    return PointConstraint(HELD, [Field(row.coords, row.coefs), NOTHING], [], row.owner, row.holds, scale, row.signal,
-                           1 if row.signal is not None else -1)
+    if row.vector is not None and point is not None:
+        columns, angle = row.vector
+        _, turning = turn_fields(point)
+        first, e0 = point.mesh.first_dof, point.mesh.e0
+        fields = [Field(*x, dot((x[0] - first, x[1]), e0)) for x in columns]
+        out = PointConstraint(HELD_ALONG, [*fields, *turning], [angle], row.owner, row.holds, _scale(row, size, extent))
+        catch(out, np.zeros(int(out.dofs.max()) + 1), 0.0)
+        return out
+    return PointConstraint(HELD, [Field(row.coords, row.coefs), NOTHING], [], row.owner, row.holds,
+                           _scale(row, size, extent), row.signal, 1 if row.signal is not None else -1)
 
 
-def caught(c: PointConstraint, d: Array) -> float:
-    """Return what a constraint remembers that begins at d (n_full,), for laws that do."""
-    p = c.p0 + c.G @ d[c.dofs]
-    return math.atan2(p[1], p[0]) if c.law is HELD_ANGLE else float(p[0])
+def _scale(row: Row, size: Callable[[int], float], extent: float) -> float:
+    return extent * max(abs(w) * size(c) for c, w in zip(row.coords.tolist(), row.coefs.tolist(), strict=True))
+
+
+def catch(c: PointConstraint, d: Array, t: float) -> None:
+    """Let a constraint remember what it holds at d (n_full,) at t, where it begins.
+
+    What is prescribed goes on from there: by what it changes.
+    """
+    p, given = c.p0 + c.G @ d[c.dofs], 0.0 if c.signal is None else c.signal(t)
+    if c.law is HELD:
+        c.mem[0] = p[0] - given
+    elif c.law in (HELD_ANGLE, AT_ANGLE):
+        follows = p[2] if c.law is AT_ANGLE else 0.0
+        c.mem[0] = math.remainder(math.atan2(p[1], p[0]) - follows - given, 2.0 * math.pi)
+    elif c.law is HELD_ALONG:
+        c.mem[0] = c.par[0] + math.atan2(p[3], p[2])
+        c.mem[1] = p[0] * math.cos(c.mem[0]) + p[1] * math.sin(c.mem[0])
 
 
 def is_off(c: PointConstraint, d: Array, t: float) -> float:

@@ -111,12 +111,15 @@ def pass_break(motion: Any, piece: int) -> None:
     kinks = motion.moving.kinks(p, w, s, t, carried)
     sampled = motion.answers.sample(t)
     motion.consistent(t, impulse + kinks)
-    if begun:
-        motion.events.count(begun, before_impact)
+    lost = motion.events.count(begun, before_impact) if begun else 0.0
     s.v[:] += off
-    if begun:
+    if begun and not len(motion.driving):
         # what begins to hold something that moves is a plastic impact
         s.numbers[LOST] += energy - kinetic(p, w, s, t)
+    elif begun:
+        # what is moved gives some
+        s.numbers[LOST] += lost
+        s.numbers[WORK] += kinetic(p, w, s, t) - energy + lost
     elif jump[motion.driving].any() or kinks.any():
         s.numbers[WORK] += kinetic(p, w, s, t) - energy
     if motion.dt > 0.0:

@@ -18,10 +18,11 @@ from ..interactions.moving import MovingPatch
 from ..kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
 from ..kernels.lowlevel.records import Record
 from ..model.breakpoints import Break, Piece
+from ..model.constraints import MOTIONS
 from ..model.mechanism import rigid_motion
 from ..model.point_patch import PointConstraint, PointPatch
 from ..model.points import dot
-from ..model.switched import CLOSED, HELD, HELD_ANGLE, caught, is_off
+from ..model.switched import CLOSED, catch, is_off
 from ..model.timing import Answer
 from ..results.records import EVENT_WORDS
 from .linear import dense
@@ -54,6 +55,8 @@ class Events:
         # of pieces by where they begin: constraints that repeat others; what supports did when they began, by name
         self.repeated: dict[float, list[int]] = {}
         self.impulses: dict[str, dict[str, float]] = {}
+        # of motions that began where they were not: how far from what is prescribed, by support and key
+        self.offsets: dict[str, dict[str, float]] = {}
 
     def __bool__(self) -> bool:
         """Whether anything begins or ends."""
@@ -167,10 +170,16 @@ class Events:
                 raise ComputationError(
                     f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",
                     at={"t": motion.t}, advice="a condition that holds where the points meet, or a spring in its place")
-            if c.law in (HELD, HELD_ANGLE):
-                motion.p.points.mem[k, 0] = caught(c, d)
+            catch(c, d, motion.t)
+            motion.p.points.mem[k, :len(c.mem)] = c.mem
+            self._note_offset(c)
         self._leave_out(d)
         return [c for k, c in found if motion.p.points.on[k]]
+
+    def _note_offset(self, c: PointConstraint) -> None:
+        """Note how far what a support moves is from what is prescribed where it begins."""
+        if c.signal is not None:
+            self.offsets.setdefault(c.owner, {})[MOTIONS[c.holds]] = float(c.mem[0])
 
     def _leave_out(self, d: Array) -> None:
         """Leave out constraints that others make hold at d (n_full,): two multipliers for one motion have no values."""
@@ -205,10 +214,10 @@ class Events:
     def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
         """Return coordinates and gradient at d (n_full,) of each constraint by its multiplier."""
         self.look(self.motion.p.points.mem)
-        piece, out = self.motion.pieces[self.motion.piece], {}
+        t, out = max(self.motion.t, self.motion.pieces[self.motion.piece].first), {}
         d = d.copy()
         d[self.model.n_q:] = 1.0
-        for _, Q, _, dofs in self.model.interactions.constraints(d, 0.5 * (piece.first + piece.stop)):
+        for _, Q, _, dofs in self.model.interactions.constraints(d, t):
             for q, coords in zip(Q, dofs, strict=True):
                 out[int(coords[-1])] = coords[:-1], q[:-1]
         return out
@@ -219,13 +228,18 @@ class Events:
         for k, c in self.switched:
             c.mem[:] = mem[k, :len(c.mem)]
 
-    def count(self, begun: list[PointConstraint], before: Array) -> None:
-        """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion."""
+    def count(self, begun: list[PointConstraint], before: Array) -> float:
+        """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion.
+
+        Returns the energy that is lost, which is that of the change of rates, also where what begins to hold moves.
+        """
         motion, model = self.motion, self.model
         p, s, A = motion.p, motion.s, dense(motion.w.A, motion.p)
         free, held = (np.flatnonzero(p.coordinate[:p.inner] == x) for x in (1.0, 0.0))
         impulse = np.zeros(len(p.coordinate))
-        impulse[held] = np.linalg.lstsq(A[np.ix_(held, free)].T, A[np.ix_(free, free)] @ (s.v - before)[free])[0]
+        jump = (s.v - before)[free]
+        momentum = A[np.ix_(free, free)] @ jump
+        impulse[held] = np.linalg.lstsq(A[np.ix_(held, free)].T, momentum)[0]
         d = motion.full(motion.here())[0]
         e, gradients = model.e0 + d[:model.n_q], self._gradients(d)
         points = dict(model.supports)
@@ -237,6 +251,7 @@ class Events:
                 total += impulse[model.numbering.place[c.multiplier]] * slopes @ rigid_motion(
                     points[name].mesh, coords, e, centre)
             self.impulses[name] = dict(zip(("fx", "fy", "m"), total.tolist(), strict=True))
+        return 0.5 * float(jump @ momentum)
 
     # ------------------------------------------------------------------ what is told and kept
 
@@ -256,6 +271,8 @@ class Events:
                         out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
                         if section == SWITCHED[0] and what == EVENT_WORDS[0] and names[k] in self.impulses:
                             out[-1]["impulse"] = self.impulses[names[k]]
+                        if section == SWITCHED[0] and what == EVENT_WORDS[0] and names[k] in self.offsets:
+                            out[-1]["offset"] = self.offsets[names[k]]
         out.sort(key=lambda event: event["t"])
         if t_end < case.solver.t_end:
             out.append({"t": t_end, "what": f"the motion ends: {case.solver.until}"})
@@ -263,7 +280,7 @@ class Events:
 
     def kept(self) -> dict[str, Array]:
         """Return what the motion goes on from."""
-        told = [self.impulses, [[first, *places] for first, places in self.repeated.items()]]
+        told = [self.impulses, self.offsets, [[first, *places] for first, places in self.repeated.items()]]
         return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
                 "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
 
@@ -271,7 +288,7 @@ class Events:
         """Go on from a checkpoint."""
         for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
             latch.begin, latch.end = begin, end
-        self.impulses, repeated = json.loads(kept["held"].tobytes())
+        self.impulses, self.offsets, repeated = json.loads(kept["held"].tobytes())
         self.repeated = {first: places for first, *places in repeated}
         pieces = self.motion.pieces
         for t in kept["cuts"].tolist():

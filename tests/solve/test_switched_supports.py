@@ -79,20 +79,27 @@ def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, share: 
     assert energy["kinetic"] + energy["strain"] + energy["dissipated"] == pytest.approx(0.5 * 0.4 * 4, rel=share)
 
 
-@pytest.mark.parametrize("element", ["rigid", "reissner3", "vallejo", "cable", "2d2n"])
-def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str) -> None:
+@pytest.mark.parametrize(("element", "hold"), [
+    *((element, None) for element in ("rigid", "reissner3", "vallejo", "cable", "2d2n", "patel")),
+    ("2d2n", "breathe"), ("patel", "breathe")])
+def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str, hold: str | None) -> None:
     """A beam that turns freely with omega = 3 is caught at 69 degrees, and swings about that angle."""
     body = {**ROD, "element": {"type": element, **({} if element == "rigid" else {"count": 2})}}
     body["section"] = {**ROD["section"], "rhoI": 0 if element == "rigid" else 1e-2}
-    if element == "2d2n":
+    if element in ("2d2n", "patel"):
         body |= {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e6, "nu": 0, "rho": 100}}
-    solved = solve(bodies={"rod": body}, t_end=0.6,
-                   boundary_conditions=[{"name": "grip", "type": "clamp", "at": "rod@0", "active": {"from": 0.4}}],
+    solved = solve(bodies={"rod": body}, t_end=0.6, boundary_conditions=[
+        {"name": "grip", "type": "clamp", "at": "rod@0", "active": {"from": 0.4},
+         **({"hold": hold} if hold else {})}],
                    initial={"rotation_rate": {"omega": 3, "about": [0, 0]}})
     caught = solved.course_t > 0.4
-    for quantity in ("x", "y", "theta"):
-        values = solved.course["left"][quantity][caught]
-        assert values == pytest.approx(values[0], abs=1e-9)
+    x, y, theta = (solved.course["left"][q][caught] for q in ("x", "y", "theta"))
+    assert theta == pytest.approx(theta[0], abs=1e-9)
+    if hold is None:
+        assert x == pytest.approx(x[0], abs=1e-9)
+        assert y == pytest.approx(y[0], abs=1e-9)
+    # a section that breathes may move across, by what its mean is off the axis; along it is held
+    assert (along := x * np.cos(theta) + y * np.sin(theta)) == pytest.approx(along[0], abs=1e-9)
     # spinning about one end, a beam that is not rigid stretches a little before
     assert solved.course["left"]["theta"][-1] == pytest.approx(1.2, abs=1e-8 if element == "rigid" else 0.05)
     assert solved.summary["energy"]["dissipated"] > 0.0
@@ -103,6 +110,59 @@ def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str) -> None:
         assert event["impulse"] == {"fx": pytest.approx(0, abs=1e-9), "fy": pytest.approx(-1.5),
                                     "m": pytest.approx(-0.25 - 0.75 * math.cos(1.2))}
         assert solved.summary["energy"]["dissipated"] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
+def test_a_gripper_takes_a_rod_along(method: str) -> None:
+    """A rod that moves across with v = 1 is gripped by what moves up with 3, and then let go.
+
+    Its end moves on from where it is, at the rate prescribed: m (3 - 1) as impulse, of which half the work is lost.
+    """
+    lift = {"type": "expression", "value": "3*t"}
+    solved = solve(method, boundary_conditions=[
+        {"name": "grip", "type": "prescribed", "at": "rod@0", "ux": 0, "uy": lift, "angle": 0,
+         "active": {"from": 0.3, "to": 0.6}}], initial={"velocity": [0, 1]})
+    t = solved.course_t
+    expected = np.where(t < 0.3, t, 0.3 + 3 * (t - 0.3))
+    assert solved.course["left"]["uy"] == pytest.approx(expected, abs=1e-8)
+    assert solved.course["right"]["uy"] == pytest.approx(expected, abs=1e-8)
+    begins, ends = solved.summary["events"]
+    none = pytest.approx(0, abs=1e-9)
+    assert begins["offset"] == {"ux": none, "uy": pytest.approx(0.3 - 0.9), "angle": none}
+    assert begins["impulse"] == {"fx": none, "fy": pytest.approx(2.0), "m": pytest.approx(1.0)}
+    assert ends["what"] == "grip ends"
+    energy = solved.summary["energy"]
+    assert energy["kinetic"] == pytest.approx(4.5)
+    assert energy["dissipated"] == pytest.approx(2.0)
+    assert energy["work"] == pytest.approx(6.0)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
+@pytest.mark.parametrize("element", ["rigid", "vallejo", "2d2n"])
+def test_a_motor_takes_hold_of_what_turns(element: str) -> None:
+    """A rod that turns with 2 rad/s about a pin is driven on from t = 0.4, where it stands, with 5 rad/s."""
+    body = {**ROD, "element": {"type": element, **({} if element == "rigid" else {"count": 1})}}
+    if element != "rigid":
+        body |= {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e8, "nu": 0, "rho": 100}}
+    rise = {"type": "expression", "value": "7 + 5*(t - 0.4)"}
+    solved = solve(bodies={"rod": body}, t_end=0.5, boundary_conditions=[
+        {"type": "pin", "at": "rod@0"},
+        {"name": "motor", "type": "prescribed", "at": "rod@0", "angle": rise, "active": {"from": 0.4}}],
+                   initial={"rotation_rate": {"omega": 2, "about": [0, 0]}},
+                   solver={"type": "dynamic", "t_end": 0.5, "tolerance": 1e-6, "estimate": False})
+    caught, t = solved.course_t >= 0.4, solved.course_t
+    found = solved.course["left"]["theta"][caught]
+    assert found - found[0] == pytest.approx(5 * (t[caught] - 0.4), abs=1e-8)
+    assert found[0] == pytest.approx(0.8, abs=1e-3)
+    [event] = solved.summary["events"]
+    assert math.remainder(event["offset"]["angle"], 2 * math.pi) == pytest.approx(
+        math.remainder(found[0] - 7, 2 * math.pi))
+    if element == "rigid":
+        # angular momentum 1/3 (5 - 2), of its work at 5 rad/s half of 1/3 9 is lost
+        assert event["impulse"]["m"] == pytest.approx(1.0)
+        assert solved.summary["energy"]["dissipated"] == pytest.approx(1.5)
+        assert solved.summary["energy"]["work"] == pytest.approx(5.0)
+    assert solved.summary["energy_drift"] < 1e-4
 
 
 @pytest.mark.parametrize("kind", ["pin", "weld"])
@@ -176,7 +236,8 @@ def test_a_motion_goes_on_across_supports_that_switch(monkeypatch: pytest.Monkey
 
 
 def test_supports_that_cannot_begin_are_refused() -> None:
-    for support, says in (({"type": "prescribed", "ux": 0, "active": {"from": 0.1}}, "can end, but not begin"),
+    jumps = {"type": "expression", "value": "0 if t < 0.5 else 1"}
+    for support, says in (({"type": "prescribed", "ux": jumps, "active": {"from": 0.1}}, "jumps at t = 0.5"),
                           ({"type": "pin", "active": {}}, "nothing is given")):
         with pytest.raises(ancf2d.CaseError, match=says):
             solve(boundary_conditions=[{"at": "rod@0", **support}])
