@@ -173,12 +173,12 @@ def for_study(loaded: LoadedCase) -> LoadedCase:
 
 @dataclass(frozen=True)
 class File:
-    """Where a run is written; ``conclude(summary, answer)`` may add to its summary before."""
+    """Where a run is written; ``conclude(solved)`` may add to its summary before."""
 
     out: str
     force: bool
     command: str
-    conclude: Callable[[dict[str, Any], Answer], None]
+    conclude: Callable[[Solved], None]
 
 
 def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
@@ -213,7 +213,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
         if answer is not None:
             found.append(answer)
             if file is not None:
-                file.conclude(summary, answer)
+                file.conclude(Solved(answer, Outcome(summary, model), watch.last))
 
     where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
     outcome = run_case(loaded, progress=progress, conclude=conclude, begin=begin, **where)

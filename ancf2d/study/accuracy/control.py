@@ -15,6 +15,7 @@ from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
+from .direct import Direct
 from .fidelity import BEAM, choose_types
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
@@ -24,6 +25,8 @@ from .setting import Level, with_setting
 DEFAULT = 1e-3
 # of the wanted error: what time steps, what simpler models, and what points in the frequency may take
 TIME, MODEL, POINTS = 0.2, 0.3, 0.1
+# what the model error is multiplied by, which meshes of four times the least number of elements tell
+SAFE = 1.25
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
 
@@ -77,7 +80,8 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(dense or loaded, wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.apart = pursuit.report["points_error"] = POINTS * wanted
-    prepare(first_mesh(loaded))
+    if _open_bodies(loaded) or not Direct(pursuit, {}).suits():
+        prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
@@ -105,8 +109,11 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
     """Refine the mesh, and the time steps where there are some; write the result and return its accuracy."""
-    ladder = Ladder(pursuit, types, tolerance)
     left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
+    direct = Direct(pursuit, types).reach(left) if pursuit.guesses else None
+    if direct is not None:
+        return pursuit.accuracy(direct[0], direct[2], direct[1])
+    ladder = Ladder(pursuit, types, tolerance)
     level, error, found = ladder.climb(left if tolerance is None else (1.0 - TIME) * left)
     if level is None:
         reasons = [level.reason for level in pursuit.levels if level.reason]
@@ -156,8 +163,9 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
     if not open_bodies:
         return {}
     chosen = choose_types(pursuit, open_bodies, MODEL * pursuit.wanted, _tolerance_of(pursuit))
-    pursuit.apart += chosen.error
-    pursuit.report["model_error"] = chosen.error
+    error = SAFE * chosen.error
+    pursuit.apart += error
+    pursuit.report["model_error"] = error
     pursuit.report["types"] = {name: {"element": chosen.types[name].element, "why": chosen.why[name]}
                                for name in open_bodies}
     return chosen.types

@@ -11,7 +11,7 @@ from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
 from ...solvers.registry import takes_guess
-from ..goal import Answer, File, Solved, solve_for_goal
+from ..goal import File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Begin, Outcome, prepare
@@ -19,7 +19,6 @@ from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
     from ...solvers.newton import Start
-    from ..variants import Variant
 from collections.abc import Sequence
 
 from ..goal import sequence
@@ -52,9 +51,9 @@ class Pursuit:
     """A case, the relative accuracy that is wanted, and all levels solved so far, in their order.
 
     ``apart``: the error of simpler models, which meshes do not tell of; ``guesses``: whether statics may begin from
-    the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its solution.
-    ``weights``: by how much the mesh of each body moves the goal, relative to one another; ``by_adjoint``: whether the
-    adjoint tells them.
+    the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its solution;
+    ``case``: the case with its setting. ``weights``: by how much the mesh of each body moves the goal, relative to one
+    another; ``by_adjoint``: whether the adjoint tells them.
     """
 
     loaded: LoadedCase
@@ -71,6 +70,7 @@ class Pursuit:
     guesses: bool = True
     latest: dict[Any, Solved] = field(default_factory=dict)
     last: tuple[Level, Solved] | None = None
+    case: LoadedCase | None = None
     weights: dict[str, float] = field(default_factory=dict)
     by_adjoint: bool = False
 
@@ -80,17 +80,39 @@ class Pursuit:
         ``told`` tells of its error where it may be the result: it is written, unless it begins from a guess. Raises
         CaseError for a case that cannot be.
         """
-        name = (tuple(setting.counts.items()), _named(setting.types), setting.tolerance)
-        if name not in self.known:
-            self.tell(f"{setting.elements} elements" + (
-                "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
-            level = self.known[name] = Level(setting, why, kinks=self.slides(setting))
-            self.levels.append(level)
+        level = self.known.get(setting.name)
+        if level is None:
+            level = self.begun(setting, why)
             if self.begins:
                 self._run(level, None, lambda model: self._guess(model, level))
             else:
                 self._run(level, told)
-        return self.known[name]
+        return level
+
+    def begun(self, setting: Setting, why: str) -> Level:
+        """Return a new level of a setting, which is told of and not solved yet."""
+        self.tell(f"{setting.elements} elements" + (
+            "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
+        level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting))
+        self.levels.append(level)
+        return level
+
+    def whole(self, setting: Setting, why: str, told: Told) -> Level:
+        """Return the level of a setting, solved with all its load steps and written as the result, for now."""
+        return self.again(self.known.get(setting.name) or self.begun(setting, why), told)
+
+    def again(self, level: Level, told: Told) -> Level:
+        """Solve a level with all its load steps and write it as the result, for now."""
+        self._run(level, told)
+        return level
+
+    def beside(self, found: tuple[Level, Any]) -> tuple[Level, Any]:
+        """Keep a level that was solved beside another one, with what belongs to it; return both."""
+        level, other = found
+        self.tell(f"{level.setting.elements} elements: {level.why}")
+        self.levels.append(level)
+        self.known.setdefault(level.setting.name, level)
+        return level, other
 
     def slides(self, setting: Setting) -> bool:
         """Whether a point slides along a body that deforms."""
@@ -114,7 +136,7 @@ class Pursuit:
         from ...model.transfer import transferred
         from ...solvers.newton import Start
 
-        latest = self.latest.get(_named(level.setting.types))
+        latest = self.latest.get(level.setting.kinds)
         if latest is None:
             return None
         d = transferred(latest.state.d, latest.model, model)
@@ -125,23 +147,24 @@ class Pursuit:
         # of meshes on the way their sequence tells more than each by itself
         quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, judges=told is not None)
 
-        def conclude(summary: dict[str, Any], answer: Answer) -> None:
-            level.take(answer, summary)
+        def conclude(found: Solved) -> None:
+            level.take(found.answer, found.summary)
+            level.dofs, level.reason, self.last = found.model.n_q, "", (level, found)
             if told is not None:
-                summary["accuracy"] = self.accuracy(level, *told(level))
+                found.summary["accuracy"] = self.accuracy(level, *told(level))
 
         file = None if self.target is None or told is None else File(
             self.target.out, self.target.force, self.target.command, conclude)
+        self.case = with_setting(self.loaded, level.setting)
         try:
-            found = solve_for_goal(with_setting(self.loaded, level.setting), quiet, file, begin)
+            found = solve_for_goal(self.case, quiet, file, begin)
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return
         if file is None:
-            conclude(found.summary, found.answer)
-        level.dofs, level.reason, self.last = found.model.n_q, "", (level, found)
+            conclude(found)
         if takes_guess(self.loaded.case):
-            self.latest[_named(level.setting.types)] = found
+            self.latest[level.setting.kinds] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level
             if self.target is not None:
@@ -158,7 +181,8 @@ class Pursuit:
                 "absolute": None if estimate is None or size is None else estimate * size, "wanted": self.wanted,
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
-                "elements": dict(level.setting.counts), "tolerance": level.setting.tolerance, "note": found.note,
+                "elements": dict(level.setting.counts), "nodes": level.setting.places(),
+                "tolerance": level.setting.tolerance, "note": found.note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
@@ -191,9 +215,6 @@ class Pursuit:
         """Seconds of all solves."""
         return sum(level.wall_s for level in self.levels)
 
-
-def _named(types: dict[str, Variant]) -> tuple[tuple[str, Variant], ...]:
-    return tuple(types.items())
 
 
 def tenth(tolerance: float) -> float:

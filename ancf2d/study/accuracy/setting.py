@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...case import Body, Case, Dynamic, LoadedCase, with_overrides
 from ...case.emit import written
@@ -26,11 +28,32 @@ NESTED, UNEVEN = 4, 1.25
 
 @dataclass(frozen=True)
 class Setting:
-    """Elements of every body that deforms, the element types that replace those of the case, and the tolerance."""
+    """Elements of every body that deforms, the element types that replace those of the case, and the tolerance.
+
+    ``nodes``: places S from 0 to 1 of bodies with unequal elements, each two of which have a whole share of the
+    elements between them.
+    """
 
     counts: dict[str, int]
     types: dict[str, Variant] = field(default_factory=dict)
     tolerance: float | None = None
+    nodes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    @property
+    def kinds(self) -> tuple[tuple[str, Variant], ...]:
+        """The element types, to be compared."""
+        return tuple(self.types.items())
+
+    @property
+    def name(self) -> Hashable:
+        """What settings that are the same have in common."""
+        return tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items())
+
+    def places(self) -> dict[str, list[float]] | None:
+        """Return the places S of all nodes of bodies with unequal elements, None where there are none."""
+        out = {name: np.interp(np.linspace(0.0, 1.0, self.counts[name] + 1), np.linspace(0.0, 1.0, len(given)),
+                               given).tolist() for name, given in self.nodes.items()}
+        return out or None
 
     @property
     def elements(self) -> int:
@@ -137,7 +160,11 @@ def overrides(case: Case, setting: Setting) -> list[str]:
             count, mesh = setting.counts[name], meshes[name]
             data = element_data(body, variant, count, mesh.least if mesh.stretches > 1 else count)
             # an order is seen only where no kink moves through the elements
-            if not isinstance(body.element.nodes, tuple):
+            if name in setting.nodes:
+                given = setting.nodes[name]
+                data = {k: v for k, v in data.items() if k not in ("count", "grading")}
+                data |= {"nodes": list(given), "refine": count // (len(given) - 1)}
+            elif not isinstance(body.element.nodes, tuple):
                 data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
         out.append(f"bodies.{name}.element={json.dumps(data)}")
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):

@@ -22,10 +22,12 @@ from ...model.build import build_model
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.transfer import transferred
+from ...solvers.post import Observer
 from ...solvers.registry import takes_guess
 from ..goal import Solved, goal_kind
 from ..gradient import GoalValues
 from ..verify import refined
+from .neighbours import Neighbour
 
 # step of differences, of the model's size; unknowns whose gradient is found one by one; and how far the gradient of
 # what is near the goal may be from the change along the correction before all others are looked at
@@ -57,26 +59,26 @@ def has_adjoint(loaded: LoadedCase, model: Model) -> bool:
         model.symmetric or isinstance(loaded.case.solver, LinearStatic))
 
 
-def weighted(loaded: LoadedCase, solved: Solved) -> Weighted | None:
+def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None) -> Weighted | None:
     """Return where the error of a solved case comes from, None where the adjoint cannot tell.
 
     ``loaded`` is the case with the mesh that was solved. Costs a model with elements half as long, its tangent and a
-    few solves with that.
+    few solves with that; less where that mesh is solved already, and given as ``finer``.
     """
     from ...solvers.variation import Equilibrium
 
     model, state, goal = solved.model, solved.state, loaded.case.goal
     if goal is None or not has_adjoint(loaded, model):
         return None
-    fine = build_model(refined(loaded))
+    fine = build_model(refined(loaded)) if finer is None else finer.model
     d = transferred(state.d, model, fine)
     if d is None or fine.numbering.n_multipliers != model.numbering.n_multipliers:
         return None
     begin = d[fine.numbering.free]
+    near = replace(state, d=fine.displacements(begin, state.t)) if finer is None else finer.state
     try:
-        found = Equilibrium(fine, replace(state, d=fine.displacements(begin, state.t)),
-                            isinstance(loaded.case.solver, LinearStatic))
-        if not _settled(found, begin):
+        found = Equilibrium(fine, near, isinstance(loaded.case.solver, LinearStatic))
+        if finer is None and not _settled(found, begin):
             return None
         end, J = found.z, _Goal(goal, found)
         # halfway, where gradient and tangent of what is quadratic tell of the whole way
@@ -112,9 +114,16 @@ class _Goal:
 
     def __init__(self, goal: Goal, found: Any) -> None:
         self.goal, self.found, self.watch = goal, found, GoalValues((goal,))
+        self.observer = Observer(found.model, goal_kind(goal) in ("force", "moment"))
 
     def __call__(self, z: Array) -> float:
-        return float(self.watch(self.found.model, [self.found.state_at(self.found.model, z)])[0])
+        found, model = self.found, self.found.model
+        if self.goal.probe is None:
+            return float(self.watch(model, [found.state_at(model, z)])[0])
+        # probes are read from displacements, without forces
+        state = replace(found.state, d=model.displacements(z, found.t), linear=found.linear)
+        turned = found.system.count(state.d, found.t)
+        return self.observer.read(self.goal.probe, state, turned)[str(self.goal.quantity)]
 
     def slope(self, z: Array, way: Array) -> float:
         """Return the derivative along a change of the unknowns."""
@@ -131,6 +140,13 @@ class _Goal:
         """
         g, known = np.zeros_like(z), np.zeros(len(z), dtype=bool)
         along = self.slope(z, way)
+        if goal_kind(self.goal) == "energy":
+            # forces of what stores energy are its gradient, unless loads do
+            state = self.found.state_at(self.found.model, z)
+            g = self.found.model.numbering.reduce(state.Q)
+            if abs(float(g @ way) - along) <= OFF * abs(along):
+                return g
+            g = np.zeros_like(z)
         everything: Index = np.arange(len(z))
         for some in (self._near(), everything):
             some = some[~known[some]]

@@ -1,0 +1,238 @@
+"""A mesh chosen at once: by the order that its element types promise, then by the error of each of its elements.
+
+The first mesh is the one that the order of the types asks for. It is solved once, with all load steps, and judged
+beside its neighbours. If its error is too large, the next mesh has n elements in all, in proportion to what each
+contributes: contributions w h^p (p + 1 in the length of an element) are least in sum where each element contributes as
+much as any other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...case import LinearStatic
+from ...elements import registry
+from ...elements.definition import ElementType
+from ...elements.shape import Array
+from ...model.curve import stretches
+from ...solvers.registry import takes_guess
+from ..order import Estimate
+from ..variants import Variant, described
+from .neighbours import Neighbour, Verdict, beside, judged
+from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, Told
+from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
+from .weighted import Weighted, weighted
+
+# the most elements of a body that a first mesh has, and corrections of it
+FIRST, CORRECTIONS = 128, 3
+# times the elements that the order asks for: what a correction costs is more than what a few elements do
+MORE = 1.25
+# of the wanted error, when a mesh is predicted; and the largest refinement at once
+AIM, LEAP = 0.6, 16.0
+# of equal elements: with fewer than so many, unequal ones pay
+PAYS = 0.75
+# contributions of neighbours, and of the mean, below which none is taken to be: signs change between elements
+BESIDE, SLIGHT = 0.25, 1e-3
+# of a body: no element is made shorter
+SHORTEST = 4e-5
+MOST_ORDER = 6.0
+
+
+def order_of(element: ElementType) -> float:
+    """Return the order of goals that an element type promises: twice that of its strains.
+
+    Axes and the turning of sections are polynomials complete up to degree k, and strains of bending up to k - 1: errors
+    of strains fall with h^k, and those of goals with their square (Strang & Fix 1973, section 3.4).
+    """
+    terms = {(t.i, t.j) for p in element.polynomials if len(p.terms) == 1 for t in p.terms}
+
+    def complete(j: int) -> int:
+        return next(k for k in range(len(terms) + 1) if (k, j) not in terms) - 1
+
+    degree = complete(0) - (1 if element.section_kind == "tangent" else 0)
+    if element.section_kind == "interpolated":
+        degree = min(degree, complete(1))
+    return float(min(max(2 * degree, 1), MOST_ORDER))
+
+
+@dataclass
+class Direct:
+    """Meshes of a case with some element types, each judged beside its neighbours."""
+
+    pursuit: Pursuit
+    types: dict[str, Variant]
+    verdict: Verdict | None = None
+    fine: Neighbour | None = None
+    finer: Level | None = None
+    orders: dict[str, float] = field(default_factory=dict)
+
+    def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
+        """Return a level whose estimated error is below ``wanted``, that error, and what its neighbours tell.
+
+        None where no mesh can be judged so: a ladder of meshes can tell more.
+        """
+        if not self.suits():
+            return None
+        self.orders = {name: self._order(name) for name in meshed(self.pursuit.loaded.case, self.types)}
+        setting, why = self._first(wanted), "predicted from the order of the element type"
+        doubled = False
+        for _ in range(1 + CORRECTIONS):
+            if 2 * setting.elements > MOST_ELEMENTS:
+                return None
+            level = self.pursuit.whole(setting, why, self._told)
+            verdict = self.verdict
+            if level.answer is None:
+                return None
+            if verdict is None:
+                # too coarse, perhaps: two of the three meshes are known of the one twice as fine
+                if doubled:
+                    return None
+                doubled, why = True, "twice as fine, as the meshes beside tell nothing"
+                setting = replace(setting, counts={name: 2 * n for name, n in setting.counts.items()})
+                continue
+            if verdict.error <= wanted:
+                return level, verdict.error, verdict.found
+            if verdict.finer <= wanted and self.finer is not None:
+                self.pursuit.tell(f"{self.finer.setting.elements} elements: the result")
+                finer = self.pursuit.again(self.finer, _as_told(verdict.found, verdict.finer))
+                return None if finer.answer is None else (finer, verdict.finer, verdict.found)
+            if verdict.found.order is None or 4 * level.work > MOST_WORK:
+                return None
+            setting, why = self._next(level, verdict, wanted)
+        return None
+
+    def suits(self) -> bool:
+        """Whether meshes can be judged by their neighbours: values are numbers, and no kink moves through elements."""
+        case = self.pursuit.loaded.case
+        solver, bodies = case.solver, bodies_with_meshes(case, self.types)
+        if case.goal is None or not bodies or solver.moves or not (
+                isinstance(solver, LinearStatic) or takes_guess(case)):
+            return False
+        return not case.contacts and not self.pursuit.slides(Setting({}, self.types)) and all(
+            b.material is None or not b.material.remembers for b in case.bodies.values())
+
+    def _order(self, name: str) -> float:
+        own, variant = self.pursuit.loaded.case.bodies[name].element, self.types.get(name, AS_GIVEN)
+        if variant.definition is not None:
+            return order_of(described(variant.definition)[0])
+        kind, order = (own.type, own.order) if variant.type is None else (variant.type, variant.order)
+        return 2.0 if kind == "user" else order_of(registry.element_type(kind, order))
+
+    def _first(self, wanted: float) -> Setting:
+        """Return the mesh that has an error of about ``wanted`` where the goal's constant is one."""
+        counts, case = {}, self.pursuit.loaded.case
+        lengths = {name: sum(stretches(case.bodies[name].geometry, ())) for name in self.orders}
+        for name, mesh in meshed(case, self.types).items():
+            # arcs need more: as many times as they turn by right angles
+            n = MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * wanted ** (-1.0 / self.orders[name])
+            n = min(n, FIRST) * math.sqrt(lengths[name] / max(lengths.values()))
+            if mesh.stretches > 1:
+                counts[name] = 2 * mesh.least * max(1, math.ceil(0.5 * n / mesh.least))
+            else:
+                counts[name] = 2 * max(mesh.least, math.ceil(0.5 * n))
+        return Setting(counts, self.types)
+
+    def _told(self, level: Level) -> tuple[Estimate, float]:
+        """Judge a level that is solved just now beside its neighbours."""
+        pursuit = self.pursuit
+        self.verdict = self.fine = self.finer = None
+        assert pursuit.last is not None
+        assert pursuit.case is not None
+        loaded, solved = pursuit.case, pursuit.last[1]
+        coarse = self._known(level) or pursuit.beside(beside(loaded, solved, level, False))[0]
+        fine, self.fine = pursuit.beside(beside(loaded, solved, level, True))
+        self.verdict = judged(coarse, level, fine, max(self.orders.values()))
+        if self.verdict is None:
+            return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
+        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
+        if len(level.setting.counts) > 1:
+            found = self._parts()
+            pursuit.weights, pursuit.by_adjoint = ({}, False) if found is None else (found.bodies, True)
+        return self.verdict.found, self.verdict.error
+
+    def _parts(self) -> Weighted | None:
+        """Return what each element contributes to the error of a level that is solved just now."""
+        assert self.pursuit.last is not None
+        assert self.pursuit.case is not None
+        return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
+
+    def _known(self, level: Level) -> Level | None:
+        """Return the level of a mesh half as fine where it is solved already."""
+        counts = {name: n // 2 for name, n in level.setting.counts.items()}
+        found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
+        return None if found is None or found.answer is None else found
+
+    def _next(self, level: Level, verdict: Verdict, wanted: float) -> tuple[Setting, str]:
+        """Return the mesh that is predicted to do, of unequal elements where these pay, and why it is tried."""
+        assert verdict.found.order is not None
+        p = min(max(verdict.found.order, 1.0), max(self.orders.values()))
+        excess = min(verdict.error / (AIM * wanted), LEAP**p)
+        factor, counts = excess ** (1.0 / p), {}
+        for name, mesh in meshed(self.pursuit.loaded.case, self.types).items():
+            unit = mesh.least if mesh.stretches > 1 else 1
+            unit = len(level.setting.nodes[name]) - 1 if name in level.setting.nodes else unit
+            counts[name] = 2 * unit * math.ceil(0.5 * factor * level.setting.counts[name] / unit)
+        even = replace(level.setting, counts=counts)
+        found = self._parts()
+        if found is not None:
+            nodes = self._graded(level, found, excess, p)
+            fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
+            if sum(fewer.values()) < PAYS * even.elements:
+                return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
+        return even, "predicted from the observed order"
+
+    def _graded(self, level: Level, found: Weighted, excess: float, p: float) -> dict[str, tuple[float, ...]]:
+        """Return nodes, every second one of a mesh whose elements contribute alike and too little by ``excess``.
+
+        Pairs of elements are halved as often as is needed: few lengths differ, and so models are built quickly.
+        """
+        assert self.pursuit.last is not None
+        meshes = self.pursuit.last[1].model.meshes
+        parts = {name: _smooth(abs(w.reshape(-1, 2).sum(axis=1))) for name, w in found.elements.items()
+                 if name in level.setting.counts}
+        whole = sum(float(w.sum()) for w in parts.values())
+        if whole == 0.0:
+            parts, whole = {name: np.ones_like(w) for name, w in parts.items()}, float(sum(map(len, parts.values())))
+        least = SLIGHT * whole / sum(map(len, parts.values()))
+        shares = {name: np.maximum(w, least) / whole for name, w in parts.items()}
+        scale = (excess * sum(float((w ** (1.0 / (p + 1.0))).sum()) for w in shares.values())) ** (1.0 / p)
+        nodes = {}
+        for name, w in shares.items():
+            ends = np.append(meshes[name].starts / meshes[name].plan.length, 1.0)[::2]
+            halved = np.clip(np.round(np.log2(scale * w ** (1.0 / (p + 1.0))) + 0.2), 0, math.log2(LEAP)).astype(int)
+            places = [np.linspace(a, b, _parts_of(b - a, int(k)), endpoint=False).tolist()
+                      for (a, b), k in zip(pairwise(ends.tolist()), _gentle(halved), strict=True)]
+            nodes[name] = (*(s for some in places for s in some), 1.0)
+        return nodes
+
+
+def _as_told(found: Estimate, error: float) -> Told:
+    """Return what tells of any level that it has an error."""
+    return lambda level: (found, error)
+
+
+def _smooth(w: Array) -> Array:
+    """Return contributions (n,), none far below those of both neighbours."""
+    padded = np.pad(w, 1)
+    return np.maximum(w, BESIDE * np.maximum(padded[:-2], padded[2:]))
+
+
+def _gentle(halved: Array) -> Array:
+    """Return how often elements are halved, neighbours alike but for two."""
+    out = halved.copy()
+    for way in (slice(None), slice(None, None, -1)):
+        view = out[way]
+        for k in range(1, len(view)):
+            view[k] = max(view[k], view[k - 1] - 2)
+    return out
+
+
+def _parts_of(length: float, halved: int) -> int:
+    """Return into how many elements a stretch is divided, none shorter than allowed."""
+    while halved > 0 and length < SHORTEST * 2**halved:
+        halved -= 1
+    return int(2**halved)

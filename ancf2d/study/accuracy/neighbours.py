@@ -1,0 +1,133 @@
+"""A solved mesh beside two others: one with elements twice as long, one with elements half as long.
+
+Both begin from the state that is known, so each costs a model and a few iterations. Three meshes show an order, and the
+finer one shows the error of the middle one itself: f(h/2) - f(h) = -e (1 - 2^-p), with little left to the order p.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...case import LoadedCase
+from ...errors import Ancf2dError
+from ...model.build import build_model
+from ...model.model import Model
+from ...model.transfer import transferred
+from ...solvers.registry import solve, takes_guess
+from ..goal import Answer, Solved, goal_kind
+from ..gradient import last_summary
+from ..order import ROUND_OFF, Estimate
+from ..run import quantity
+from ..verify import refined
+from .setting import Level
+
+# of the wanted error: what is added to the estimate, and where the values swing about their limit
+SAFETY, SWINGING = 1.25, 2.0
+# the least order that is believed, and how much larger than that of the type an order may be that is no accident
+LEAST, BEYOND = 0.75, 2.0
+# of the goal: differences from the coarser mesh beyond which values that swing, and all values, tell nothing
+SWING, FAR = 0.02, 0.5
+# what the finer mesh's own error is multiplied by, and the order that it is estimated with at most
+DOUBTFUL, UNCONFIRMED = 2.0, 3.0
+
+
+@dataclass
+class Neighbour:
+    """A mesh beside a solved one: its case, model and last state."""
+
+    loaded: LoadedCase
+    model: Model
+    state: Any
+
+
+@dataclass
+class Verdict:
+    """What three meshes tell: the estimate, and the relative errors of the middle one and of the finest."""
+
+    found: Estimate
+    error: float
+    finer: float
+
+
+def coarsened(loaded: LoadedCase) -> LoadedCase:
+    """Return the case with half as many elements in every body, whose counts are even."""
+    bodies = {}
+    for name, body in loaded.case.bodies.items():
+        spec = body.element
+        if spec.number is not None:
+            spec = (replace(spec, refine=spec.refine // 2) if spec.refine and spec.refine % 2 == 0 else
+                    replace(spec, count=spec.number // 2))
+        bodies[name] = replace(body, element=spec)
+    return replace(loaded, case=replace(loaded.case, bodies=bodies))
+
+
+def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tuple[Level, Neighbour | None]:
+    """Return the mesh that is twice as fine as a solved one, or half as fine, and its state.
+
+    A level without an answer, and no state, where it cannot be solved.
+    """
+    setting, size = level.setting, 2.0 if finer else 0.5
+    other = Level(replace(setting, counts={name: round(n * size) for name, n in setting.counts.items()}),
+                  "twice as fine, to verify" if finer else "half as fine, to verify", kinks=level.kinks)
+    began = time.perf_counter()
+    try:
+        case = refined(loaded) if finer else coarsened(loaded)
+        model = build_model(case)
+        state = _solved(model, solved)
+        value = None if state is None else quantity(loaded.case.goal, _summary(loaded, model, state))
+    except (Ancf2dError, MemoryError) as error:
+        other.reason = str(error)
+        return other, None
+    other.wall_s, other.dofs = time.perf_counter() - began, model.n_q
+    if state is None or value is None or level.answer is None:
+        return other, None
+    other.iterations = int(state.history.get("iterations", 1))
+    other.answer = Answer(value, level.answer.size, None, level.answer.smallest, period=level.answer.period)
+    return other, Neighbour(case, model, state)
+
+
+def _solved(model: Model, solved: Solved) -> Any:
+    """Return the last state of a model, from the state of another mesh where the solver takes one."""
+    from ...solvers.newton import Start
+
+    if not takes_guess(model.case):
+        return list(solve(model))[-1]
+    d = transferred(solved.state.d, solved.model, model)
+    if d is None:
+        return None
+    start = Start(d, int(solved.state.history["negative_pivots"]), solved.state.turned)
+    return list(solve(model, start))[-1]
+
+
+def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
+    goal = loaded.case.goal
+    assert goal is not None
+    return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"))
+
+
+def judged(coarse: Level, middle: Level, fine: Level, order: float) -> Verdict | None:
+    """Return what three meshes tell, whose type promises an order; None where they tell nothing.
+
+    An order much higher than the type's is an accident of two meshes: then what the coarser one differs by counts too.
+    """
+    if coarse.answer is None or middle.answer is None or fine.answer is None or middle.kinks:
+        return None
+    size = middle.answer.size
+    first, second = (b.gap(a) for a, b in ((coarse.answer, middle.answer), (middle.answer, fine.answer)))
+    gaps = abs(first), abs(second)
+    if max(gaps) <= ROUND_OFF * size:
+        found = Estimate(fine.answer.value, max(gaps), None, True, "converged to round-off: order undefined")
+        return Verdict(found, max(gaps) / size, max(gaps) / size)
+    swings = first * second < 0.0
+    if gaps[0] > (SWING if swings else FAR) * size or gaps[1] * 2.0**LEAST > gaps[0]:
+        return None
+    shown = math.log2(gaps[0] / max(gaps[1], ROUND_OFF * size))
+    gap, trusted = max(gaps[1], gaps[0] * 2.0 ** -(order + BEYOND)), min(shown, order)
+    step = math.copysign(gap / math.expm1(trusted * math.log(2.0)), second)
+    error = (SWINGING if swings else SAFETY) * gap / -math.expm1(-trusted * math.log(2.0))
+    finer = DOUBTFUL * gap / math.expm1(min(trusted, UNCONFIRMED) * math.log(2.0))
+    found = Estimate(fine.answer.value + (0.0 if swings else step), error, None if swings else shown, True, "")
+    return Verdict(found, error / size, finer / size)

@@ -1,0 +1,92 @@
+"""Where the error of a goal comes from: element by element by the adjoint, and meshes chosen by that."""
+
+from __future__ import annotations
+
+import pytest
+from pursued import CANTILEVER, TWO, case
+
+from ancf2d.elements import registry
+from ancf2d.study.accuracy.direct import order_of
+from ancf2d.study.accuracy.neighbours import SAFETY, judged
+from ancf2d.study.accuracy.setting import Level, Setting, with_setting
+from ancf2d.study.accuracy.weighted import weighted
+from ancf2d.study.goal import Answer, solve_for_goal
+
+
+@pytest.mark.parametrize(("text", "element", "sets", "tolerance"), [
+    (CANTILEVER, "{type: vallejo, count: 3}", (), 0.01),
+    (CANTILEVER, "{type: 2d2n-nu, count: 3}", ("solver.type=linear_static",), 1e-6),
+    (CANTILEVER, "{type: cable, count: 3}", ("goal={quantity: strain_energy}",), 0.02),
+    (CANTILEVER, "{type: reissner2, count: 3}", (
+        "boundary_conditions+={name: prop, type: roller, at: beam@1, fixed: y}", "goal={reaction: prop, quantity: fy}",
+        "loads.0={type: distributed, on: beam, value: [0, -3e5]}"), 0.05),
+    (CANTILEVER, "{type: reissner3, count: 3}", ("goal={probe: tip, quantity: M}", "output.probes.tip=beam@0.1"),
+     0.02)])
+def test_the_adjoint_tells_what_a_mesh_twice_as_fine_changes(text, element, sets, tolerance):
+    """J(h/2) - J(h) = -z R, with second order left out: to round-off in linear statics."""
+    named = ("boundary_conditions.0.name=wall",)
+    loaded = case(text, element, *named, *sets)
+    coarse = with_setting(loaded, Setting({"beam": 6}))
+    solved = solve_for_goal(coarse)
+    found = weighted(coarse, solved)
+    change = solve_for_goal(with_setting(loaded, Setting({"beam": 12}))).answer.value - solved.answer.value
+    assert found.change == pytest.approx(change, rel=1e-6, abs=1e-9 * solved.answer.size)
+    assert found.adjoint == pytest.approx(change, rel=tolerance)
+    assert found.elements["beam"].sum() == pytest.approx(found.adjoint, rel=1e-9)
+    assert len(found.elements["beam"]) == 6
+
+
+def test_the_adjoint_tells_bodies_apart_as_refining_each_alone_does():
+    loaded = case(TWO)
+    counts = {"post": 2, "arm": 2}
+    coarse = with_setting(loaded, Setting(counts))
+    solved = solve_for_goal(coarse)
+    found = weighted(coarse, solved)
+    for name, n in counts.items():
+        finer = solve_for_goal(with_setting(loaded, Setting({**counts, name: 2 * n})))
+        assert found.elements[name].sum() == pytest.approx(finer.answer.value - solved.answer.value, rel=0.1)
+    # the moment is largest at the post
+    near, far = abs(found.elements["arm"])
+    assert near > far
+
+
+def test_forces_without_potential_have_no_adjoint_here():
+    follower = case(CANTILEVER, "{type: cable, count: 3}",
+                    "loads.0={type: follower_force, at: beam@1, value: [0, -500e3]}")
+    coarse = with_setting(follower, Setting({"beam": 4}))
+    assert weighted(coarse, solve_for_goal(coarse)) is None
+
+
+@pytest.mark.parametrize("element", ["omar", "kerkkanen", "vallejo", "cable", "reissner2", "reissner3", "2d2n-nu",
+                                     "2d3n-nu"])
+def test_types_keep_the_order_that_meshes_are_chosen_by(element):
+    """Errors of the strain energy under a load along the beam fall with the order of the type at least."""
+    loaded = case(CANTILEVER, f"{{type: {element}, count: 2}}", "solver.type=linear_static",
+                  "loads.0={type: distributed, on: beam, value: [0, -3e4]}", "goal={quantity: strain_energy}")
+    promised = order_of(registry.element_type(element))
+    values = [solve_for_goal(with_setting(loaded, Setting({"beam": n}))).answer.value for n in (4, 8, 16)]
+    first, second = abs(values[1] - values[0]), abs(values[2] - values[1])
+    assert second <= max(first * 2.0 ** -(promised - 0.35), 1e-9 * abs(values[-1]))
+
+
+def level(value: float) -> Level:
+    return Level(Setting({"beam": 4}), "", Answer(value, 1.0))
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0])
+def test_neighbours_tell_the_error_of_a_power_law(order):
+    """f = 1 + h^p/100: estimates are the safety factor times the true error, of the finest mesh twice it."""
+    found = judged(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in range(3)), 4.0)
+    assert found.error == pytest.approx(SAFETY * 0.01 * 2.0**-order, rel=1e-9)
+    assert 0.01 * 4.0**-order < found.finer <= 5 * 0.01 * 4.0**-order
+    assert found.found.value == pytest.approx(1.0, abs=1e-12)
+    assert found.found.order == pytest.approx(order, rel=1e-9)
+
+
+def test_meshes_that_agree_by_chance_are_not_believed():
+    """The finer mesh has the same value, the coarser one is off: it counts as far as the type's order lets it."""
+    found = judged(level(1.064), level(1.0), level(1.0 - 1e-12), 4.0)
+    assert found.error >= 0.064 / 2.0**6
+    assert judged(level(0.8), level(0.8001), level(0.95), 4.0) is None
+    assert judged(level(0.9), level(1.1), level(0.95), 4.0) is None
+    assert judged(level(1.0), level(1.0), level(1.0), 4.0).error == 0.0
