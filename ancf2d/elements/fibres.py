@@ -24,6 +24,8 @@ from .shape import Array, gauss
 
 # a fibre is plastic that is this much beyond its yield stress: one at the end of an accepted step is not
 BEYOND = 1e-10
+# of E: tangent of a fibre that bears no more, so that a section in which all yield leaves a matrix that can be solved
+LEFT = 1e-8
 # Gauss points through the height of each layer, where a case says nothing of them
 FIBRES = 16
 
@@ -114,7 +116,7 @@ def _stress(ref, law, e, p, a):  # type: ignore[no-untyped-def]
         stiff = E + K + ref[line + 2, 0]
     gone += over / stiff
     p += gone - a if pull > 0.0 else a - gone
-    return E * (e - p), E * (stiff - E) / stiff, p, gone
+    return E * (e - p), E * max((stiff - E) / stiff, LEFT), p, gone
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]

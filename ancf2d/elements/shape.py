@@ -170,7 +170,22 @@ def lobatto(n: int) -> tuple[Array, Array]:
     return (1 + x) / 2, 1.0 * w
 
 
+def radau(n: int) -> tuple[Array, Array]:
+    """Return the n >= 2 Gauss-Radau points in [0, 1], the start included, and their weights (sum 1)."""
+    x, w = _radau(n)
+    return x.copy(), w.copy()
+
+
 _legendre = lru_cache(np.polynomial.legendre.leggauss)
+
+
+@lru_cache
+def _radau(n: int) -> tuple[Array, Array]:
+    """Return the points of ``radau``: those inside are roots of a Jacobi polynomial (Abramowitz & Stegun 25.4.31)."""
+    from scipy.special import roots_jacobi
+
+    z, v = roots_jacobi(n - 1, 0, 1)
+    return np.append(0.0, (1 + z) / 2), np.append(1.0 / n**2, v / (2 * (1 + z)))
 
 
 @lru_cache

@@ -332,3 +332,19 @@ def _cut(piece: Piece, places: list[float]) -> list[Piece]:
     ends = [0, *(round(sigma / piece.l) for sigma in places), piece.count]
     return [replace(p, count=b - a) for p, (a, b) in zip(_split(piece, [n * piece.l for n in ends[1:-1]]),
                                                         pairwise(ends), strict=True)]
+
+
+def peaks(pieces: Sequence[Piece], acting: Sequence[float]) -> list[int]:
+    """Return for each element -1 or 1 where a moment may peak at its start or its end alone, else 0.
+
+    It may at the ends of a body and of its pieces that do not share a node, and where something acts at a node.
+    """
+    starts = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in pieces])
+    length = pieces[-1].s0 + pieces[-1].length
+    alone = np.concatenate([[k == 0 and not p.shared for k in range(p.count)] for p in pieces])
+    at = np.append(starts, length)
+    there = np.append(alone, True)
+    there[0] = True
+    for s in acting:
+        there |= np.abs(at - s * length) <= TOGETHER * length
+    return [int(end) - int(start) for start, end in pairwise(there)]

@@ -19,7 +19,7 @@ from ..elements.registry import RIGID_FRAME, RIGID_TYPE
 from ..elements.section import CONSTANTS, Section
 from ..elements.shape import Array, FrameShape, ShapeFunctions, gauss, lobatto
 from .axis import Bend
-from .curve import AT_NODE, Piece
+from .curve import AT_NODE, Piece, peaks
 from .plan import BodyPlan
 from .profiles import SectionsAlong
 
@@ -89,6 +89,9 @@ class BodyMesh:
         self.classes: list[ElementClass] = []
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
         keys: dict[tuple[Any, ...], int] = {}
+        # fibres alone are sampled where moments peak; nodes are among Lobatto points
+        sought = bool(plan.section.laws) and not plan.rule.lobatto
+        found = peaks(plan.pieces, plan.acting) if sought else [0] * plan.count
         dofs, cls, turn, nodes, e0 = [], [], [], [], []
         dof, node = first_dof, first_node
         self.piece_first: list[int] = []
@@ -97,7 +100,7 @@ class BodyMesh:
             if piece.shared:
                 dof, node = dof - self.node_sizes[-1], node - 1
             n = piece.count
-            cls.append(self._classes_of(piece, keys))
+            cls.append(self._classes_of(piece, keys, found[count:count + n]))
             self.piece_first.append(count)
             count += n
             dofs.append(dof + self.stride * np.arange(n)[:, None] + np.arange(element.n_dof))
@@ -117,23 +120,25 @@ class BodyMesh:
         self.e0: Array = np.concatenate(e0)
         self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
 
-    def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int]) -> Index:
+    def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
         """Return the classes (n,) of the elements of a piece, those that are new added."""
         found, samplers, turns = [], self._samplers_of(piece), piece.turns()
         length, mean, varying = float(f"{piece.l:.13e}"), self.plan.section, self.plan.varying
         begin: Array = piece.s0 + piece.l * np.arange(piece.count, dtype=float)
         along = None if varying is None else SectionsAlong(varying, begin / self.plan.length,
                                                            piece.l / self.plan.length, self.plan.cuts)
-        starts = [None] if along is None and len(samplers) == 1 else list(range(piece.count))
+        alike = along is None and len(samplers) == 1 and not any(peak)
+        starts = [None] if alike else list(range(piece.count))
         for ie in starts:
             section, profile, cuts = (mean, None, ()) if along is None else along.of(ie or 0)
             place = () if profile is None else (self.plan.name, float(begin[ie or 0]))
             k = (ie or 0) % len(samplers)
             bend = (piece.kappa,) if self._alike(piece) else (piece.axis, piece.begin + piece.l * k)
-            key = (section, length, *bend, *place)
+            key = (section, length, *bend, *place, peak[ie or 0])
             if key not in keys:
                 keys[key] = len(self.classes)
-                sampler = replace(samplers[k], section=section, profile=profile, cuts=cuts)
+                sampler = replace(samplers[k], section=section, profile=profile, cuts=cuts,
+                                  peak=peak[ie or 0])
                 self.classes.append(ElementClass(sampler, key, float(turns[ie or 0])))
             found.append(keys[key])
         return np.array(found * (piece.count // len(found)))

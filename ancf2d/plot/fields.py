@@ -38,6 +38,7 @@ from ancf2d.results.geometry import (
     label_of,
     linear_weights,
     station_weights,
+    weights_along,
 )
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 
@@ -206,7 +207,7 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
         named, lines = sorted(set(body.levels.tolist())), np.flatnonzero(np.diff(record.eta) < LINE).tolist()
     points = np.einsum("ya,aemc->emyc", across, results.levels(name, state, scale=scale, elements=some))
     stored = formula(results.field(name, record.name, state)[some])
-    values = np.einsum("xi,yj,eij->exy", station_weights(record.xi, body.sample_xi), over, stored)
+    values = np.einsum("...xi,yj,...ij->...xy", weights_along(record, body.sample_xi, some), over, stored)
     # polynomials overshoot: an energy would be negative where there is none
     if np.isfinite(stored).any():
         values = np.clip(values, np.nanmin(stored), np.nanmax(stored))

@@ -26,8 +26,8 @@ def _place(results: Results, point: str | None, field: str, *needed: str) -> tup
     if point is None or not text:
         record = results.fields[body][field]
         largest = np.max([np.abs(results.field(body, field, i)).max(axis=(2, 3)) for i in range(results.nt)], axis=0)
-        ie, k = divmod(int(np.argmax(largest)), len(record.xi))
-        xi = float(record.xi[k])
+        ie, k = divmod(int(np.argmax(largest)), record.stations[0])
+        xi = float(record.xi_of(ie)[k])
         return body, float((ends[ie] + xi * lengths[ie]) / ends[-1]), ie, xi
     s = _number(text, 0.0, "point must be BODY@S with S from 0 to 1")
     ie = min(int(np.searchsorted(ends, s * ends[-1], side="right")) - 1, len(lengths) - 1)
@@ -48,7 +48,7 @@ def _number(text: str | float, low: float, expected: str) -> float:
 def _series(results: Results, body: str, name: str, ie: int, xi: float) -> tuple[FieldRecord, np.ndarray]:
     """Return a field's first component at a place over all states (states, ny)."""
     record = results.fields[body][name]
-    along = station_weights(record.xi, np.array([xi]))[0]
+    along = station_weights(record.xi_of(ie), np.array([xi]))[0]
     return record, np.array([along @ results.field(body, name, i)[ie, :, :, 0] for i in range(results.nt)])
 
 

@@ -179,6 +179,17 @@ def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
     return even_weights(len(stations), (at - low) / size)[:, np.argsort(np.argsort(stations))]
 
 
+def weights_along(record: FieldRecord, at: np.ndarray, elements: np.ndarray) -> np.ndarray:
+    """Return weights (len(at), n) as ``station_weights`` does of a field along elements (m,).
+
+    They are (m, len(at), n) where the elements have stations of their own.
+    """
+    if record.xi.ndim == 1:
+        return station_weights(record.xi, at)
+    rows, which = np.unique(record.xi[elements], axis=0, return_inverse=True)
+    return np.stack([station_weights(row, at) for row in rows])[which.ravel()]
+
+
 def even_weights(n: int, at: np.ndarray) -> np.ndarray:
     """Return weights (len(at), n) of the polynomial through n evenly spaced values, at fractions in [0, 1]."""
     x, powers = np.linspace(-1.0, 1.0, n), np.arange(n)

@@ -91,7 +91,8 @@ def write_fields(file: h5py.File, units: Units, fields: Sequence[FieldRecord]) -
         set_text(group, "units", units.fill(field.units))
         set_text(group, "description", field.description)
         write_texts(group, "components", field.components, "none", "components, in the order of the last index")
-        write_fixed(group, "xi", field.xi, "1", "stations along an element, 0 to 1")
+        write_fixed(group, "xi", field.xi, "1", "stations along an element, 0 to 1" + (
+            ", of each element" if field.xi.ndim > 1 else ""))
         write_fixed(group, "eta", field.eta, "1", "stations across it, y/(h/2)")
 
 

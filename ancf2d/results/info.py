@@ -46,7 +46,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
                               for q, v in columns.items() if len(v)}
                        for name, columns in r.probes.items()},
             "fields": {body: {name: {"components": list(f.components), "units": f.units,
-                                     "stations": [len(f.xi), len(f.eta)]} for name, f in found.items()}
+                                     "stations": list(f.stations)} for name, f in found.items()}
                        for body, found in r.fields.items()},
             "tables": {name: {"rows": t.rows, "columns": list(t)} for name, t in r.tables.items()},
             "arrays": {name: list(a.shape) for name, a in r.arrays.items()},

@@ -288,8 +288,8 @@ class Results:
     def _field(body: BodyRecord, name: str, group: h5py.Group, values: h5py.Dataset) -> tuple[FieldRecord, StateRows]:
         record = FieldRecord(body.name, name, tuple(safe.strings(group, "components")),
                              str(safe.attribute(group, "units", "1")), str(safe.attribute(group, "description", "")),
-                             safe.numbers(group, "xi", 1), safe.numbers(group, "eta", 1))
-        shape = len(body.dofs), len(record.xi), len(record.eta), len(record.components)
+                             safe.stations(group, len(body.dofs)), safe.numbers(group, "eta", 1))
+        shape = len(body.dofs), *record.stations, len(record.components)
         return record, StateRows(values, shape)
 
     @cached_property

@@ -119,7 +119,9 @@ class BodyRecord:
 @dataclass(frozen=True)
 class FieldRecord:
     """A field stored over a body at stations ``xi`` (nx,) in [0, 1] along and ``eta`` (ny,) in [-1, 1] across its
-    elements; ``units`` is a template as in Column. A state's values are (ne, nx, ny, components)."""
+    elements; ``units`` is a template as in Column. A state's values are (ne, nx, ny, components).
+
+    Where elements have stations of their own, ``xi`` is (ne, nx)."""
 
     body: str
     name: str
@@ -128,6 +130,15 @@ class FieldRecord:
     description: str
     xi: np.ndarray
     eta: np.ndarray
+
+    @property
+    def stations(self) -> tuple[int, int]:
+        """Numbers of stations along and across an element."""
+        return self.xi.shape[-1], len(self.eta)
+
+    def xi_of(self, ie: int) -> np.ndarray:
+        """Return the stations (nx,) along an element."""
+        return self.xi if self.xi.ndim == 1 else np.asarray(self.xi[ie])
 
 
 _LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement"}

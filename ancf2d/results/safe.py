@@ -183,6 +183,17 @@ def numbers(group: h5py.Group, name: str, ndim: int) -> np.ndarray:
     return values(dataset, ndim)
 
 
+def stations(group: h5py.Group, elements: int) -> np.ndarray:
+    """Return the stations xi of a field: (nx,) of all elements, or (elements, nx); ValueError where there are none."""
+    dataset = child(group, "xi", h5py.Dataset)
+    if dataset is None:
+        raise ValueError(f"{group.name}/xi is missing")
+    found = values(dataset, 2 if dataset.ndim == 2 else 1)
+    if found.ndim == 2 and len(found) != elements:
+        raise ValueError(f"{group.name}/xi has {len(found)} rows for {elements} elements")
+    return found
+
+
 def text(group: h5py.Group | None, name: str) -> str:
     """Return a text dataset, or an empty text where there is none."""
     dataset = None if group is None else child(group, name, h5py.Dataset)

@@ -96,8 +96,12 @@ def _field_variables(results: Any, coords: Variables) -> Variables:
         for name, record in found.items():
             values = np.stack([results.field(body, name, i) for i in range(results.nt)])
             across = f"eta_{len(record.eta)}"
-            dims = ["state", f"element_{body}", "xi", across]
-            coords["xi"] = ("xi",), record.xi, {"description": "place along the element, 0 to 1"}
+            own = record.xi.ndim > 1
+            xi, element = f"xi_{body}" if own else "xi", f"element_{body}"
+            along = f"station_{body}" if own else xi
+            dims = ["state", element, along, across]
+            coords[xi] = (element, along) if own else (xi,), record.xi, {
+                "description": "place along the element, 0 to 1"}
             coords[across] = (across,), record.eta, {"description": "place across the section, -1 to 1"}
             attrs = {"units": record.units, "description": record.description}
             if len(record.components) == 1:

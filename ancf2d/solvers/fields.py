@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..case import Stiffness
 from ..elements.fibres import places
+from ..elements.formulations import Sampler
 from ..elements.shape import Array
 from ..errors import Problem
 from ..interactions.contact import levels_of
@@ -87,13 +88,21 @@ def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Pro
 
 @dataclass(frozen=True)
 class BodyFields:
-    """The fields of one body: stations ``xi`` (nx,) along each element, ``eta`` (ny,) across."""
+    """The fields of one body: stations ``xi`` (nx,) along each element, ``eta`` (ny,) across.
+
+    ``fibres`` are the stations (ne, nx) of its fibres along each element, where it has some.
+    """
 
     body: str
     fields: tuple[Field, ...]
     xi: Array
     eta: Array
     faces: Array
+    fibres: Array | None = None
+
+    def along(self, field: Field) -> Array:
+        """Return the stations (nx,) of a field along each element, or (ne, nx) where each has its own."""
+        return self.fibres if field.over and self.fibres is not None else self.xi
 
     def across(self, field: Field) -> Array:
         """Return the stations of a field across the body."""
@@ -109,9 +118,10 @@ class FieldReader:
         self._readers: list[tuple[BodyFields, Callable[[State], dict[Field, Array]]]] = []
         for name, mesh in model.meshes.items() if chosen else ():
             if not mesh.plan.rigid:
-                xi, eta = _stations(mesh)
-                self.bodies.append(BodyFields(name, tuple(chosen), xi, eta, np.array(levels_of(mesh, "surface"))))
-                self._readers.append((self.bodies[-1], _reader(model, mesh, chosen, xi, eta)))
+                body = BodyFields(name, tuple(chosen), *_stations(mesh), np.array(levels_of(mesh, "surface")),
+                                  fibre_stations(mesh) if mesh.plan.section.laws else None)
+                self.bodies.append(body)
+                self._readers.append((body, _reader(model, mesh, body)))
 
     def read(self, state: State) -> dict[tuple[str, str], Array]:
         """Return by (body, field) the values (ne, nx, ny, components).
@@ -122,20 +132,25 @@ class FieldReader:
                 for field, values in read(state).items()}
 
 
-def fibre_stations(mesh: BodyMesh) -> tuple[Array, Array]:
-    """Return the stations xi along each element and the fibres y/(h/2) across it."""
-    plan, section = mesh.plan, mesh.plan.section
-    formulation = plan.formulation
-    assert formulation.fibres is not None
-    xi, _ = formulation.fibres(mesh.classes[0].sampler, plan.rule)
-    return xi, places(section, plan.rule.normal[1])[0][:, 0] / (0.5 * section.height)
+def fibre_stations(mesh: BodyMesh) -> Array:
+    """Return the stations xi (ne, nx) of fibres along each element."""
+    return np.stack([_where_fibres_bear(mesh, c.sampler) for c in mesh.classes])[mesh.cls]
+
+
+def _where_fibres_bear(mesh: BodyMesh, sampler: Sampler) -> Array:
+    """Return the stations (nx,) of an element at which fibres bear normal force and moment, the first ones of all."""
+    plan = mesh.plan
+    assert plan.formulation.fibres is not None
+    return plan.formulation.fibres(sampler, plan.rule)[0][:plan.rule.normal[0]]
 
 
 def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
     across = max(ACROSS, 2 * mesh.plan.element.degree_y + 1)
     section, along = mesh.plan.section, np.linspace(0.0, 1.0, ALONG)
     if section.laws:
-        return fibre_stations(mesh)
+        # those of Gauss, which most elements have
+        xi = _where_fibres_bear(mesh, replace(mesh.classes[0].sampler, peak=0))
+        return xi, places(section, mesh.plan.rule.normal[1])[0][:, 0] / (0.5 * section.height)
     if section.layers:
         # both sides of each interface
         half = 0.5 * section.height
@@ -144,16 +159,19 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
     return along, np.linspace(-1.0, 1.0, across)
 
 
-def _reader(model: Model, mesh: BodyMesh, fields: Iterable[Field], xi: Array, eta: Array,
-            ) -> Callable[[State], dict[Field, Array]]:
+def _reader(model: Model, mesh: BodyMesh, body: BodyFields) -> Callable[[State], dict[Field, Array]]:
     from .contact_fields import ContactFields
     from .fibres import StressOfFibres
     from .section_forces import SectionForces
     from .stress import stress_of
 
-    over = [f for f in fields if f.over]
-    along, faces = ([f for f in fields if not f.over and f.faces == known] for known in (False, True))
-    stress = (StressOfFibres if mesh.plan.section.laws else stress_of)(model, mesh, xi, eta) if over else None
+    xi, eta = body.xi, body.eta
+    over = [f for f in body.fields if f.over]
+    along, faces = ([f for f in body.fields if not f.over and f.faces == known] for known in (False, True))
+    stress = None
+    if over:
+        stress = stress_of(model, mesh, xi, eta) if body.fibres is None else StressOfFibres(
+            model, mesh, body.fibres, eta)
     forces = SectionForces(model, mesh, xi) if along else None
     touching = ContactFields(model, mesh, xi) if faces else None
 

@@ -312,7 +312,7 @@ def field_records(model: Model) -> list[FieldRecord]:
     from ..results import FieldRecord
     from ..solvers.fields import FieldReader
 
-    return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.xi,
+    return [FieldRecord(body.body, f.name, f.components, f.units, f.description, body.along(f),
                         body.across(f)) for body in FieldReader(model).bodies for f in body.fields]
 
 

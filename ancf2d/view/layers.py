@@ -23,6 +23,7 @@ from ancf2d.results.geometry import (
     label_of,
     linear_weights,
     station_weights,
+    weights_along,
 )
 from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of, tracks_of, within
 
@@ -258,7 +259,7 @@ def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, state
         formula = formulas_of(record)[part]
         units, across = record.units, ACROSS if len(record.eta) > 1 else ACROSS[1:2]
         stations = d.record.sample_xi[::d.stride][::every[d.record.name]]
-        weights = station_weights(record.xi, stations), _across(d.record.levels, record.eta, across)
+        weights = weights_along(record, stations, d.elements), _across(d.record.levels, record.eta, across)
         bodies.append({"body": k, "every": every[d.record.name], "across": len(across)})
         values.append(np.array([_sampled(results, d, name, state, formula, weights) for state in states]))
     codes, low, high = _codes(np.concatenate([v.reshape(len(states), -1) for v in values], axis=1),
@@ -278,10 +279,10 @@ def _sampled(results: Results, d: Drawn, name: str, state: int | None, formula: 
              weights: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the values (elements, stations, across) of a component on one body in one state; at rest nothing."""
     if state is None:
-        return np.zeros((len(d.elements), len(weights[0]), len(weights[1])))
+        return np.zeros((len(d.elements), weights[0].shape[-2], len(weights[1])))
     stored = formula(results.field(d.record.name, name, state)[d.elements])
     # polynomials overshoot: an energy would be negative where there is none
-    return np.clip(np.einsum("xi,yj,eij->exy", *weights, stored), stored.min(), stored.max())
+    return np.clip(np.einsum("...xi,yj,...ij->...xy", *weights, stored), stored.min(), stored.max())
 
 
 def _codes(values: np.ndarray, signed: bool) -> tuple[np.ndarray, float, float]:

@@ -20,6 +20,7 @@ from ancf2d.solvers import stepping
 from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.post import reactions
+from ancf2d.solvers.section_forces import SectionForces
 from ancf2d.study.run import prepare, run_case
 
 E, YIELD, HEIGHT, WIDTH, LENGTH = 2e11, 250e6, 0.1, 0.05, 1.0
@@ -64,9 +65,11 @@ def test_a_rectangle_bends_beyond_yield_and_back(kind: tuple[str, str | None]) -
     remaining = (curvature - moment / EI) / curvature
     turn = {"type": "table", "t": [0, 0.37, 1], "value": [0, curvature * LENGTH, remaining * curvature * LENGTH]}
     there, back = (r["m"] for r in at(held(kind, {"angle": turn}, STEEL), 0.37, 1.0))
-    assert there == pytest.approx(moment, rel=1e-7)
+    # the directions that vallejo interpolates between its nodes turn unevenly
+    near = 1e-5 if kind[1] else 1e-7
+    assert there == pytest.approx(moment, rel=near)
     assert there == pytest.approx(MOMENT * (1.5 - 0.5 / 16), rel=2e-3)
-    assert abs(back) < 1e-7 * moment
+    assert abs(back) < near * moment
 
 
 @pytest.mark.parametrize("kind", TYPES[:2], ids=lambda k: k[0])
@@ -113,22 +116,23 @@ def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | N
     soft = {"E": 1e10, "nu": 0.4, "stress_strain": {"strain": [1e-3, 3e-3], "stress": [1e7, 1.4e7],
                                                         "unloading": "curve"}}
     hard = {**STEEL, "hardening": {"isotropic": 2e10}}
-    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]),
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 4, kind[1]),
             "section": {"width": WIDTH, "axis": "middle", "layers": [{"height": 0.02, "material": hard},
                                                                    {"height": 0.05, "material": soft}]}}
     model = build_model(h.load({"rod": body}, {"type": "static", "steps": 6}, bc=[
         {"type": "clamp", "at": "rod@0"}, {"type": "prescribed", "at": "rod@1", "ux": 2e-3, "uy": 0.02, "angle": 0.06}],
-        output={"fields": ["stress", "N", "M"]}))
+        output={"fields": ["stress"]}))
     reader, last = FieldReader(model), h.Solution(model).state
     read = reader.read(last)
     y, w = (v[:, 0] for v in places(model.meshes["rod"].plan.section, 16))
     stress = read["rod", "stress"][..., 0]
     assert np.ptp(stress) > YIELD
-    N, M = (read["rod", name][:, :, 0, 0] for name in ("N", "M"))
-    # at the points of reduced integration, laws are in balance exactly; elsewhere in the mean
-    exact = kind[0] == "reissner3"
-    np.testing.assert_allclose(stress @ w, N, rtol=1e-9 if exact else 3e-2)
-    np.testing.assert_allclose(-stress @ (w * y), M, rtol=1e-9 if exact else 0.15)
+    N, _, M = np.moveaxis([SectionForces(model, model.meshes["rod"], xi)(last)[k] for k, xi in enumerate(
+        reader.bodies[0].fibres)], -1, 0)
+    # at the Gauss points of elements inside, laws are in balance exactly; elsewhere in the mean
+    for exact, some in ((kind[0] == "reissner3", slice(1, -1)), (False, slice(None))):
+        np.testing.assert_allclose((stress @ w)[some], N[some], rtol=1e-9 if exact else 3e-2)
+        np.testing.assert_allclose(-(stress @ (w * y))[some], M[some], rtol=1e-9 if exact else 0.15)
 
 
 def test_the_sum_over_fibres_converges_with_their_number() -> None:
@@ -221,7 +225,7 @@ def test_states_are_those_of_accepted_steps() -> None:
 
 @pytest.mark.parametrize("method", ["arc_length", "displacement"])
 def test_paths_come_to_the_collapse_load(method: str) -> None:
-    """P (L - x) = 3/2 M_y, where a hinge can form at the first sampling point x: 2 Gauss points in 4 elements."""
+    """P L = 3/2 M_y: a hinge forms in the clamped section, which is sampled, but for 0.3 % that 16 fibres add."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 4), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}}
     done = ancf2d.solve(h.load(
@@ -229,10 +233,42 @@ def test_paths_come_to_the_collapse_load(method: str) -> None:
                                                                        "reaches": -0.04}},
         bc=[{"type": "clamp", "at": "beam@0"}], output={"probes": {"tip": "beam@1"}},
         loads=[{"type": "force", "at": "beam@1", "value": [0, -MOMENT / LENGTH]}]))
-    hinge = LENGTH / 8 * (1 - 1 / np.sqrt(3))
-    assert done.course_t[-1] == pytest.approx(1.5 * LENGTH / (LENGTH - hinge), rel=5e-3)
+    assert done.course_t[-1] == pytest.approx(1.5, rel=5e-3)
     # a path that turned back would unload
     assert np.all(np.diff(done.course["tip"]["uy"]) < 0.0)
+
+
+@pytest.mark.parametrize(("kind", "height"), [(TYPES[0], 0.2), (TYPES[0], 0.1), (TYPES[0], 0.05), (TYPES[2], 0.1)])
+def test_portal_frames_collapse_as_hinges_in_all_their_corners_do(kind: tuple[str, str | None], height: float) -> None:
+    """P h cos(sway) = 4 M_p of clamped columns h under a beam, within 1 % with eight elements in each (Neal 1977)."""
+    tall, wide, plastic = 3.0, 4.0, 0.25 * YIELD * WIDTH * height**2
+    rod = {"section": {"height": height, "width": WIDTH}, "material": STEEL, "element": h.element(kind[0], 8, kind[1])}
+    ends = {"left": ([0, 0], [0, tall]), "beam": ([0, tall], [wide, tall]), "right": ([wide, 0], [wide, tall])}
+    # more than three times the sway at which an elastic frame would yield
+    sway = 2.5 * FIRST * tall**2 / height
+    done = ancf2d.solve(h.load(
+        {name: {"geometry": {"type": "line", "start": a, "end": b}, **rod} for name, (a, b) in ends.items()},
+        {"type": "static", "method": "arc_length", "until": {"probe": "corner", "quantity": "ux", "reaches": sway}},
+        bc=[{"type": "clamp", "at": "left@0"}, {"type": "clamp", "at": "right@0"}],
+        joints=[{"type": "weld", "between": ["left@1", "beam@0"]}, {"type": "weld", "between": ["beam@1", "right@1"]}],
+        loads=[{"type": "force", "at": "left@1", "value": [4.0 * plastic / tall, 0]}],
+        output={"probes": {"corner": "left@1"}}))
+    turned = np.arcsin(done.course["corner"]["ux"][-1] / tall)
+    assert done.course_t[-1] * np.cos(turned) == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize("at", [0.25, 0.5])
+def test_a_clamped_beam_collapses_as_a_hinge_under_its_load_does(at: float) -> None:
+    """P = 2 M_p/(a (1 - a) L) of a load at a L (Neal 1977), with hinges at both sides of the node that bears it."""
+    load = 2.0 * 0.25 * YIELD * WIDTH * HEIGHT**2 / (at * (1.0 - at) * 2.0)
+    done = ancf2d.solve(h.load(
+        {"beam": {"geometry": h.line(2.0), "section": {"height": HEIGHT, "width": WIDTH}, "material": STEEL,
+                  "element": h.element("reissner3", 8)}},
+        {"type": "static", "method": "arc_length", "until": {"probe": "load", "quantity": "uy", "reaches": -0.04}},
+        bc=[{"type": "clamp", "at": "beam@0"}, {"type": "prescribed", "at": "beam@1", "uy": 0, "angle": 0}],
+        loads=[{"type": "force", "at": f"beam@{at:g}", "value": [0, -load]}],
+        output={"probes": {"load": f"beam@{at:g}"}}))
+    assert done.course_t[-1] == pytest.approx(1.0, rel=0.01)
 
 
 @pytest.mark.parametrize("method", ["generalized_alpha", "radau5"])

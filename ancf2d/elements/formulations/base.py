@@ -16,7 +16,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..section import Section
-from ..shape import Array, ShapeFunctions, gauss
+from ..shape import Array, ShapeFunctions, gauss, radau
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ class Sampler:
 
     ``e0`` is (n_shape, components): the reference nodal coordinates turned so that the element starts
     along x. Where the section varies, ``profile`` gives its constants at stations xi (n,), ``section`` is that of the
-    body's mean values, and ``cuts`` are the places xi inside the element where it kinks or jumps.
+    body's mean values, and ``cuts`` are the places xi inside the element where it kinks or jumps. ``peak`` is -1 or 1
+    where the moment of fibres may peak at the start or at the end of the element, else 0.
     """
 
     shape: ShapeFunctions
@@ -100,6 +101,14 @@ class Sampler:
     section: Section
     profile: Callable[[Array], Section] | None = None
     cuts: tuple[float, ...] = ()
+    peak: int = 0
+
+    def points(self, n: int) -> tuple[Array, Array]:
+        """Return n points in [0, 1] along and their weights (sum 1): those of Gauss, or of Radau with a peak."""
+        if self.peak == 0 or n < 2:
+            return gauss(n)
+        x, w = radau(n)
+        return (x, w) if self.peak < 0 else (1.0 - x[::-1], w[::-1])
 
     def at(self, xi: Array) -> Section:
         """Return the section constants at stations xi (n,) along: arrays (n,) where they vary, else numbers."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..definition import ElementType
-from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section, rule_points
+from ..shape import Array
+from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -42,8 +42,8 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def _stations(sampler: Sampler, n: int, parts: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    """Sample at n Gauss points the parts (of EA, kGA and EI) of the stiffness."""
-    xi, _, w = rule_points((n, 1))
+    """Sample at n points the parts (of EA, kGA and EI) of the stiffness."""
+    xi, w = sampler.points(n)
     zero = np.zeros_like(xi)
     S, Sx = sampler.derivative(xi, zero, 0, 0), sampler.derivative(xi, zero, 1, 0)
     rx = Sx @ sampler.e0[:, :2]
@@ -70,7 +70,7 @@ def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
     """Return axial strain, no shear, and curvature."""
     parts = []
     for n, _ in (rule.normal,) if rule.uniform else (rule.normal, rule.shear):
-        axial, curvature, _ = of_section(sampler, free, gauss(n)[0])
+        axial, curvature, _ = of_section(sampler, free, sampler.points(n)[0])
         parts.append(np.stack([axial, np.zeros(n), curvature], axis=1))
     return np.concatenate(parts)
 
@@ -78,7 +78,7 @@ def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
 def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
     """Return the stations of ``sample``, each of which has the strains of fibres."""
     rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
-    return np.concatenate([gauss(n)[0] for n, _ in rules]), sample(sampler, rule)
+    return np.concatenate([sampler.points(n)[0] for n, _ in rules]), sample(sampler, rule)
 
 
 def _refuse(element: ElementType) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..definition import ElementType
-from ..shape import Array, gauss, lobatto
+from ..shape import Array, lobatto
 from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section
 
 
@@ -130,18 +130,18 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     that alternates from node to node would have no stiffness; between the nodes the interpolated r_y is shorter
     than 1 wherever it turns, so that Gauss points of full order would lock.
     """
-    parts = [_stations(sampler, gauss(rule.normal[0]), (1.0, 1.0 if rule.uniform else 0.0, 1.0, 0.0)),
+    parts = [_stations(sampler, sampler.points(rule.normal[0]), (1.0, 1.0 if rule.uniform else 0.0, 1.0, 0.0)),
              _stations(sampler, lobatto(_terms(sampler)), (0.0, 0.0, 0.0, 1.0))]
     if not rule.uniform:
-        parts.append(_stations(sampler, gauss(rule.shear[0]), (0.0, 1.0, 0.0, 0.0)))
+        parts.append(_stations(sampler, sampler.points(rule.shear[0]), (0.0, 1.0, 0.0, 0.0)))
     return join(*parts)
 
 
 def _places(sampler: Sampler, rule: Rule) -> Array:
     """Return the places xi of the stations of ``sample``."""
-    points = [gauss(rule.normal[0]), lobatto(_terms(sampler))]
+    points = [sampler.points(rule.normal[0]), lobatto(_terms(sampler))]
     if not rule.uniform:
-        points.append(gauss(rule.shear[0]))
+        points.append(sampler.points(rule.shear[0]))
     return np.concatenate([xi for xi, _ in points])
 
 

@@ -24,7 +24,13 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.export import Done
-from ancf2d.results.geometry import body_levels, body_rates, linear_weights, station_weights
+from ancf2d.results.geometry import (
+    body_levels,
+    body_rates,
+    linear_weights,
+    station_weights,
+    weights_along,
+)
 from ancf2d.results.journal import JournaledFile
 from ancf2d.results.obstacles import obstacles_of
 from ancf2d.results.reader import Results
@@ -41,7 +47,7 @@ AT_ONCE = 1 << 13  # points that are written in one call: states of small grids 
 CACHE = 1 << 20  # bytes of each dataset: a chunk or two, which are filled one after the other
 COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 MODES = "modes/shapes"
-_SUMS = "ai,bj,eijc->ebac"
+_SUMS = "...ai,bj,...ijc->...bac"
 
 
 @dataclass
@@ -99,11 +105,11 @@ class Interpolation:
     def _factors(self) -> tuple[np.ndarray, np.ndarray, Any]:
         """Weights along and across, and the order of summing over them."""
         part, record = self._part, self._record
-        along = station_weights(record.xi, part.body.sample_xi[part.columns])
+        along = weights_along(record, part.body.sample_xi[part.columns], np.arange(len(part.body.dofs)))
         layered = part.body.levels is not None and len(record.eta) > 1
         across = (linear_weights(record.eta, part.eta) if layered or len(record.eta) == 1 else
                   station_weights(0.5 * (1.0 + record.eta), 0.5 * (1.0 + part.eta)))
-        shape = len(part.body.dofs), len(record.xi), len(record.eta), len(record.components)
+        shape = len(part.body.dofs), *record.stations, len(record.components)
         order, _ = np.einsum_path(_SUMS, along, across, np.broadcast_to(0.0, shape), optimize=True)
         return along, across, order
 
