@@ -73,6 +73,9 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "modes of a frame", {**frame, "solver": {"type": "eigen", "modes": 2}}
     follower = [{"type": "follower_force", "at": "c0_0@1", "value": [1.0, 0.0]}]
     yield "statics of a frame under a follower force", {**frame, "solver": STATIC, "loads": follower}
+    yield "flutter", {**_column(), "solver": {"type": "buckling", "modes": 1}}
+    yield "flutter of a pipe", {**_column(), "fluid": {"on": "column", "rhoA": 0.2, "velocity": 1.0},
+                                "solver": {"type": "buckling", "modes": 1}, "loads": []}
     bodies = _contact_of_bodies()
     impacts: dict[str, Any] = {"solver": {**MOMENT, "method": "generalized_alpha"}, "output": FEW}
     yield "statics of contact between bodies", {**bodies, "solver": STATIC}
@@ -105,6 +108,15 @@ def _laws(conserved: bool = False) -> dict[str, Any]:
     return {"format": 1, "title": "formulations", "bodies": bodies,
             "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
             "loads": [GRAVITY, *({"type": "force", "at": f"{name}@1", "value": [-1.0, 0.1]} for name in bodies)]}
+
+
+def _column() -> dict[str, Any]:
+    """Return a clamped column under a follower force, whose matrices are not symmetric."""
+    column = _body([0, 0], [1, 0], {"type": "cable", "count": 4}, STIFF)
+    column |= {"section": {"EA": 1e6, "EI": 1.0, "rhoA": 1.0}, "material": {}}
+    return {"format": 1, "title": "column", "bodies": {"column": column},
+            "boundary_conditions": [{"type": "clamp", "at": "column@0"}],
+            "loads": [{"type": "follower_force", "at": "column@1", "value": [-1, 0]}]}
 
 
 def _interactions() -> dict[str, Any]:
@@ -153,7 +165,7 @@ def _contact_of_bodies() -> dict[str, Any]:
 def _answers() -> dict[str, Any]:
     """Return a case with controllers, formulas, events, and a force and a mass that move along a body."""
     bodies = {name: _body([0, k], [1, k], {"type": "reissner3"}, STIFF) for k, name in enumerate(("a", "b"))}
-    place = {"type": "expression", "value": "0.1 + t"}
+    place = {"type": "expression", "value": "0.99 + 200*t"}  # it leaves the body halfway
     return {"format": 1, "title": "answers", "bodies": bodies,
             "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "b@0"},
                                     {"type": "roller", "at": "a@1", "fixed": "y", "active": {"after": "tip.y > 9"}}],

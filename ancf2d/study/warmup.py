@@ -6,6 +6,7 @@ import gc
 import hashlib
 import json
 import logging
+import math
 import os
 import threading
 import time
@@ -29,7 +30,7 @@ try:
 except ImportError:  # no such locks here: processes that compile at the same time do the same work twice
     fcntl = None  # type: ignore[assignment]
 
-# reading kernels from the cache takes less than this; more means that some are being compiled
+# seconds for which kernels are compiled without a word
 PATIENCE = 1.5
 # the file in the cache that lists what was compiled, and the bytes at which it begins anew: some thousand names
 NAMES, MOST_NAMES = "compiled", 1 << 16
@@ -46,34 +47,44 @@ SELDOM = (100_000, 50, 1000)
 def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
-    ``compiling`` and the logger "ancf2d" are told where that takes long: at once with an empty cache, else after
-    1.5 s. Of several processes that need the same kernels, one compiles them and the others wait. Nothing is done
-    where this process has solved a case of the same kind before.
+    ``compiling`` and the logger "ancf2d" are told where some are compiled, here or by a process that this one waits
+    for: at once with an empty cache, else after 1.5 s. Of several processes that need the same kernels, one compiles
+    them and the others wait. Nothing is done where this process has solved a case of the same kind before.
     """
-    from ..kernels.lowlevel.jit import CACHE, REFUSED, cache_is_cold
+    from ..kernels.lowlevel.jit import CACHE, REFUSED, expect_kernels
 
     kernels = kernels_of(model.case)
     if kernels in _READY:
         return
     what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (
         "compiling kernels for this machine (first run of this kind only) ...")
-    announce = threading.Timer(0.0 if cache_is_cold() else PATIENCE, _tell, [what, compiling])
-    announce.daemon = True
-    announce.start()
+    expect_kernels()
+    begun, ended = threading.Event(), threading.Event()
+    threading.Thread(target=_announce, args=(what, compiling, begun, ended), daemon=True).start()
     try:
         with _alone(CACHE, kernels, compiling) as new, _seldom_collected():
+            begun.set()
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, new)
             else:
                 _touch(model, new)
         _READY.add(kernels)
     finally:
-        announce.cancel()
+        ended.set()
 
 
-def _tell(what: str, compiling: Callable[[str], None]) -> None:
-    logging.getLogger("ancf2d").info(what)
-    compiling(what)
+def _announce(what: str, compiling: Callable[[str], None], begun: threading.Event, ended: threading.Event) -> None:
+    """Tell ``what`` when kernels are compiled, or another process is waited for, and this does not end soon."""
+    from ..kernels.lowlevel.jit import cache_is_cold, missed
+
+    cold, since = cache_is_cold(), math.inf
+    while not ended.wait(0.0 if cold else TICK):
+        if missed() or not begun.is_set():
+            since = min(since, time.monotonic())
+        if cold or time.monotonic() - since > PATIENCE:
+            logging.getLogger("ancf2d").info(what)
+            compiling(what)
+            return
 
 
 @contextmanager

@@ -26,8 +26,11 @@ SHORT = ("solver.t_end=0.01",)
 RUNS = [
     *((f"static/{name}.yaml", ()) for name in ("uniform_load", "follower_force", "portal_frame", "deep_arch",
                                                "thick_cantilever_three_node", "three_hinged_frame")),
-    ("buckling/stretched_column.yaml", ()), ("modes/portal_frame.yaml", ()), ("paths/shallow_arch.yaml", ()),
-    *((f"dynamic/{name}.yaml", SHORT) for name in ("slider_crank_rigid", "four_bar", "double_pendulum")),
+    *((f"buckling/{name}.yaml", ()) for name in ("stretched_column", "beck", "cantilever_pipe")),
+    *((f"modes/{name}.yaml", ()) for name in ("portal_frame", "receptance", "state_space_cantilever")),
+    ("paths/shallow_arch.yaml", ()), ("contact/shared_force.yaml", ()), ("static/bent_beyond_yield.yaml", ()),
+    *((f"dynamic/{name}.yaml", SHORT) for name in ("slider_crank_rigid", "four_bar", "double_pendulum", "pid_arm")),
+    ("dynamic/caught_rod.yaml", ()), ("dynamic/moving_force.yaml", ()),
     *(("dynamic/double_pendulum.yaml", (*SHORT, f"solver.method={method}", "solver.tolerance=1e-3"))
       for method in ("radau9", "hht", "generalized_alpha", "newmark", "RK45", "DOP853", "Radau", "BDF", "LSODA")),
     ("dynamic/pendulum2_cable.yaml", (*SHORT, "solver.method=energy_momentum")),

@@ -120,6 +120,26 @@ def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyP
     assert texts == ["compiling kernels, which cannot be cached for the next run: '/here' belongs to another user"]
 
 
+@pytest.mark.parametrize("missed", [False, True])
+def test_only_what_is_compiled_is_said_to_be(monkeypatch: pytest.MonkeyPatch, missed: bool) -> None:
+    """Reading kernels may take long on a busy machine, too."""
+    monkeypatch.setattr(jit, "cache_is_cold", lambda: False)
+    monkeypatch.setattr(jit, "CACHE", "somewhere")
+    monkeypatch.setattr(jit, "REFUSED", "")
+    monkeypatch.setattr(warmup, "PATIENCE", 0.0)
+    monkeypatch.setattr(warmup, "_READY", set())
+    monkeypatch.setattr(warmup, "_is_compiled", lambda cache, kernels: True)
+    told, texts = threading.Event(), list[str]()
+
+    def touch(*_: object) -> None:
+        jit._MISSED[0] = int(missed)
+        told.wait(30.0 if missed else 0.3)
+    monkeypatch.setattr(warmup, "_touch", touch)
+    model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
+    warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
+    assert texts == (["compiling kernels for this machine (first run of this kind only) ..."] if missed else [])
+
+
 def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """A loop over cases of one kind pays for it once; other numbers are the same kind, another element is not."""
     touched: list[str] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import io
+import mmap
 import os
 import struct
 import zlib
@@ -147,6 +148,8 @@ CACHE, REFUSED = cache_folder()
 if CACHE is not None:
     config.CACHE_DIR = str(CACHE)
 _CHECKSUM = struct.Struct("<I")
+# the first byte is 1 as soon as this process, or a copy of it, has a kernel to compile
+_MISSED = mmap.mmap(-1, 1)
 
 
 class CheckedFile(IndexDataCacheFile):  # type: ignore[misc]
@@ -194,12 +197,15 @@ class KernelCache(FunctionCache):
         a small case to solve. What cannot be read is compiled anew, in its place.
         """
         rtsys.initialize(target_context)
+        found = None
         try:
-            return self._load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
         except Exception:
             with suppress(OSError):
                 self.flush()
-            return None
+        if found is None:
+            _MISSED[0] = 1
+        return found
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return what a kernel is found by: its code and that of what it is closed over, whose pickles differ."""
@@ -286,6 +292,16 @@ def inner_with_memory(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a helper anew into each of its callers, where they must see it whole (its frame, or what is constant)."""
     return numba.njit(inline="always")(function)
+
+
+def expect_kernels() -> None:
+    """Forget that kernels had to be compiled so far: ``missed`` tells of those to come."""
+    _MISSED[0] = 0
+
+
+def missed() -> bool:
+    """Whether a kernel was compiled since ``expect_kernels``, by this process or a copy of it, as none was kept."""
+    return CACHE is None or _MISSED[0] == 1
 
 
 def cache_is_cold() -> bool:
