@@ -11,8 +11,10 @@ import numpy as np
 
 from ..elements.point_laws import DIRECTION, THETA, PointLaw
 
-# A piece has the fields l, and twice a direction (or an angle and nothing), u, v, and what it is; one that is linear
-# in the coordinates has l alone.
+# A piece has the fields l, and up to two arms: a direction (or an angle and nothing), u, v, and what it is. That of a
+# guide along sections with an angle is the angle and u alone, with v where the guide rises. A piece that is linear in
+# the coordinates has l alone.
+ARM, SHORT = 5, 3
 
 
 def middle(p0, u0, u1, k):  # type: ignore[no-untyped-def]
@@ -20,24 +22,34 @@ def middle(p0, u0, u1, k):  # type: ignore[no-untyped-def]
     return p0[k] + 0.5 * (u0[k] + u1[k])
 
 
-def arm(p0, u0, u1, at):  # type: ignore[no-untyped-def]
+def arm_of(p0, k, size):  # type: ignore[no-untyped-def]
+    """Return how the arm at field k turns, and the fields u and v, -1 where v is 0."""
+    if size <= 2 + SHORT:
+        return THETA, k + 1, k + 2 if size == 2 + SHORT else -1
+    return p0[k + 4], k + 2, k + 3
+
+
+def arm(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
     """Return cosine and sine of a direction, and (u, v) turned by it."""
-    x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
+    kind, i, j = arm_of(p0, at, size)
     c, s = 1.0, 0.0
-    if p0[at + 4] == THETA:
-        c, s = np.cos(x), np.sin(x)
-    elif p0[at + 4] == DIRECTION:
+    if kind == THETA:
+        angle = middle(p0, u0, u1, at)
+        c, s = np.cos(angle), np.sin(angle)
+    elif kind == DIRECTION:
+        x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
         L = np.sqrt(x * x + y * y)
         c, s = x / L, y / L
-    u, v = middle(p0, u0, u1, at + 2), middle(p0, u0, u1, at + 3)
+    u = middle(p0, u0, u1, i)
+    v = middle(p0, u0, u1, j) if j >= 0 else 0.0
     return c, s, c * u - s * v, s * u + c * v
 
 
 def piece(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
     """Return the vector of a piece in the middle of two states."""
     x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
-    for k in range(at + 2, at + size, 5):
-        _, _, wx, wy = arm(p0, u0, u1, k)
+    for k in range(at + 2, at + size, ARM):
+        _, _, wx, wy = arm(p0, u0, u1, k, size)
         x += wx
         y += wy
     return x, y
@@ -47,28 +59,31 @@ def slopes(p0, u0, u1, at, size, ex, ey, f):  # type: ignore[no-untyped-def]
     """Add to f the derivatives of (ex, ey) times the vector of a piece."""
     f[at] += ex
     f[at + 1] += ey
-    for k in range(at + 2, at + size, 5):
-        c, s, wx, wy = arm(p0, u0, u1, k)
+    for k in range(at + 2, at + size, ARM):
+        kind, i, j = arm_of(p0, k, size)
+        c, s, wx, wy = arm(p0, u0, u1, k, size)
         turn = ey * wx - ex * wy
-        if p0[k + 4] == THETA:
+        if kind == THETA:
             f[k] += turn
-        elif p0[k + 4] == DIRECTION:
+        elif kind == DIRECTION:
             x, y = middle(p0, u0, u1, k), middle(p0, u0, u1, k + 1)
             f[k] -= turn * y / (x * x + y * y)
             f[k + 1] += turn * x / (x * x + y * y)
-        f[k + 2] += ex * c + ey * s
-        f[k + 3] += ey * c - ex * s
+        f[i] += ex * c + ey * s
+        if j >= 0:
+            f[j] += ey * c - ex * s
 
 
 def curvatures(p0, u, at, size, ex, ey, T, H):  # type: ignore[no-untyped-def]
     """Add to H the second derivatives of (ex, ey) times the vector of a piece, times T."""
-    for k in range(at + 2, at + size, 5):
-        c, s, wx, wy = arm(p0, u, u, k)
+    for k in range(at + 2, at + size, ARM):
+        kind, iu, iv = arm_of(p0, k, size)
+        c, s, wx, wy = arm(p0, u, u, k, size)
         bend, by_u, by_v = -T * (ex * wx + ey * wy), T * (ey * c - ex * s), -T * (ex * c + ey * s)
         n, gx, gy = 0, 1.0, 0.0
-        if p0[k + 4] == THETA:
+        if kind == THETA:
             n = 1
-        elif p0[k + 4] == DIRECTION:
+        elif kind == DIRECTION:
             n = 2
             x, y = p0[k] + u[k], p0[k + 1] + u[k + 1]
             gx, gy = -y / (x * x + y * y), x / (x * x + y * y)
@@ -81,30 +96,32 @@ def curvatures(p0, u, at, size, ex, ey, T, H):  # type: ignore[no-untyped-def]
             g = gx if i == 0 else gy
             for j in range(n):
                 H[k + i, k + j] += bend * g * (gx if j == 0 else gy)
-            H[k + i, k + 2] += by_u * g
-            H[k + 2, k + i] += by_u * g
-            H[k + i, k + 3] += by_v * g
-            H[k + 3, k + i] += by_v * g
+            H[k + i, iu] += by_u * g
+            H[iu, k + i] += by_u * g
+            if iv >= 0:
+                H[k + i, iv] += by_v * g
+                H[iv, k + i] += by_v * g
 
 
-def moved_arm(p0, u, at):  # type: ignore[no-untyped-def]
+def moved_arm(p0, u, at, size):  # type: ignore[no-untyped-def]
     """Return by how much (u, v) turned by a direction differs from the reference, without loss of digits."""
+    kind, i, j = arm_of(p0, at, size)
     c, s, turned, less = 1.0, 0.0, 0.0, 0.0
-    if p0[at + 4] == THETA:
+    if kind == THETA:
         c, s, turned = np.cos(p0[at]), np.sin(p0[at]), np.sin(u[at])
         less = 2.0 * np.sin(0.5 * u[at]) ** 2
-    elif p0[at + 4] == DIRECTION:
+    elif kind == DIRECTION:
         x, y = p0[at] + u[at], p0[at + 1] + u[at + 1]
-        size = np.sqrt((p0[at] * p0[at] + p0[at + 1] * p0[at + 1]) * (x * x + y * y))
-        c = p0[at] / np.sqrt(p0[at] * p0[at] + p0[at + 1] * p0[at + 1])
-        s = p0[at + 1] / np.sqrt(p0[at] * p0[at] + p0[at + 1] * p0[at + 1])
-        turned = (p0[at] * u[at + 1] - p0[at + 1] * u[at]) / size
-        cosine = (p0[at] * x + p0[at + 1] * y) / size
+        size0 = np.sqrt(p0[at] * p0[at] + p0[at + 1] * p0[at + 1])
+        sizes = size0 * np.sqrt(x * x + y * y)
+        c, s = p0[at] / size0, p0[at + 1] / size0
+        turned = (p0[at] * u[at + 1] - p0[at + 1] * u[at]) / sizes
+        cosine = (p0[at] * x + p0[at + 1] * y) / sizes
         less = turned * turned / (1.0 + cosine) if cosine > 0.0 else 1.0 - cosine
     dc, ds = -c * less - s * turned, -s * less + c * turned
-    a, b = p0[at + 2], p0[at + 3]
-    return (dc * a - ds * b + (c + dc) * u[at + 2] - (s + ds) * u[at + 3],
-            ds * a + dc * b + (s + ds) * u[at + 2] + (c + dc) * u[at + 3])
+    a, da = p0[i], u[i]
+    b, db = (p0[j], u[j]) if j >= 0 else (0.0, 0.0)
+    return dc * a - ds * b + (c + dc) * da - (s + ds) * db, ds * a + dc * b + (s + ds) * da + (c + dc) * db
 
 
 def stretch_of(p0, u, size):  # type: ignore[no-untyped-def]
@@ -113,8 +130,8 @@ def stretch_of(p0, u, size):  # type: ignore[no-untyped-def]
     for at in range(0, len(p0), size):
         x, y = piece(p0, u, u, at, size)
         dx, dy = u[at], u[at + 1]
-        for k in range(at + 2, at + size, 5):
-            wx, wy = moved_arm(p0, u, k)
+        for k in range(at + 2, at + size, ARM):
+            wx, wy = moved_arm(p0, u, k, size)
             dx += wx
             dy += wy
         x0, y0 = x - dx, y - dy

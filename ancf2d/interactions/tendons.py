@@ -148,9 +148,9 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                         up = _scaled(_raw(at, 0, 1, [0, 1]), slope)
                         out.append(_scaled(list(map(_plus, along, up)), weight))
                     elif kind == "theta":
-                        turned = [*_raw(at, 0, 0, [2]), NOTHING, *_scaled(_raw(at, 1, 0, [2]), -weight * off),
-                                  _number(weight * slope), _number(THETA)]
-                        out.append([*_scaled(along, weight), *turned])
+                        arm = [*_raw(at, 0, 0, [2]), *_scaled(_raw(at, 1, 0, [2]), -weight * off)] if y else []
+                        rises = [] if isinstance(y, float) else [_number(weight * slope)]
+                        out.append([*_scaled(along, weight), *arm, *rises])
                     else:
                         out.append(_scaled(along, weight))
     return out
@@ -316,8 +316,10 @@ class Tendon:
         if self.stiffness is not None:
             fields = [f for p in pieces for f in p]
             if len(fields) > MOST:
-                raise LoadError(("stiffness",), f"an elastic tendon couples all its {len(pieces)} pieces: too many",
-                                f"fewer elements or eyelets, at most {MOST // size} pieces")
+                each = 1 if self.on is None else context.meshes[self.on].plan.element.degree_x + 3 + self._more
+                what = "stretches" if self.on is None else "elements"
+                raise LoadError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
+                                f"{what} are too many", f"at most {MOST // size // each}")
             tendon = ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude)
             out.springs.append(tendon)
             return tendon

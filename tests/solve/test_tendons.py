@@ -167,13 +167,27 @@ def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
                       loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
 
 
-@pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION)])
+def test_elements_along_an_elastic_tendon_are_not_too_many() -> None:
+    load = {"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3, "slack": -1e-3}
+    assert solve(beam(count=42), [load], "linear_static").theta("a@1") > 0
+    with pytest.raises(CaseError, match="43 elements are too many") as error:
+        solve(beam(count=43), [load], "linear_static")
+    assert error.value.problems[0].expected == "at most 42"
+
+
+@pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION), "u", "u, v"])
 @pytest.mark.parametrize("law", [TENSION, ELASTIC])
-def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, int]) -> None:
+def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, int] | str) -> None:
     """Of T l and of the energy, by central differences; fields that say what an arm is stand still."""
     rng, size, pieces = np.random.default_rng(0), 12, 1 if law is TENSION else 3
-    p0 = np.concatenate([[*rng.uniform(-1, 1, 6), kinds[0], *rng.uniform(-1, 1, 4), kinds[1]] for _ in range(pieces)])
-    free = np.array([k for k in range(len(p0)) if k % size not in (6, 11)])
+    if isinstance(kinds, str):
+        # along sections with an angle
+        size = 3 + len(kinds.split(","))
+        p0, free = rng.uniform(-1, 1, size * pieces), np.arange(size * pieces)
+    else:
+        p0 = np.concatenate([[*rng.uniform(-1, 1, 6), kinds[0], *rng.uniform(-1, 1, 4), kinds[1]]
+                             for _ in range(pieces)])
+        free = np.array([k for k in range(len(p0)) if k % size not in (6, 11)])
     par = np.array([3.0, size] if law is TENSION else [3.0, 2.0, -2.0, size])
 
     def at(u: Any) -> tuple[float, Any, Any]:
