@@ -38,8 +38,8 @@ if TYPE_CHECKING:
               help="Relative accuracy wanted for the case's goal. Meshes, time steps and, with element: auto, element "
               "types are chosen to reach it, and the error is estimated. Exits with 1 if it is not reached.")
 @click.option("--check", is_flag=True, help="Exit with 1 if a value under 'expected' is not met.")
-@click.option("--resume", is_flag=True, help="Continue an interrupted dynamic run from its last checkpoint in "
-              "OUT.h5.part; the result is bit for bit that of an uninterrupted run.")
+@click.option("--resume", is_flag=True, help="Continue an interrupted run over time (dynamic, quasi_static) from its "
+              "last checkpoint in OUT.h5.part; the result is bit for bit that of an uninterrupted run.")
 @force_option
 @json_option
 @quiet_option

@@ -23,14 +23,19 @@ if TYPE_CHECKING:
 def memory(model: Model) -> list[Array]:
     """Return a copy of what the points of contact remember, to go back to."""
     model.interactions  # noqa: B018  tables that hold it are made with them
-    return [np.array([p.mem[:one.size] for p in one.points]) for one in model.contact_tables]
+    return [np.array([row[:one.size] for row in _remembered(one)]) for one in model.contact_tables]
 
 
 def recall(model: Model, kept: list[Array]) -> None:
     """Let points of contact remember what they did."""
     for one, mem in zip(model.contact_tables, kept, strict=True):
-        for point, row in zip(one.points, mem, strict=True):
-            point.mem[:len(row)] = row
+        for own, row in zip(_remembered(one), mem, strict=True):
+            own[:len(row)] = row
+
+
+def _remembered(one: ContactTable) -> list[Array]:
+    """Return what each point of a contact remembers, to be written to: those with a law have it in one table."""
+    return [p.mem for p in one.points] if one.points else list(one.pair.mem)
 
 
 def recall_rows(model: Model, rows: Array) -> None:

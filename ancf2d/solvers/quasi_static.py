@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+
+import numpy as np
 
 from ..case import QuasiStatic
 from ..elements.shape import Array
@@ -45,25 +47,52 @@ class Course:
         self.iterations = spec.max_iterations or MAX_ITERATIONS
         self.march = March(self.system, 1.0 / STEPS, self.close, self.iterations)
         self.t, self.number, self.refused = 0.0, 0, 0
-        # where amplitudes had their last corner
-        self.begin = 0.0
+        # the next step, the corners of amplitudes that are behind, and where the last one was
+        self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
         self.size = 0.0
         self.path = Path([0.0], [self.march.d])
 
-    def states(self) -> Iterator[State]:
-        """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step."""
-        end = self.spec.t_end
-        self.model.set_step(0.0)
-        iterations, warnings = self.march.settle()
-        self.system.held = None
-        yield self._at_rest(iterations, warnings)
-        h = FIRST * end
-        for b in case_breaks(self.model.case, 0.0, end):
-            h = yield from self._go(b.before if b.order == 0 else b.t, h)
-            if b.order == 0:
-                yield self._jump(b.t)
-            self.path, self.begin, h = Path([self.t], [self.march.d]), self.t, FIRST * end
-        yield from self._go(end, h)
+    def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
+        """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step.
+
+        From a checkpoint, only those that follow.
+        """
+        if kept is None:
+            self.model.set_step(0.0)
+            iterations, warnings = self.march.settle()
+            self.system.held = None
+            yield self._at_rest(iterations, warnings)
+        else:
+            self._resume(kept)
+        for b in case_breaks(self.model.case, 0.0, self.spec.t_end)[self.passed:]:
+            yield from self._go(b.before if b.order == 0 else b.t)
+            state = self._jump(b.t) if b.order == 0 else None
+            self.path, self.begin, self.h = Path([self.t], [self.march.d]), self.t, FIRST * self.spec.t_end
+            self.passed += 1
+            if state is not None:
+                yield state
+        yield from self._go(self.spec.t_end)
+
+    def checkpoint(self) -> dict[str, Array]:
+        """Return everything that the course goes on from."""
+        accepted = self.system.accepted
+        turns = {f"{name}/{k}": x for name, pair in (("turns", self.system.turns()), ("march", self.march.turns))
+                 for k, x in enumerate(pair)}
+        return {"numbers": np.array([self.t, self.h, self.begin, self.size]), "path/t": np.array(self.path.t),
+                "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
+                "path/d": np.array(self.path.d), "d": self.march.d, "states": self.model.states.copy(), **turns,
+                "accepted": np.zeros((0, 0)) if accepted is None else np.array([np.append(*accepted)]),
+                **{f"contact/{k}": mem for k, mem in enumerate(memory(self.model))}}
+
+    def _resume(self, kept: dict[str, Array]) -> None:
+        self.t, self.h, self.begin, self.size = kept["numbers"].tolist()
+        self.number, self.refused, self.passed, self.march.negative = kept["counts"].tolist()
+        self.path = Path(kept["path/t"].tolist(), list(kept["path/d"]))
+        self.march.d, self.march.turns = kept["d"], (kept["march/0"], kept["march/1"])
+        self.system.count_from((kept["turns/0"], kept["turns/1"]))
+        self.system.accepted = next(((row[:-1], float(row[-1])) for row in kept["accepted"]), None)
+        self.model.states[:] = kept["states"]
+        recall(self.model, [kept[f"contact/{k}"] for k in range(len(self.model.contact_tables))])
 
     def _at_rest(self, iterations: int, warnings: list[str]) -> State:
         """Return the state at t, where the march stands."""
@@ -86,19 +115,19 @@ class Course:
         self.system.held = None
         return self._at_rest(found, [])
 
-    def _go(self, stop: float, h: float) -> Generator[State, None, float]:
-        """Yield the states of steps up to a time; return the length of the next step."""
+    def _go(self, stop: float) -> Iterator[State]:
+        """Yield the states of steps up to a time."""
         end = self.spec.t_end
         while self.t < stop:
-            left = stop - self.t
+            left, h = stop - self.t, self.h
             step = left if left < 1.1 * min(h, LONGEST * end) else min(h, LONGEST * end)
             kept = self._keep()
             try:
                 result, error = self._tried(step)
             except ComputationError as failure:
                 self._restore(kept)
-                h, self.refused = 0.5 * step, self.refused + 1
-                if h < SHORTEST * end:
+                self.h, self.refused = 0.5 * step, self.refused + 1
+                if self.h < SHORTEST * end:
                     raise self._stuck(failure) from failure
                 continue
             # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
@@ -108,12 +137,11 @@ class Course:
             grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
             if error > allowed and step > SHORTEST * end:
                 self._restore(kept)
-                h, self.refused = max(LEAST, grows) * step, self.refused + 1
+                self.h, self.refused = max(LEAST, grows) * step, self.refused + 1
                 continue
-            yield self._accept(result, stop if step == left else self.t + step)
             # a step that was cut to end at the stop says little of the next
-            h = max(h if step < h else 0.0, min(MOST, max(LEAST, grows)) * step)
-        return h
+            self.h = max(h if step < h else 0.0, min(MOST, max(LEAST, grows)) * step)
+            yield self._accept(result, stop if step == left else self.t + step)
 
     def _tried(self, h: float) -> tuple[NewtonResult, float]:
         """Return the equilibrium after a time h, and the error of the displacements [m] by a step of twice the length.
@@ -166,8 +194,8 @@ class Course:
                                                    "(solver dynamic); else supports that leave no mechanism")
 
 
-def solve_quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
-    """Yield the equilibrium at t = 0 and at the end of each step up to t_end.
+def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:
+    """Yield the equilibrium at t = 0 and at the end of each step up to t_end, or those behind a checkpoint.
 
     Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
     corners, and behind their jumps there is a response that takes no time. Raises ComputationError where no equilibrium
@@ -176,9 +204,9 @@ def solve_quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
     if model.hangs:
         raise ComputationError("only gravity holds the model, which has no equilibrium to start from",
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
-    before = 0.0
-    for state in (course := Course(model, spec)).states():
-        state.last = course.t >= spec.t_end
+    before = 0.0 if kept is None else float(kept["numbers"][0])
+    for state in (course := Course(model, spec)).states(kept):
+        state.last, state.checkpoint = course.t >= spec.t_end, course.checkpoint()
         rest = {name: value for name, value in state.history.items() if name not in ("step", "factor")}
         state.history = {"step": state.history["step"], "t": state.t, "dt": state.t - before, **rest}
         before = state.t

@@ -49,10 +49,10 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
     return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start)
 
 
-def _quasi_static(model: Model, spec: QuasiStatic) -> Iterator[State]:
+def _quasi_static(model: Model, spec: QuasiStatic, kept: Checkpoint | None = None) -> Iterator[State]:
     from .quasi_static import solve_quasi_static
 
-    return solve_quasi_static(model, spec)
+    return solve_quasi_static(model, spec, kept)
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
@@ -85,7 +85,7 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
     return solve_dynamic(model, spec, kept)
 
 
-# a third argument: the checkpoint that a motion goes on from, the guess that statics begins with
+# a third argument: the checkpoint that states over time go on from, the guess that statics begins with
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
     LinearStatic: _linear, Static: _static, QuasiStatic: _quasi_static, Eigen: _eigen,
     FrequencyResponse: _frequency_response, StateSpace: _state_space, Buckling: _buckling, Dynamic: _dynamic,
@@ -143,7 +143,7 @@ def initial_state(model: Model) -> State:
 
 
 def solve(model: Model, kept: Checkpoint | Start | None = None) -> Iterator[State]:
-    """Yield the states of a model's solver, from a checkpoint (dynamic) or a guess (static) where one is given.
+    """Yield the states of a model's solver, from a checkpoint (over time) or a guess (static) where one is given.
 
     Raises ComputationError where the computation fails.
     """

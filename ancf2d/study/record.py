@@ -140,7 +140,7 @@ class Recorder:
             return
         self._write_once(state)
         if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
-            self._store(state, state.history, self._over_time(state, self.probes))
+            self._store(state, state.history, self._over_time(state, self.probes), checkpoint=self._checkpoint(state))
         else:
             self.writer.log(state.history, t=state.t, probes=self._over_time(state, self.probes))
 

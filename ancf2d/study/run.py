@@ -87,10 +87,10 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
              begin: Begin | None = None, checkpoints: Path | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
-    With ``resume``, a dynamic run that was interrupted goes on from its last checkpoint, to the same result bit for
+    With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
     that has succeeded, before it is written. ``begin`` may give a guess that statics starts from. ``checkpoints``: a
-    file that a motion without result file is resumed from, while it lasts.
+    file that a run over time without result file is resumed from, while it lasts.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
@@ -103,7 +103,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
         progress.warn(text)
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
-    if out is None and checkpoints is not None and loaded.case.solver.moves:
+    if out is None and checkpoints is not None and loaded.case.solver.timed:
         writer = _keeper(loaded, model, checkpoints)
     try:
         return _solve(loaded, model, writer, progress, warnings, conclude, begin)
@@ -272,7 +272,7 @@ def _resumes(case: Case, out: str, progress: Progress) -> bool:
     from ..results import part_path, read_checkpoint
 
     part, name, found = part_path(out), solver_name(case), None
-    if not case.solver.moves:
+    if not case.solver.timed:
         why = f"a run of solver {name} has no checkpoints"
     elif not part.exists():
         why = f"there is no unfinished '{part}'"

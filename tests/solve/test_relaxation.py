@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import helpers as h
@@ -284,6 +285,31 @@ def test_springs_of_a_stretched_bar_give_their_energy_to_their_dashpots() -> Non
     swung = swing(2.5e-3, 2.5e-3).energies
     assert (np.diff(swung["dissipated"]) > -1e-8 * swung["strain"].max()).all()
     assert swung["dissipated"][-1] > 0.0
+
+
+@pytest.mark.parametrize("law", ["rubber", "steel on an obstacle"])
+def test_resumed_equilibria_over_time_are_the_same_to_the_last_bit(law: str) -> None:
+    """From before and behind a jump of the load, and from within a stretch of steps."""
+    table = {"type": "expression", "value": "t if t < 0.2 else (0.5 + t if t < 0.3 else 0.2)"}
+    case = beam(TYPES[0], ZENER, 0.5, 1e-3, loads=[{"type": "force", "at": "beam@1", "value": [0, -0.02],
+                                                    "amplitude": table}])
+    if law != "rubber":
+        body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2),
+                "section": {"height": SIZE, "width": SIZE}, "material": {
+                    "E": E, "nu": 0.3, "rho": 1000, "yield": 4e3, "hardening": {"isotropic": 1e5, "kinematic": 1e5}}}
+        case = h.load({"beam": body}, {"type": "quasi_static", "t_end": 0.5, "tolerance": 1e-3},
+                      bc=[{"type": "clamp", "at": "beam@0"}], output={"probes": {"tip": "beam@1"}},
+                      obstacles={"floor": {"type": "half_plane", "through": [0, -0.08], "normal": [0, 1]}},
+                      contacts=[{"name": "floor", "between": ["beam", "floor"], "side": "axis", "friction": 0.3,
+                                 "law": {"stiffness": 100.0}}],
+                      loads=[{"type": "force", "at": "beam@1", "value": [0.02, -0.1], "amplitude": table}])
+    whole = list(solve(build_model(case)))
+    jump = next(k for k, (a, b) in enumerate(itertools.pairwise(whole)) if b.t - a.t < 1e-12)
+    for k in (jump // 2, jump, jump + 1, (jump + len(whole)) // 2):
+        rest = list(solve(build_model(case), whole[k].checkpoint))
+        assert len(rest) == len(whole) - k - 1
+        np.testing.assert_array_equal(rest[-1].d, whole[-1].d)
+        np.testing.assert_array_equal(rest[0].d, whole[k + 1].d)
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
