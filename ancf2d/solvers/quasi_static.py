@@ -27,6 +27,8 @@ CLOSE = 1e-4
 LEAST, MOST, SAFE = 0.2, 3.0, 0.9
 # the errors of all steps fall with this power of their length
 ORDER = 2
+# of the tolerance: the error that steps may make while the time since the last corner grows e-fold, of which two count
+AGE = 0.5
 
 
 @dataclass
@@ -131,7 +133,7 @@ class Course:
                     raise self._stuck(failure) from failure
                 continue
             # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
-            share = step / (self.t + step - self.begin)
+            share = AGE * step / (self.t + step - self.begin)
             allowed = self.spec.tolerance * share * max(self.size, self.system.norm(
                 result.d[self.model.numbering.where]))
             grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
