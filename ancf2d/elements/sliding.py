@@ -36,7 +36,8 @@ class Sliding(NamedTuple):
     ``point_weights`` from ``point_first`` on: x and y of the point; ``elements`` entries of ``coef_first`` from
     ``element_first`` on: where the coefficients (``shapes``, ``terms``) of the element's shape functions as powers of z
     begin in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by element.
-    ``memory`` (n, 2): element and z of the foot point last accepted. ``e0`` (n_q,): nodal coordinates in the reference.
+    ``memory`` (n, 2): element and z of the foot point last accepted; ``on``: whether the joint holds. ``e0`` (n_q,):
+    nodal coordinates in the reference.
     """
 
     e0: Array
@@ -56,6 +57,7 @@ class Sliding(NamedTuple):
     dof_first: Index
     dofs: Index
     memory: Array
+    on: NDArray[np.bool_]
 
 
 class Moving(NamedTuple):

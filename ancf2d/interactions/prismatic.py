@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Name
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.points import POINT, Point
 from ..elements import sliding
 from ..elements.shape import Array
@@ -62,7 +63,8 @@ def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
     ie, xi, _ = mesh.element_at(s)
     return Sliding(e0, _index(-1), np.zeros(1), np.array([size]), _index(len(weights)), _index(0),
                    np.stack([x, y], axis=1), weights, _index(element.n_shape), _index(element.degree_x + 1),
-                   _index(len(mesh.dofs)), _index(0), first, coef, _index(0), dofs, np.array([[ie, 2.0 * xi - 1.0]]))
+                   _index(len(mesh.dofs)), _index(0), first, coef, _index(0), dofs, np.array([[ie, 2.0 * xi - 1.0]]),
+                   np.ones(1, dtype=bool))
 
 
 class OnAxis:
@@ -73,6 +75,9 @@ class OnAxis:
     """
 
     multiplier = -1
+    # when it holds, None for always
+    active: Active | Latch | None = None
+    facing: Callable[[Array], float] | None = None
 
     def __init__(self, point: PointRef, mesh: BodyMesh, s: float, owner: str) -> None:
         self.owner, self.holds = owner, f"distance from the axis of {mesh.plan.name}"
@@ -106,6 +111,17 @@ class OnAxis:
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
             raise self.lost()
 
+    def caught(self, d: Array) -> tuple[Array, float]:
+        """Return element and z (2,) of the foot point at d, of all along the body, and the distance there [m]."""
+        table, found = self.table, []
+        for m in range(int(table.elements[0])):
+            table.memory[0] = m, 0.0
+            ie, z, (g, *_) = self._foot(d)
+            if not math.isnan(g) and abs(z) <= sliding.END:
+                found.append((abs(g), ie, z, g))
+        _, ie, z, g = min(found, default=(math.inf, 0, 0.0, math.inf))
+        return np.array([ie, z]), g
+
     @property
     def touched(self) -> int:
         """The number of coordinates that the joint touches at a time, without the multiplier."""
@@ -134,7 +150,7 @@ def check_ends(constraints: Iterable[object], d: Array) -> None:
 
 _EMPTY = Sliding(np.zeros(0), _index(), np.zeros(0), np.zeros(0), _index(), _index(), np.zeros((0, 2), np.int64),
                  np.zeros(0), _index(), _index(), _index(), _index(), _index(), np.zeros(0), _index(),
-                 np.zeros((0, 2), np.int64), np.zeros((0, 2)))
+                 np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool))
 # what counts entries of another array, and that array
 _COUNTS = {"point_first": "point_dofs", "element_first": "coef_first", "coef_first": "coef", "dof_first": "dofs"}
 
@@ -145,7 +161,8 @@ def sliding_table(constraints: Iterable[object], e0: Array) -> Sliding:
     Searches begin where the joints are in the reference; the table's memory is its own.
     """
     joints = [c for c in constraints if isinstance(c, OnAxis)]
-    tables = [c.table._replace(multiplier=_index(c.multiplier), memory=c.start) for c in joints]
+    tables = [c.table._replace(multiplier=_index(c.multiplier), memory=c.start,
+                               on=np.array([c.active is None or c.active.at(0.0)])) for c in joints]
     out = {}
     for name in Sliding._fields[1:]:
         parts = [getattr(t, name) for t in tables]
@@ -166,6 +183,7 @@ class PrismaticJoint:
     on: str = key(Name("the name of a body"), "Body along which it slides", refers="bodies",
                   example="beam")
     name: str | None = key(NAME, "Name", default=None)
+    active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield a problem where a body would slide along itself."""
@@ -182,7 +200,8 @@ class PrismaticJoint:
         point, mesh = context.point(self.point), context.meshes[self.on]
         x, y = context.place(point)
         s, gap = foot_point(mesh.plan, np.array([x, y]))
-        if gap > closable(np.array([x, y]), point.mesh, mesh):
+        begins = self.active is not None and self.active.begins
+        if not begins and gap > closable(np.array([x, y]), point.mesh, mesh):
             raise JointError([(("point",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), {gap:.3g} away "
                                f"from the axis of {self.on}", "a point on the axis in the reference")])
         out.constraints.append(OnAxis(point, mesh, s, owner))

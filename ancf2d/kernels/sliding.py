@@ -51,6 +51,9 @@ def _add(table, i, g, dofs, row, multiplier, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def _force(table, i, d, Q):  # type: ignore[no-untyped-def]
+    if not table.on[i]:
+        Q[table.multiplier[i]] += d[table.multiplier[i]]
+        return
     k = _size(table, i)
     dofs, rows = numbers(table.dofs, k + 1), array(3, k)
     g, _, _, _ = _linearise(table, i, d, dofs, rows)
@@ -79,11 +82,27 @@ def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _fill_idle(table, i, dofs, rows, K):  # type: ignore[no-untyped-def]
+    """Fill coordinates and the stiffness K (k + 1, k + 1) of a joint that does not hold: its multiplier is 0."""
+    k = rows.shape[1]
+    _rows_at(table, i, int(table.memory[i, 0]), 0.0, 0.0, 0.0, 0.0, 0.0, dofs, rows)
+    dofs[k] = table.multiplier[i]
+    for a in range(k + 1):
+        for b in range(k + 1):
+            K[a, b] = 0.0
+    K[k, k] = 1.0
+
+
+@inner
 def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
-    g = _fill(table, i, d, dofs, rows, K)
-    _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
+    if table.on[i]:
+        g = _fill(table, i, d, dofs, rows, K)
+        _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
+    else:
+        _fill_idle(table, i, dofs, rows, K)
+        Q[table.multiplier[i]] += d[table.multiplier[i]]
     scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
 
 
@@ -94,6 +113,11 @@ def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
     Returns whether the point is above the body.
     """
     rows = array(3, len(Q) - 1)
+    if not table.on[i]:
+        _fill_idle(table, i, dofs, rows, K)
+        Q[:] = 0.0
+        Q[len(Q) - 1] = d[table.multiplier[i]]
+        return True
     m, z, at = _foot(table, i, d)
     if math.isnan(at[0]):
         return False
@@ -141,6 +165,9 @@ def _mean_row(table, i, d, d0, d1, change, dofs, rows):  # type: ignore[no-untyp
 
 @inner
 def _mean_force(table, i, d, d0, d1, Q):  # type: ignore[no-untyped-def]
+    if not table.on[i]:
+        Q[table.multiplier[i]] += d1[table.multiplier[i]]
+        return
     k = _size(table, i)
     dofs, rows = numbers(table.dofs, k + 1), array(3, k)
     _, _, start = _foot(table, i, d0)
@@ -180,7 +207,10 @@ def _constraint_rates(table, i, d, v, out_velocity, out_acceleration):  # type: 
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
-        _constraint_rates(table, i, d, v, out_velocity, out_acceleration)
+        if table.on[i]:
+            _constraint_rates(table, i, d, v, out_velocity, out_acceleration)
+        else:
+            out_velocity[table.multiplier[i]] = out_acceleration[table.multiplier[i]] = 0.0
 
 
 @kernel
@@ -188,6 +218,8 @@ def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest change of distance beside the size of the coordinates it is formed from."""
     worst = 0.0
     for i in range(len(table.multiplier)):
+        if not table.on[i]:
+            continue
         _, _, at = _foot(table, i, d)
         g = abs(at[0] - table.gap[i]) / table.scale[i]
         if not g <= worst:
@@ -199,6 +231,8 @@ def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
 def sliding_accept(table, d):  # type: ignore[no-untyped-def]
     """Take the foot points of the accepted state d as where the next searches begin."""
     for i in range(len(table.multiplier)):
+        if not table.on[i]:
+            continue
         m, z, at = _foot(table, i, d)
         if not math.isnan(at[0]):
             table.memory[i, 0], table.memory[i, 1] = m, z
@@ -208,6 +242,8 @@ def sliding_accept(table, d):  # type: ignore[no-untyped-def]
 def sliding_check(table, d):  # type: ignore[no-untyped-def]
     """Return the number of the first joint whose point is off the end of its body, or -1."""
     for i in range(len(table.multiplier)):
+        if not table.on[i]:
+            continue
         m, z, at = _foot(table, i, d)
         if math.isnan(at[0]) or (m == 0 and z < -_END) or (m == table.elements[i] - 1 and z > _END):
             return i
@@ -234,4 +270,5 @@ def _noise(table, i, d, out):  # type: ignore[no-untyped-def]
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
     for i in range(len(table.multiplier)):
-        _noise(table, i, d, out)
+        if table.on[i]:
+            _noise(table, i, d, out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -53,6 +53,8 @@ class Constraint(Protocol):
     scale: float
     dofs: Index
     multiplier: int
+    active: Active | Latch | None
+    facing: Callable[[Array], float] | None
 
     def reference_gradient(self) -> Array:
         """Return the gradient (n,) in the reference, where nothing is prescribed yet."""

@@ -213,6 +213,7 @@ class Interactions:
             yield 0.0, Q, K, batch.dofs
         for i, joint in enumerate(self.joints):
             n = joint.touched + 1
+            self.sliding.on[i] = joint.active is None or joint.active.at(t)
             dofs, Q, K = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, n))
             if not sliding_matrix(self.sliding, i, d, dofs, Q, K):
                 raise joint.lost()

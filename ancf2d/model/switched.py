@@ -14,7 +14,7 @@ import numpy as np
 from ..case import Active, Latch
 from ..elements.point_laws import PointLaw, with_multiplier
 from ..elements.shape import Array
-from .constraints import AT_ANGLE, Equations, Row
+from .constraints import AT_ANGLE, Constraint, Equations, Row
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef, dot
 
@@ -77,19 +77,16 @@ HELD_ALONG = PointLaw("held_along", held_along, held_along_mean, constraint=True
 
 
 def switched(own: Equations, window: Active | Latch | None, size: Callable[[int], float], extent: float,
-             point: PointRef | None = None) -> list[PointConstraint]:
+             point: PointRef | None = None) -> list[Constraint]:
     """Return the equations of a support, at a point, or of a joint as constraints that act when ``window`` tells.
 
     ``size(coordinate)`` is the natural magnitude of a coordinate for a unit displacement, ``extent`` that of the scene.
     """
-    out = [_constraint(row, size, extent, point) for row in own.rows]
-    for c in own.constraints:
-        assert isinstance(c, PointConstraint)
-        # what has been let go may stand anywhere
-        c.facing = None
-        out.append(c)
+    out: list[Constraint] = [*(_constraint(row, size, extent, point) for row in own.rows), *own.constraints]
     for c in out:
         c.active = window
+        # what has been let go may stand anywhere
+        c.facing = None
     return out
 
 

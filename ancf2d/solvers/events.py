@@ -44,7 +44,8 @@ class Events:
         self.conditions = model.feedback.conditions
         self.latches = [copy(latch) for latch in model.latches]
         self._own = {id(latch): own for latch, own in zip(model.latches, self.latches, strict=True)}
-        self.timed = _timed(model.interactions.points)
+        joints = [(-1 - i, c) for i, c in enumerate(model.interactions.joints) if c.active is not None]
+        self.timed = [*_timed(model.interactions.points), *((k, c.active) for k, c in joints)]
         self.gates = [("signals", k, s.amplitude.latch) for k, s in enumerate(signals)
                       if isinstance(s.amplitude, Gated) and not isinstance(s, Answer)]
         self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
@@ -52,11 +53,15 @@ class Events:
         self.cuts: list[float] = []
         self.switched = [(k, c) for k, c in _places(model.interactions.points)
                          if isinstance(c, PointConstraint) and c.active is not None]
+        # prismatic joints have a table of their own, and numbers below 0
+        self.switched += joints
         # of pieces by where they begin: constraints that repeat others; what supports did when they began, by name
         self.repeated: dict[float, list[int]] = {}
         self.impulses: dict[str, dict[str, float]] = {}
         # of motions that began where they were not: how far from what is prescribed, by support and key
         self.offsets: dict[str, dict[str, float]] = {}
+        # foot point and distance of prismatic joints that have begun
+        self.feet: dict[int, list[float]] = {}
 
     def __bool__(self) -> bool:
         """Whether anything begins or ends."""
@@ -77,9 +82,12 @@ class Events:
     def enter(self, p: Record, piece: Piece) -> None:
         """Let act what does in a piece of the motion, and wait for what may follow."""
         t = 0.5 * (piece.first + piece.stop)
+        repeated = self.repeated.get(piece.first, [])
         for k, window in self.timed:
-            p.points.on[k] = self.acts(window, t)
-        p.points.on[self.repeated.get(piece.first, [])] = False
+            on, i = (p.points.on, k) if k >= 0 else (p.sliding.on, -1 - k)
+            on[i] = self.acts(window, t) and k not in repeated
+        for i, (*_, gap) in self.feet.items():
+            p.sliding.gap[i] = gap
         for which, k, latch in self.gates:
             programs = p.programs if which == "signals" else p.feedback.programs
             programs.data[programs.arg[programs.first[k]]] = float(self.acts(latch, t))
@@ -150,8 +158,12 @@ class Events:
     # ------------------------------------------------------------------ supports and joints
 
     def acting(self) -> set[int]:
-        """Return the places among the point laws of supports and joints that act, of those that begin or end."""
-        return {k for k, _ in self.switched if self.motion.p.points.on[k]}
+        """Return the numbers of supports and joints that act, of those that begin or end."""
+        return {k for k, _ in self.switched if self._on(k)}
+
+    def _on(self, k: int) -> bool:
+        p = self.motion.p
+        return bool(p.points.on[k] if k >= 0 else p.sliding.on[-1 - k])
 
     def catch(self, acted: set[int]) -> list[PointConstraint]:
         """Let supports that begin hold what they hold where it is; return what begins, beside those that ``acted``.
@@ -162,19 +174,29 @@ class Events:
             return []
         motion = self.motion
         d = motion.full(motion.here())[0]
-        found = [(k, c) for k, c in self.switched if k not in acted and motion.p.points.on[k]]
+        found = [(k, c) for k, c in self.switched if k not in acted and self._on(k)]
         supports = {name for name, _ in self.model.supports}
         for k, c in found:
-            off = 0.0 if c.owner in supports else is_off(c, d, motion.t)
+            foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
+            off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d, motion.t)
             if off > CLOSED:
                 raise ComputationError(
                     f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",
                     at={"t": motion.t}, advice="a condition that holds where the points meet, or a spring in its place")
+            if k < 0:
+                self._slide(-1 - k, foot, gap)
+                continue
             catch(c, d, motion.t)
             motion.p.points.mem[k, :len(c.mem)] = c.mem
             self._note_offset(c)
         self._leave_out(d)
-        return [c for k, c in found if motion.p.points.on[k]]
+        return [c for k, c in found if self._on(k)]
+
+    def _slide(self, i: int, foot: Any, gap: float) -> None:
+        """Let a prismatic joint hold its point at a distance from the axis, from a foot point on."""
+        for table in (self.motion.p.sliding, self.model.interactions.sliding):
+            table.memory[i], table.gap[i] = foot, gap
+        self.feet[i] = [*map(float, foot), gap]
 
     def _note_offset(self, c: PointConstraint) -> None:
         """Note how far what a support moves is from what is prescribed where it begins."""
@@ -192,13 +214,14 @@ class Events:
         one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
         gradients, repeated = self._gradients(d), []
         own = {c.multiplier: k for k, c in self.switched}
+        off = {c.multiplier for k, c in self.switched if not self._on(k)}
         for multiplier in sorted(gradients, key=lambda i: (i in own, i)):
             coords, slopes = gradients[multiplier]
             full = np.zeros(len(model.numbering.place))
             np.add.at(full, coords, slopes)
             row = model.numbering.reduce(full) * one
             size = float(np.linalg.norm(row))
-            if multiplier in own and not motion.p.points.on[own[multiplier]]:
+            if multiplier in off:
                 continue
             for other in known:
                 row = row - (other @ row) * other
@@ -226,7 +249,8 @@ class Events:
         """Let the model's latches, and what its supports hold, be those of this motion."""
         self.show()
         for k, c in self.switched:
-            c.mem[:] = mem[k, :len(c.mem)]
+            if k >= 0:
+                c.mem[:] = mem[k, :len(c.mem)]
 
     def count(self, begun: list[PointConstraint], before: Array) -> float:
         """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion.
@@ -280,7 +304,8 @@ class Events:
 
     def kept(self) -> dict[str, Array]:
         """Return what the motion goes on from."""
-        told = [self.impulses, self.offsets, [[first, *places] for first, places in self.repeated.items()]]
+        told = [self.impulses, self.offsets, [*self.feet.items()],
+                [[first, *places] for first, places in self.repeated.items()]]
         return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
                 "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
 
@@ -288,7 +313,9 @@ class Events:
         """Go on from a checkpoint."""
         for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
             latch.begin, latch.end = begin, end
-        self.impulses, self.offsets, repeated = json.loads(kept["held"].tobytes())
+        self.impulses, self.offsets, feet, repeated = json.loads(kept["held"].tobytes())
+        for i, (ie, z, gap) in feet:
+            self._slide(i, np.array([ie, z]), gap)
         self.repeated = {first: places for first, *places in repeated}
         pieces = self.motion.pieces
         for t in kept["cuts"].tolist():

@@ -176,7 +176,8 @@ def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, 
                     places.append((joint.name or f"joints.{i}", point.ie, point.xi))
     d = _displacements(model, state)
     return places + [(c.owner, *c.foot(d)) for c in model.constraints
-                     if isinstance(c, OnAxis) and c.body == mesh.plan.name]
+                     if isinstance(c, OnAxis) and c.body == mesh.plan.name
+                     and (c.active is None or c.active.at(state.side))]
 
 
 def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:

@@ -313,7 +313,7 @@ def own(problem: Record, model: Model) -> Record:
     if len(p.facing.item):
         # what touches writes what it is opposite to
         p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par"), facing=_own(p.facing, "now", "boxes"))
-    return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory"),
+    return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory", "on", "gap"),
                              programs=_own(p.programs, "window", "data")), others=groups)
 
 

@@ -200,6 +200,39 @@ def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
         solve(bodies={"rod": ROD, "other": other}, joints=[apart], initial={"bodies": {"rod": {"velocity": [-1, 0]}}})
 
 
+@pytest.mark.parametrize("method", ["radau5", "energy_momentum", "DOP853"])
+@pytest.mark.parametrize("active", [{"to": 0.4}, {"from": 0.4}, {"until": "bead.x > 2.3"}])
+def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
+    """A rod whose end slides along a bar, from or up to where they meet at 2.4, at a right angle and along it."""
+    bar = {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}
+    ends, meets = "from" not in active, {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
+    at = 1.5 if ends else 1.3
+    rod = {**ROD, "geometry": {"type": "line", "start": [at, 0 if ends else -0.4], "end": [at, 1 if ends else 0.6]}}
+    solved = solve(method, bodies={"bar": bar, "rod": rod}, t_end=0.7, joints=[{**meets, "active": active}],
+                   boundary_conditions=[{"type": "clamp", "at": "bar@0"}],
+                   loads=[{"type": "force", "at": "rod@0.5", "value": [0, 1]}] if ends else [],
+                   initial={"bodies": {"rod": {"velocity": [2, 0 if ends else 1]}}},
+                   output={"interval": 0.05, "probes": {"bead": "rod@0", "top": "rod@1"}})
+    t, bead = solved.course_t, solved.course["bead"]
+    near = 1e-5 if method == "energy_momentum" else 1e-8
+    free = np.clip(t - 0.4, 0, None)
+    assert [e["what"] for e in solved.summary["events"]] == ["rail " + ("ends" if ends else "begins")]
+    assert bead["x"] == pytest.approx(at + 2 * t, abs=near)
+    # upright throughout: what pulls it off accelerates it from then on, what it meets stops it
+    assert bead["y"] == pytest.approx(0.5 * free**2 if ends else np.minimum(t - 0.4, 0), abs=near)
+    assert solved.course["top"]["theta"] == pytest.approx(0 * t, abs=near)
+    assert solved.summary["energy"]["dissipated"] == pytest.approx(0.0 if ends else 0.5, abs=near)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
+def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide() -> None:
+    rod = {**ROD, "geometry": {"type": "line", "start": [1.5, 1], "end": [1.5, 2]}}
+    slides = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
+    with pytest.raises(ComputationError, match="rail begins where its points are apart"):
+        solve(bodies={"bar": {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}, "rod": rod},
+              joints=[{**slides, "active": {"from": 0.1}}])
+
+
 def test_what_is_held_twice_is_held_once() -> None:
     """A clamp from the start on, a pin at the same point that begins and one that takes over when the clamp ends."""
     solved = solve(boundary_conditions=[
