@@ -18,6 +18,7 @@ from ..variants import Variant, flexible
 from .direct import Direct
 from .fidelity import BEAM, choose_types
 from .mesh import Ladder
+from .motion import Motion
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
 from .setting import Level, with_setting
 
@@ -110,7 +111,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
     """Refine the mesh, and the time steps where there are some; write the result and return its accuracy."""
     left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
-    direct = Direct(pursuit, types).reach(left) if pursuit.guesses else None
+    direct = _directly(pursuit, types, tolerance, left) if pursuit.guesses else None
     if direct is not None:
         return pursuit.accuracy(direct[0], direct[2], direct[1])
     ladder = Ladder(pursuit, types, tolerance)
@@ -130,6 +131,18 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
         pursuit.known.clear()
         return _climbed(pursuit, types, tolerance)
     return pursuit.accuracy(level, found, error)
+
+
+def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None, wanted: float
+              ) -> tuple[Level, float, Estimate] | None:
+    """Return what meshes do that are predicted at once, None where a ladder of meshes has to tell."""
+    direct = Direct(pursuit, types)
+    if tolerance is None:
+        return direct.reach(wanted)
+    found = Motion(pursuit, types, direct.first(wanted).counts, tolerance).reach(wanted)
+    if found is None:
+        pursuit.report.pop("time_error", None)
+    return found
 
 
 def _strayed(level: Level, expected: Answer | None, allowed: float) -> bool:

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...case import LinearStatic
+from ...case import Buckling, Eigen, LinearStatic
 from ...elements import registry
 from ...elements.definition import ElementType
 from ...elements.shape import Array
@@ -22,6 +22,7 @@ from ...model.curve import stretches
 from ...solvers.registry import takes_guess
 from ..order import Estimate
 from ..variants import Variant, described
+from .mesh import moved_alone
 from .neighbours import Neighbour, Verdict, beside, judged
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, Told
 from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
@@ -68,7 +69,10 @@ class Direct:
     verdict: Verdict | None = None
     fine: Neighbour | None = None
     finer: Level | None = None
-    orders: dict[str, float] = field(default_factory=dict)
+    orders: dict[str, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.orders = {name: self._order(name) for name in meshed(self.pursuit.loaded.case, self.types)}
 
     def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
         """Return a level whose estimated error is below ``wanted``, that error, and what its neighbours tell.
@@ -77,8 +81,7 @@ class Direct:
         """
         if not self.suits():
             return None
-        self.orders = {name: self._order(name) for name in meshed(self.pursuit.loaded.case, self.types)}
-        setting, why = self._first(wanted), "predicted from the order of the element type"
+        setting, why = self.first(wanted), "predicted from the order of the element type"
         doubled = False
         for _ in range(1 + CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
@@ -109,8 +112,8 @@ class Direct:
         """Whether meshes can be judged by their neighbours: values are numbers, and no kink moves through elements."""
         case = self.pursuit.loaded.case
         solver, bodies = case.solver, bodies_with_meshes(case, self.types)
-        if case.goal is None or not bodies or solver.moves or not (
-                isinstance(solver, LinearStatic) or takes_guess(case)):
+        if case.goal is None or not bodies or not (isinstance(solver, LinearStatic | Buckling) or takes_guess(case) or (
+                isinstance(solver, Eigen) and not solver.verify)):
             return False
         return not case.contacts and not self.pursuit.slides(Setting({}, self.types)) and all(
             b.material is None or not b.material.remembers for b in case.bodies.values())
@@ -122,13 +125,15 @@ class Direct:
         kind, order = (own.type, own.order) if variant.type is None else (variant.type, variant.order)
         return 2.0 if kind == "user" else order_of(registry.element_type(kind, order))
 
-    def _first(self, wanted: float) -> Setting:
+    def first(self, wanted: float) -> Setting:
         """Return the mesh that has an error of about ``wanted`` where the goal's constant is one."""
         counts, case = {}, self.pursuit.loaded.case
+        # the k-th shape has k waves
+        waves = max(1.0, 0.5 * ((case.goal and (case.goal.number or case.goal.load_factor)) or 1))
         lengths = {name: sum(stretches(case.bodies[name].geometry, ())) for name in self.orders}
         for name, mesh in meshed(case, self.types).items():
             # arcs need more: as many times as they turn by right angles
-            n = MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * wanted ** (-1.0 / self.orders[name])
+            n = waves * MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * wanted ** (-1.0 / self.orders[name])
             n = min(n, FIRST) * math.sqrt(lengths[name] / max(lengths.values()))
             if mesh.stretches > 1:
                 counts[name] = 2 * mesh.least * max(1, math.ceil(0.5 * n / mesh.least))
@@ -150,9 +155,18 @@ class Direct:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
         self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
         if len(level.setting.counts) > 1:
-            found = self._parts()
-            pursuit.weights, pursuit.by_adjoint = ({}, False) if found is None else (found.bodies, True)
+            self._weigh(coarse)
         return self.verdict.found, self.verdict.error
+
+    def _weigh(self, coarse: Level) -> None:
+        """Find out by how much the mesh of each of several bodies moves the goal: by the adjoint where it tells."""
+        pursuit, found = self.pursuit, self._parts()
+        if found is not None:
+            pursuit.weights, pursuit.by_adjoint = found.bodies, True
+        elif not pursuit.weights:
+            kept = pursuit.last, pursuit.case
+            pursuit.weights = moved_alone(pursuit, coarse.setting) or {}
+            pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
         """Return what each element contributes to the error of a level that is solved just now."""

@@ -116,7 +116,7 @@ class Ladder:
     def _share(self, size: float) -> float:
         """Share the elements by how much the bodies matter, and begin again; return the size to go on with."""
         if not self.pursuit.by_adjoint:
-            self.pursuit.weights = moved_alone(self, self.setting(size / 2.0)) or self.pursuit.weights
+            self.pursuit.weights = moved_alone(self.pursuit, self.setting(size / 2.0)) or self.pursuit.weights
         weights = shares_by_weight(self.pursuit.weights)
         if weights is None or min(weights.values()) == 1.0:
             return 2.0 * size
@@ -141,7 +141,7 @@ class Ladder:
             if found is not None:
                 pursuit.weights, pursuit.by_adjoint = found.bodies, True
                 return
-        pursuit.weights = moved_alone(self, self.levels[0].setting) or {}
+        pursuit.weights = moved_alone(self.pursuit, self.levels[0].setting) or {}
 
     def _add(self, size: float, why: str) -> Level | None:
         told = (lambda level: judge([*self.levels, level])) if len(self.levels) >= LADDER - 1 else None
@@ -170,14 +170,14 @@ class Ladder:
         return max(STEP, math.ceil(2.0 * factor - 0.25) / 2.0)
 
 
-def moved_alone(ladder: Ladder, base: Setting) -> dict[str, float] | None:
+def moved_alone(pursuit: Pursuit, base: Setting) -> dict[str, float] | None:
     """Return how far the goal moves where each body of a mesh alone is refined once; None where that is unknown."""
-    middle = ladder.pursuit.solve(base, "starting mesh for refining single bodies")
+    middle = pursuit.solve(base, "starting mesh for refining single bodies")
     if middle.answer is None:
         return None
     moves = {}
-    for name in ladder.shares:
-        finer = ladder.pursuit.solve(replace(base, counts={**base.counts, name: 2 * base.counts[name]}),
+    for name in base.counts:
+        finer = pursuit.solve(replace(base, counts={**base.counts, name: 2 * base.counts[name]}),
                                      f"effect of the mesh of {name}")
         if finer.answer is None:
             return None

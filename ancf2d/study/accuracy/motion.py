@@ -1,0 +1,98 @@
+"""Motions to a wanted accuracy: the time steps are judged on a coarse mesh, the mesh by three of them.
+
+Errors of time steps hardly depend on the mesh that they are made on. So the mesh half as fine as the one that the order
+of the element types predicts is solved with a tenth of the tolerance, too, and the predicted one only once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from ..order import Estimate
+from ..variants import Variant
+from .mesh import moved_alone
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, apart, judge, tenth
+from .setting import Level, Setting, meshed
+
+# a tenth of the tolerance errs a third as much, at most: what a difference between both tells of either
+LOOSE, TIGHT = 1.5, 0.5
+# what time errs more on a finer mesh, and the share of the wanted error that it may take
+FINER, SHARE = 1.5, 0.25
+# meshes beyond the first three, and how much finer each is
+MORE, AIM, LEAP = 2, 0.7, 4.0
+
+
+@dataclass
+class Motion:
+    """A motion with some element types on meshes that begin with a quarter of ``predicted`` elements of each body."""
+
+    pursuit: Pursuit
+    types: dict[str, Variant]
+    predicted: dict[str, int]
+    tolerance: float
+    levels: list[Level] = field(default_factory=list)
+    in_time: float = math.inf
+
+    def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
+        """Return a level whose estimated error is below ``wanted``, that error, and what meshes tell.
+
+        None where three to five meshes do not reach it.
+        """
+        pursuit = self.pursuit
+        if not self.predicted or pursuit.loaded.case.goal is None or pursuit.slides(self._setting(1)):
+            return None
+        if not self._timed(wanted):
+            return None
+        size = 4
+        for _ in range(1 + MORE):
+            setting = self._setting(size)
+            if setting.elements > MOST_ELEMENTS or setting.elements * self.levels[-1].iterations > MOST_WORK:
+                return None
+            level = pursuit.solve(setting, "predicted from the order of the element type" if size == 4 else
+                                  "predicted from the observed order", self._told)
+            if level.answer is None:
+                return None
+            self.levels.append(level)
+            found, error = judge(self.levels)
+            if error + self.in_time <= wanted and pursuit.written is level:
+                pursuit.report["time_error"] = self.in_time
+                return level, error + self.in_time, found
+            if found.order is None or found.order <= 0.0:
+                return None
+            factor = (error / (AIM * (wanted - self.in_time))) ** (1.0 / min(max(found.order, 1.0), 4.0))
+            size *= math.ceil(min(max(factor, 2.0), LEAP))
+        return None
+
+    def _setting(self, size: int) -> Setting:
+        meshes = meshed(self.pursuit.loaded.case, self.types)
+        counts = {name: size * meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
+        return Setting(counts, self.types, self.tolerance)
+
+    def _timed(self, wanted: float) -> bool:
+        """Solve two coarse meshes, the second with two tolerances at least, and choose one; whether there is one."""
+        first = self.pursuit.solve(self._setting(1), "a quarter of the elements that are predicted")
+        loose = self.pursuit.solve(self._setting(2), "half of the elements that are predicted")
+        while self.tolerance > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:
+            tight = self.pursuit.solve(replace(loose.setting, tolerance=tenth(self.tolerance)),
+                                       "effect of the time steps")
+            gap = FINER * apart(loose, tight)
+            if not math.isfinite(gap) or first.answer is None:
+                return False
+            if len(self.predicted) > 1 and not self.pursuit.weights:
+                self.pursuit.weights = moved_alone(self.pursuit, first.setting) or {}
+            if LOOSE * gap <= SHARE * wanted:
+                self.levels, self.in_time = [first, loose], LOOSE * gap
+                return True
+            self.tolerance = tenth(self.tolerance)
+            if TIGHT * gap <= SHARE * wanted:
+                self.levels, self.in_time = [first, tight], TIGHT * gap
+                return True
+            loose = tight
+        return False
+
+    def _told(self, level: Level) -> tuple[Estimate, float]:
+        found, error = judge([*self.levels, level])
+        level.estimate = error if math.isfinite(error) else None
+        self.pursuit.report["time_error"] = self.in_time
+        return found, error + self.in_time
