@@ -19,6 +19,7 @@ from .contact_geometry import (
     BY_BY,
     BY_CHOICE,
     CIRCLE,
+    CLOSES,
     DAMPING,
     FEATURE,
     FREE,
@@ -134,6 +135,8 @@ def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
         return drag(par, way, pressed)
     if mem[SLIDES] == STICKS:
         return -par[STICK] * way, False
+    if mem[SLIDES] == CLOSES:
+        return 0.0, True
     return mem[SLIDES] * par[FRICTION] * pressed, True
 
 
@@ -265,13 +268,14 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             H[p, q] *= -force
         H[p, m] = H[m, p] = work[ROW + p]
     f[m] = g
-    if par[FRICTION] == 0.0 or mem[FREE] == 1.0 or (force <= 0.0 and mem[SLIDES] == 0.0):
+    if par[FRICTION] == 0.0 or mem[FREE] == 1.0 or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
     way = slip(par, s, mem[ANCHOR])
     held, slides = dragged(par, mem, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     if slides:
-        sign = 1.0 if held < 0.0 else -1.0
+        # between equilibria points that slide may pull
+        sign = 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
         for p in range(m):
             # the limit grows with the force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
@@ -345,7 +349,11 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
         if not np.isnan(z):
             mem[PLACE] = z
     elif mem[FREE] != -1.0 and mem[HELD] != OPEN and par[FRICTION] > 0.0:
-        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == 0.0 else mem[PLACE], max(-u[len(u) - 1], 0.0))
+        pressed = max(-u[len(u) - 1], 0.0)
+        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == 0.0 else mem[PLACE], pressed)
+        if mem[HELD] == BY_CHOICE:
+            # forces of a step are no impulses: what closes in the next one has those of its impact
+            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 
 COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant)

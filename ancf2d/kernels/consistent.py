@@ -51,6 +51,23 @@ def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
     return 0.5 * twice_kinetic(p, w, s.v)
 
 
+@inner_with_memory
+def allowed_rates(p, w, v, impulse, rhs):  # type: ignore[no-untyped-def]
+    """Fill the right-hand side (n,) beside ``constraint_matrix`` of what rates v (n,) change by, at w.d and w.v."""
+    velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
+    by_motion = np.zeros(len(rhs))
+    rhs[:] = 0.0
+    if p.patched:
+        rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+        calls.product(p.calls, (p, w.A, v, w.y))
+        _by_motion(p, w, 1, by_motion)
+        for i in range(len(rhs)):
+            if p.coordinate[i] == 0.0:
+                rhs[i] = -velocity[p.full[i]] - w.y[i] - by_motion[i]
+    for i in range(len(rhs)):
+        rhs[i] += impulse[i]
+
+
 @kernel_with_memory
 def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     """Make rates, accelerations and multipliers of the motion s consistent at t; return whether that went well.
@@ -66,15 +83,7 @@ def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     to_full(p, s.v, w.amps, 1, w.v)
     constraint_matrix(p, w)
     rhs = np.zeros(n)
-    if p.patched:
-        rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
-        calls.product(p.calls, (p, w.A, s.v, w.y))
-        _by_motion(p, w, 1, by_motion)
-        for i in range(n):
-            if p.coordinate[i] == 0.0:
-                rhs[i] = -velocity[p.full[i]] - w.y[i] - by_motion[i]
-    for i in range(n):
-        rhs[i] += impulse[i]
+    allowed_rates(p, w, s.v, impulse, rhs)
     factors = w.A.copy()
     if not calls.factor(p.calls, (p, factors, w.y)):
         return False

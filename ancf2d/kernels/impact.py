@@ -5,6 +5,7 @@ closes in the step, its positions are right, but the method takes the stop for a
 left of the rates depends on when in the step that was. So rates are set after it: to what the constraints that are
 closed allow, by the least change in kinetic energy (plastic impact), or to ``restitution`` times the rate of approach;
 accelerations and multipliers follow from the state. Both take energy, and never give any, where the obstacle rests.
+Friction has impulses, too (``kernels.friction``).
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ from ..elements.contact_geometry import (
     BODY,
     BY_CHOICE,
     CLOSED,
+    CLOSES,
     FREE,
+    FRICTION,
     HELD,
     HOME,
     OPEN,
     RHO,
     SHAPE,
+    SLIDES,
     WORK,
 )
 from . import calls
@@ -31,6 +35,7 @@ from .bodies import elastic, set_natural
 from .compiled_laws import call_forces, part
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
+from .friction import point_slip, rub, rubs
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
 from .lowlevel.records import whole
 from .motion import evaluate
@@ -44,8 +49,8 @@ PARTING = 1e-9
 _MOST, _FIELDS = 20, 100
 # of the extent: a way that leads no deeper into an obstacle does not pass through it
 DEPTH = 1e-3
-# times the rate of approach: what a bounce may be more, so that it takes no energy
-MORE = 1.1
+# times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none
+MORE, MOST_BOUNCES = 1.1, 12
 
 
 @addressed_with_memory
@@ -144,25 +149,30 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     fastest = 0.0
     for i in range(len(s.v)):
         fastest = max(fastest, p.weights[i] * abs(s.v[i]))
-    bounce = np.zeros(len(s.z))
+    bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
     bounces = False
     for i in range(n):
         if how[i] == CLOSED and rate[i] > PARTING * fastest:
             how[i] = OPEN
             p.points.mem[i, HELD] = OPEN
-        elif how[i] == CLOSED and rate[i] < -PARTING * fastest and p.points.restitution[i] > 0.0:
-            bounce[p.place[p.points.multiplier[i]]] = -p.points.restitution[i] * rate[i]
-            bounces = True
-    for i in range(len(bounce)):
-        bounce[i] += impulse[i]
-    good = _after(p, w, s, t, bounce, how, bounces)
+        elif how[i] == CLOSED and rate[i] < -PARTING * fastest:
+            k = p.place[p.points.multiplier[i]]
+            approach[k], bounce[k] = rate[i], -p.points.restitution[i] * rate[i]
+            bounces |= bounce[k] > 0.0
+    bounce += impulse
+    good = _after(p, w, s, t, bounce, approach, how, bounces)
     _release(p, how)
+    for i in range(n):
+        if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
+            p.points.mem[i, SLIDES] = 0.0 if how[i] == CLOSED else CLOSES
     return good
 
 
 @inner_with_memory
-def _after(p, w, x, t, impulse, how, bounces):  # type: ignore[no-untyped-def]
+def _after(p, w, x, t, impulse, approach, how, bounces):  # type: ignore[no-untyped-def]
     """Set the rates of x after an impact, then all else; what bounces off no longer presses."""
+    if rubs(p):
+        calls.rub(p.calls, (p, w, x.z, x.v, impulse, approach, how))
     if not bounces:
         return _settle(p, w, x, t, impulse, how)
     kept = impulse.copy()
@@ -210,7 +220,7 @@ def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-untyped-def]
+def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: ignore[no-untyped-def]
     """Do as ``_after`` in a step from s at t, with so much of the bounce that it gives no energy.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
@@ -218,7 +228,8 @@ def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-unty
     """
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
     before, share, plastic = _held(p, w, s.z, s.v, t, False), 1.0, 0.0
-    for attempt in range(3):
+    # with friction, energy is not quite that
+    for attempt in range(MOST_BOUNCES if rubs(p) else 3):
         if attempt > 0:
             end.z[:], end.v[:], end.a[:], how[:] = z, v, a, sides
             for i in range(len(how)):
@@ -226,7 +237,7 @@ def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-unty
                     p.points.mem[i, HELD] = how[i]
         for i in range(len(bounce)):
             bounce[i] = share * full[i]
-        _after(p, w, end, t + h, bounce, how, share > 0.0)
+        _after(p, w, end, t + h, bounce, approach, how, share > 0.0)
         behind = _held(p, w, end.z, end.v, t + h, False)
         if attempt == 0:
             if behind <= before and not conserves:
@@ -236,6 +247,10 @@ def _bounce(p, w, s, end, t, h, bounce, how, conserves):  # type: ignore[no-unty
             plastic = behind
             added = whole_bounce - plastic
             share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
+        elif behind <= before:
+            return
+        else:
+            share *= 0.5
 
 
 @inner_with_memory
@@ -272,9 +287,9 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     if not closes:
         _release(p, how)
         return 0.0
-    bounce = np.zeros(len(s.z))
+    bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
     elastic_ones = bounces
-    if bounces or allowed > 0.0:
+    if bounces or allowed > 0.0 or rubs(p):
         evaluate(p.programs, t, w.amps)
         _rates(p, w, s.z, s.v, s.a, g, rate, second)
         evaluate(p.programs, t + h, w.amps)
@@ -287,16 +302,17 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         for i in range(n):
             k = p.place[p.points.multiplier[i]]
             if how[i] == CLOSED and not s.z[k] < 0.0:
-                bounce[k] = -p.points.restitution[i] * _approach(g[i], rate[i], second[i], h)
+                approach[k] = _approach(g[i], rate[i], second[i], h)
+                bounce[k] = -p.points.restitution[i] * approach[k]
                 bounces |= bounce[k] > 0.0
-                elastic_ones &= p.points.restitution[i] == 1.0
+                elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
     rests = True
     for k in range(len(w.amps)):
         rests &= w.amps[k, 1] == 0.0
     if bounces and rests:
-        _bounce(p, w, s, end, t, h, bounce, how, elastic_ones)
+        _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones)
     else:
-        _after(p, w, end, t + h, bounce, how, bounces)
+        _after(p, w, end, t + h, bounce, approach, how, bounces)
     _release(p, how)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):
@@ -369,13 +385,16 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     return False
 
 
-def impact_functions(sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of contacts that the table of a model of this type has (``kernels.calls.table``).
+def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the table of a model with these contacts has (``kernels.calls.table``).
 
-    ``sided`` : whether contacts without a law are among them.
+    ``sided`` : whether some of them are without a law.
     """
-    out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)}
+    out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)} if contacts else {}
     if sided:
-        out |= {calls.point_sides: (point_sides, problem.place["points"][1].whole()),
+        points = problem.place["points"][1].whole()
+        out |= {calls.point_sides: (point_sides, points),
                 calls.impact: (impact, problem), calls.lost_in_impact: (lost_in_impact, problem)}
+        if any(pair.item.friction for pair in contacts):
+            out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem)}
     return out

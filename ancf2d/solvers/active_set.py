@@ -38,6 +38,8 @@ ROUNDS = 40
 # pivots per unknown of Lemke's method; what counts as none of numbers whose diagonal is 1, so that points depend on
 # each other; ratios that are equal
 PIVOTS, DEPENDENT, EQUAL = 20, 1e-12, 1e-12
+# share of a gap's gradient that supports leave where it is more than round-off
+MOVES = 1e-9
 # times that points beside closed ones are closed, too, where a body would buckle between those
 GROWN = 3
 # compliance beside that of an element: what has no more is held by other points
@@ -51,10 +53,23 @@ def begin(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
             gap, faces = one.gaps(d, t)
-            for point, g, face, spot in zip(one.points, gap, faces, one.pair.spots, strict=True):
-                point.mem[HELD] = float(face and not spot.free and g <= point.par[TOUCH])
+            moves = _moves(system, *_rows(one, d, t, {})[:2])
+            for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
+                touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
+                point.mem[HELD] = float(bool(touches and moves[k]))
             if one.pair.item.friction:
                 hold(one, range(len(one.points)), d, (d, t), t)
+
+
+def _moves(system: System, dofs: Any, rows: Array) -> Any:
+    """Return which gaps (m,) change with the unknowns at all, from gradients (m, n) by coordinates: supports may hold
+    what is next to an obstacle where it is."""
+    num, out = system.model.numbering, np.zeros(len(rows), dtype=bool)
+    for k, (at, row) in enumerate(zip(dofs, rows, strict=True)):
+        full = np.zeros(len(num.place))
+        np.add.at(full, at, row)
+        out[k] = np.abs(num.reduce(full)).max(initial=0.0) > MOVES * np.abs(row).max(initial=0.0)
+    return out
 
 
 class _Spot(NamedTuple):

@@ -181,7 +181,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
             **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
-            **(impact_functions(model.sided, layout) if model.contacts else {}),
+            **impact_functions(model.contacts, model.sided, layout),
             **(ode_functions(acts or slides, layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}

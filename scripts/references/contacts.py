@@ -276,6 +276,26 @@ def bounces(height: float, restitution: float, g: float, count: int) -> tuple[li
     return times, heights
 
 
+def struck_with_friction(mass: float, inertia: float, arm: Array, motion: Array, friction: float, restitution: float
+                         ) -> Array:
+    """Return (vx, vy, omega) of a rigid body behind an impact on a floor along x, from those before it.
+
+    ``arm`` (2,) leads from its centre of mass to the point that hits. The impulse across the floor gives its velocity
+    there back times ``restitution``; that of friction stops the point, or is Coulomb's limit against its way behind the
+    impact (Routh, Dynamics of a System of Rigid Bodies, 1905, chapter 5; Glocker, Set-Valued Force Laws, 2001).
+    """
+    jacobian = np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]]])
+    given = np.linalg.solve(np.diag([mass, mass, inertia]), jacobian.T)
+    answer, before = jacobian @ given, jacobian @ motion
+    wanted = -(1.0 + restitution) * before[1]
+    impulse = np.linalg.solve(answer, np.array([-before[0], wanted]))
+    if abs(impulse[0]) > friction * impulse[1]:
+        share = np.array([math.copysign(friction, impulse[0]), 1.0])
+        impulse = share * wanted / float(answer[1] @ share)
+    out: Array = motion + given @ impulse
+    return out
+
+
 def struck_rod(mass: float, inertia: float, arm: float, v: float, restitution: float) -> tuple[float, float, float]:
     """Return (velocity, rate of turning, impulse) after a rod that falls flat with v hits a stop.
 

@@ -96,6 +96,39 @@ def test_a_rod_that_hits_a_stop_turns_as_its_impulse_says(restitution):
     assert (rates[1.0] - rates[0.5]) / 0.5 == pytest.approx(omega, abs=4e-2)
 
 
+@pytest.mark.parametrize(("friction", "restitution", "sticks"), [
+    (0.1, 0.0, False), (0.1, 0.4, False), (1.0, 0.4, True)])
+def test_an_impact_with_friction_is_that_of_a_rigid_body(friction, restitution, sticks):
+    """A rod hits the floor with one end and sticks or slides there; the impact is within a step, in which it
+    turns by 1e-3."""
+    arm, before = 0.5 * np.array([math.cos(0.7), math.sin(0.7)]), np.array([2.5, -3.0, 0.0])
+    start = np.array([0.0, arm[1] + 0.0289])
+    rod = rigid(list(start - arm), list(start + arm), MASS, INERTIA)
+    found = ride(flung((2.5, -3.0), rod, friction=friction, restitution=restitution), 0.02, dt=1e-3, every=1)
+    vx, vy, omega = references.struck_with_friction(MASS, INERTIA, -arm, before, friction, restitution)
+    middle = np.array([found.place("rod@0.5", k) for k in range(len(found.rows))])
+    now, then = found.rows[-1].t, next(row.t for row in found.rows if row.t > 0.0105)
+    rate = (middle[-1] - middle[[row.t for row in found.rows].index(then)]) / (now - then)
+    assert (vx - omega * 0.5 * math.sin(-0.7) == pytest.approx(0.0, abs=1e-12)) == sticks
+    if restitution > 0.0:
+        # nothing acts behind it
+        assert rate == pytest.approx([vx, vy], abs=5e-3)
+    energy = 0.5 * (MASS * (before @ before) - MASS * (vx**2 + vy**2) - INERTIA * omega**2)
+    assert lost(found) == pytest.approx(energy, rel=3e-3)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
+    """Both ends hit at once: friction takes its share of the whole impulse, and no more than stops the rod."""
+    fall = math.sqrt(2.0 * G * HEIGHT)
+    for friction in (0.2, 5.0):
+        slides = {**scene(friction=friction, restitution=restitution), "initial": {"velocity": [4.0, 0.0]}}
+        found = ride(slides, 0.3225, dt=5e-4)
+        _, v, _ = found.full()
+        rate = float(h.dot(h.point_ref(found.model.meshes["rod"], 0.5).position()[0], v))
+        assert rate == pytest.approx(max(4.0 - friction * (1.0 + restitution) * fall, 0.0), abs=1e-2)
+
+
 @pytest.mark.parametrize("dt", [2e-2, 1e-3])
 @pytest.mark.parametrize("angle", [0.1, 1.2, 2.5])
 def test_a_tumbling_rod_never_penetrates_nor_gains_energy(angle, dt):

@@ -73,6 +73,19 @@ def test_a_strip_wraps_around_a_drum() -> None:
     assert fy == pytest.approx(0.9, rel=1e-2)
 
 
+def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_around_it() -> None:
+    """The corner at the clamp touches and cannot move; the axis goes around a drum that is larger by half a height."""
+    exact = reference.strip_on_drum(2e9 * 0.05 * 0.01**3 / 12.0, 1.0, 0.505, 60.0)
+    body = helpers.body(helpers.line(1.0), helpers.element("cable", 20), {"height": 0.01, "width": 0.05})
+    solution = helpers.Solution(helpers.build(
+        {"beam": {**body, "material": {"E": 2e9, "nu": 0.3}}}, {"type": "static", "steps": 10}, bc=[CLAMP],
+        loads=[{"type": "force", "at": "beam@1", "value": [0, -60]}],
+        obstacles={"drum": {"type": "circle", "center": [0, -0.505], "radius": 0.5}},
+        contacts=[{"name": "grip", "between": ["beam", "drum"]}]))
+    np.testing.assert_allclose(solution.r("beam@1"), exact.tip, rtol=5e-4)
+    check_balance(solution, [0, -60])
+
+
 def test_a_strip_touches_a_drum_at_a_point() -> None:
     """A point that is no node, by shooting."""
     center, radius, force = (0.6, -0.3), 0.28, 6.0
