@@ -103,23 +103,24 @@ class Section:
         return np.array([value(l) for l in self.layers])[np.searchsorted(tops, y)]
 
 
-# the constants that may vary along a body; layers do not
+# the constants that may vary along a body; the heights and materials of layers do not
 CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws", "maxwell", "neo_hooke"))
 
 
-def laminate(width: float, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:
+def laminate(width: Any, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:
     """Return the section of layers; the shear stiffness is that of equilibrium, times ``factor``.
 
-    nu and E are means by stiffness, and alpha the mean over the height.
+    nu and E are means by stiffness, and alpha the mean over the height. ``width`` may be an array (stations,).
     """
-    E, rho = ([width * sum(getattr(l, name) * l.moment(n) for l in layers) for n in range(3)] for name in ("E", "rho"))
+    E, rho = ([sum(getattr(l, name) * l.moment(n) for l in layers) for n in range(3)] for name in ("E", "rho"))
     height = layers[-1].top - layers[0].bottom
-    kGA = factor / shear_compliance(width, layers, (E[0], E[1], E[2]))
-    area = width * sum(l.G * (l.top - l.bottom) for l in layers)
-    nu = sum(l.nu * l.E * (l.top - l.bottom) for l in layers) * width / E[0]
+    kGA = factor / shear_compliance(layers, (E[0], E[1], E[2]))
+    area = sum(l.G * (l.top - l.bottom) for l in layers)
+    nu = sum(l.nu * l.E * (l.top - l.bottom) for l in layers) / E[0]
     alpha = sum(l.alpha * (l.top - l.bottom) for l in layers) / height
-    return Section(height, width, E[0] / (width * height), nu, kGA / area, EA=E[0], kGA=kGA, EI=E[2], rhoA=rho[0],
-                   rhoI=rho[2], alpha=alpha, ES=E[1], rhoS=rho[1], layers=layers)
+    return Section(height, width, E[0] / height, nu, kGA / area, EA=width * E[0], kGA=width * kGA, EI=width * E[2],
+                   rhoA=width * rho[0], rhoI=width * rho[2], alpha=alpha, ES=width * E[1], rhoS=width * rho[1],
+                   layers=layers)
 
 
 def shear_flow(layers: tuple[Layer, ...], E: tuple[float, float, float], y: Any) -> Any:
@@ -136,12 +137,12 @@ def shear_flow(layers: tuple[Layer, ...], E: tuple[float, float, float], y: Any)
     return out
 
 
-def shear_compliance(width: float, layers: tuple[Layer, ...], E: tuple[float, float, float]) -> float:
-    """Return 1/kGA [1/N] by the energy of the shear stress that equilibrium asks for: b int tau^2/G dy."""
+def shear_compliance(layers: tuple[Layer, ...], E: tuple[float, float, float]) -> float:
+    """Return 1/kGA of a unit of width by the energy of the shear stress that equilibrium asks for: int tau^2/G dy."""
     x, w = np.polynomial.legendre.leggauss(5)
     total = 0.0
     for l in layers:
         half = 0.5 * (l.top - l.bottom)
         y = 0.5 * (l.top + l.bottom) + half * x
-        total += width * half * float(w @ shear_flow(layers, E, y) ** 2) / l.G
+        total += half * float(w @ shear_flow(layers, E, y) ** 2) / l.G
     return total

@@ -178,7 +178,8 @@ class SectionsAlong:
             self.last, self.now = ie, {}
         if place not in self.now:
             k, some = ie % TOGETHER, self._together(ie // TOGETHER, stations)
-            self.now[place] = Section(**{name: v[k] if isinstance(v, np.ndarray) else v for name, v in some.items()})
+            numbers = {name: v[k] if isinstance(v, np.ndarray) else v for name, v in some.items()}
+            self.now[place] = replace(self.varying.mean, **numbers)
         return self.now[place]
 
     def of(self, ie: int) -> tuple[Section, Callable[[Array], Section] | None, tuple[float, ...]]:

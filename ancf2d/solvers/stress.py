@@ -183,13 +183,16 @@ class StressOverLayers:
         self.forces, self.eta, self.section = SectionForces(model, mesh, xi), eta, mesh.plan.section
         self.natural = NaturalPoints(model, mesh, xi, eta)
         self.middle = NaturalSections(model, mesh, xi)
+        # all stiffnesses are in proportion to the width
+        widths = np.array([np.broadcast_to(c.sampler.at(xi).width, len(xi)) for c in mesh.classes])
+        self.share = (widths / self.section.width)[mesh.cls]
 
     def __call__(self, state: State) -> OverBody:
         """Return the fields of a state."""
         s = self.section
         y = 0.5 * s.height * self.eta
         E, G, nu = (s.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: l.G, lambda l: l.nu))
-        N, Q, M = np.moveaxis(self.forces(state), -1, 0)[..., None]
+        N, Q, M = np.moveaxis(self.forces(state) / self.share[..., None], -1, 0)[..., None]
         det = s.EA * s.EI - s.ES**2
         axial, curvature = (s.EI * N + s.ES * M) / det, (s.ES * N + s.EA * M) / det
         free = self.middle(state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -237,3 +238,53 @@ def test_the_faces_and_layers_are_drawn_where_they_are(kind: str, tmp_path: Path
         at = points.reshape(4, 5, -1)[0, :, 0]
         np.testing.assert_allclose(at, [0, 1e-3, 1e-3, 4e-3, 0], atol=1e-15)
         np.testing.assert_allclose(stress.reshape(4, 5, -1)[0, :4, 0], stored[[0, 4, 5, 9]], rtol=1e-4)
+
+
+@pytest.mark.parametrize(("kind", "formulation"), [
+    ("reissner3", None), ("cable", None), ([3, 3], "continuum"),
+    pytest.param("vallejo", "enhanced", marks=pytest.mark.slow),
+    pytest.param("omar", "structural", marks=pytest.mark.slow)])
+def test_layers_of_a_width_that_varies_are_parts_welded_together(kind: Any, formulation: str | None) -> None:
+    """A jump of the width, and a taper that goes on: strips of two layers under heat and a force, and in two parts."""
+    loads = [{"type": "force", "at": "strip@1", "value": [3.0, F]},
+             {"type": "temperature", "on": "strip", "value": T, "gradient": 100.0}]
+    case = strip(kind, [layer(1e-3, 2e11, 1e-5), layer(2e-3, 7e10, 2e-5)], loads, 0.5e-3, 4, formulation)
+    body = case["bodies"]["strip"]
+    body["section"]["width"] = {"s": [0, 0.5, 0.5, 1], "value": [0.02, 0.01, 0.006, 0.004]}
+    whole = probes(case)["tip"]
+    halves = copy.deepcopy(case)
+    first = halves["bodies"]["strip"]
+    last = halves["bodies"]["last"] = copy.deepcopy(first)
+    for half, ends, widths in ((first, (0.0, L / 2), (0.02, 0.01)), (last, (L / 2, L), (0.006, 0.004))):
+        half["geometry"] |= {"start": [ends[0], 0], "end": [ends[1], 0]}
+        half["section"]["width"] = f"{widths[0]} + ({widths[1] - widths[0]})*s"
+        half["element"]["count"] = 2
+    halves["joints"] = [{"type": "weld", "between": ["strip@1", "last@0"]}]
+    halves["loads"] = [{**loads[0], "at": "last@1"}, loads[1], {**loads[1], "on": "last"}]
+    halves["output"]["probes"] = {"tip": "last@1"}
+    for key, value in probes(halves)["tip"].items():
+        assert whole[key] == pytest.approx(value, rel=1e-9, abs=1e-14), key
+
+
+def test_a_tapered_laminate_bends_and_is_stressed_as_its_integrals_say(tmp_path: Path) -> None:
+    """Width b0 (1 - s/2): the compliance integrates to logarithms; the stress at a place is that of its own width."""
+    parts = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
+    EA, ES, EI = moments(parts, 2.25e-3)
+    case = strip("reissner3", [layer(h, E) for h, E in parts], [{"type": "force", "at": "strip@1", "value": [0, F]}],
+                 count=16)
+    case["bodies"]["strip"]["section"]["width"] = f"{WIDTH}*(1 - 0.5*s)"
+    case["output"]["fields"] = ["stress"]
+    held = ancf2d.solve(case, output=tmp_path / "a.h5")
+    tip = held.summary["probes"]["tip"]
+    # int (1 - s)^2/(1 - s/2) ds and int 1/(1 - s/2) ds over 0 to 1
+    bend, shear = 2 * np.log(2) - 1, 2 * np.log(2)
+    ends = np.cumsum([0.0, *(h for h, _ in parts)]) - 2.25e-3
+    kGA = laminate(WIDTH, tuple(Layer(a, b, E, 0.3, 0, 0) for (a, b), (_, E) in zip(pairwise(ends), parts, strict=True))
+                   ).kGA
+    assert tip["uy"] == pytest.approx(F * L**3 * bend / (EI - ES**2 / EA) + F * L * shear / kGA, rel=1e-6)
+    assert tip["theta"] == pytest.approx(F * L**2 * (2 - 2 * np.log(2)) / (EI - ES**2 / EA), rel=1e-6)
+    record, found = held.results.fields["strip"]["stress"], held.results.field("strip", "stress")
+    s = (np.arange(16)[:, None] + record.xi) / 16
+    M, det = F * L * (1 - s) / (1 - 0.5 * s), EA * EI - ES**2
+    top = 7e10 * (ES * M - 2.25e-3 * EA * M) / det
+    np.testing.assert_allclose(found[:, :, -1, 0], top, atol=1e-6 * np.abs(top).max())

@@ -59,7 +59,7 @@ class LayerOf:
 class Layers:
     """A section of layers, each of a material; the body has none."""
 
-    width: float = key(Number("m", gt=0), "Width, out of the plane", example=0.01)
+    width: float | Profile = key(ProfileOf("m", gt=0), "Width, out of the plane", example=0.01)
     layers: tuple[LayerOf, ...] = key(ListOf(Record(LayerOf), "layers", 1), "Layers, from below (negative y) to above")
     axis: float | str = key(ByShape(number=Number("m", ge=0), text=Choice("middle", "centroid")),
                             "Where the axis lies: in the middle of the height, in the centroid of stiffness, or a "

@@ -282,7 +282,7 @@ def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     B, ref, det = _points(sampler, xi, eta)
     P, y = len(xi) // nx, 0.5 * section.height * eta
     E, nu, G = (section.of_layer(y, value, 0.0) for value in (lambda l: l.E, lambda l: l.nu, lambda l: l.G))
-    volume = (w * det * sampler.shape.l * section.height * section.width).reshape(nx, P)
+    volume = (w * det * sampler.shape.l * section.height * sampler.at(xi).width).reshape(nx, P)
     D = np.zeros((len(xi), 3, 3))
     D[:, 0, 0] = D[:, 1, 1] = E / (1.0 - nu**2)
     D[:, 0, 1] = D[:, 1, 0] = nu * D[:, 0, 0]
