@@ -66,13 +66,14 @@ def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, a
     assert solved.summary["energy_drift"] < 1e-7
 
 
-@pytest.mark.parametrize(("method", "share"), [("radau5", 1e-4), ("generalized_alpha", 1e-2)])
-def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, share: float) -> None:
+@pytest.mark.parametrize(("method", "tolerance", "share"), [
+    ("radau5", 1e-7, 1e-4), ("generalized_alpha", 1e-7, 2e-3), ("generalized_alpha", 1e-5, 6e-3)])
+def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, tolerance: float, share: float) -> None:
     """A beam that is caught comes to rest at once, in steps far below those before: nearly all of it is dissipated."""
     body = {**ROD, "section": {"height": 0.02, "width": 0.02}, "element": {"type": "reissner3", "count": 2},
             "material": {"E": 2e9, "nu": 0.3, "rho": 1000, "damping": {"kelvin_voigt": 1.0}}}
     solved = solve(bodies={"rod": body}, t_end=0.3, initial={"velocity": [0, -2]}, solver={
-        "type": "dynamic", "t_end": 0.3, "tolerance": 1e-7, "method": method, "estimate": False},
+        "type": "dynamic", "t_end": 0.3, "tolerance": tolerance, "method": method, "estimate": False},
         boundary_conditions=[{"name": "grip", "type": "clamp", "at": "rod@0", "active": {"from": 0.1}}])
     energy = solved.summary["energy"]
     assert energy["dissipated"] > 0.79
