@@ -16,8 +16,8 @@ def command(session: Session) -> int:
     """Compile the kernels of all kinds of models, once for this machine.
 
     This is optional: runs compile the kernels that they need and keep them. It saves the first users of an image or a
-    classroom the wait. A run still compiles the kernels of plugins, and of materials that yield with other numbers of
-    fibres than 16, have more than one viscoelastic term, or are viscoelastic in a continuum.
+    classroom the wait. A run still compiles the kernels of plugins, and of materials that are viscoelastic in a
+    continuum.
     """
     from ..study.everything import compile_everything
 

@@ -271,7 +271,7 @@ def each_point(group, what, lanes):  # type: ignore[no-untyped-def]
     law = group.law
     at, _ = layout(law)
     for p in range(points_of(law)):
-        operate(law.address, (what, group.plan.work, p * at.rows, lanes))
+        operate(law.address, (what, group.plan.work, p * at.rows, law.references, law.state, lanes))
 
 
 @inner
@@ -297,7 +297,7 @@ def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
         for q in range(points):
             if group.plan.coupled[p, q]:
                 load_stiffness(group, p, q, lanes)
-                operate(law.address, (STRESS, work, q * at.rows, lanes))
+                operate(law.address, (STRESS, work, q * at.rows, law.references, law.state, lanes))
                 combine_rows(work, factor, q * at.rows + slot.t, 1.0, sigma, sigma, law.strains, lanes)
 
 
@@ -326,11 +326,11 @@ def material(group, factor, lanes):  # type: ignore[no-untyped-def]
             block = at.H + (p * points + q) * k
             if group.plan.coupled[p, q]:
                 load_stiffness(group, p, q, lanes)
-                operate(law.address, (TIMES, work, q * at.rows, lanes))
+                operate(law.address, (TIMES, work, q * at.rows, law.references, law.state, lanes))
                 if p != q or factor != 1.0:
                     DJ = q * at.rows + slot.DJ
                     combine_rows(work, factor, DJ, 0.0, DJ, p * at.rows + slot.DJ, law.strains * law.fields, lanes)
-                operate(law.address, (SQUARE, work, p * at.rows, lanes))
+                operate(law.address, (SQUARE, work, p * at.rows, law.references, law.state, lanes))
                 if points > 1:
                     copy_rows(work, (p * at.rows + slot.H) * STRIDE, STRIDE, block * STRIDE, STRIDE, k, lanes)
             else:
@@ -347,7 +347,7 @@ def add_geometric(group, keep, lanes):  # type: ignore[no-untyped-def]
         H, block = p * at.rows + slot.H, at.H + (p * points + p) * k
         if points > 1 or keep == 0.0:
             clear_rows(work, H, k, lanes)
-        operate(law.address, (GEOMETRIC, work, p * at.rows, lanes))
+        operate(law.address, (GEOMETRIC, work, p * at.rows, law.references, law.state, lanes))
         if points > 1:
             combine_rows(work, 1.0, H, keep, block, block, k, lanes)
 

@@ -1,11 +1,14 @@
 """Strain laws and point laws, each compiled by itself and called by address: other kernels are compiled once for all.
 
-A strain law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number.
+A strain law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number. Laws
+with memory are told how many reference values and numbers of state a point has, so that one serves any number of
+fibres and terms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache, partial
 from types import CellType, CodeType, FunctionType
 from typing import Any, NamedTuple
@@ -94,17 +97,24 @@ def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
                 B[i, j, l] = A[i, j, l] - B[i, j, l]
 
 
+def _any_size(law: StrainLaw) -> StrainLaw:
+    """Return a law with memory as it is compiled, whatever the number of what it remembers."""
+    return replace(law, references=0, state=1, stored=None) if law.state and not law.elastic else law
+
+
 def _operations_of(law: StrainLaw) -> Any:
     NU, NS, NR, NM = law.fields, law.strains, law.references, law.state
+    grows = bool(law.state) and not law.elastic
     # internal strains, of laws with memory
     NI = NS if law.state else 0
     # inlined, so that rows a constant distance apart are seen to be so
     strain, geometric, mean, internal = (_seen_whole(f) for f in (
         law.strain, law.geometric, law.mean or _no_mean, law.internal or _no_memory))
 
-    def operate(what, work, base, lanes):  # type: ignore[no-untyped-def]
-        at = slots(NU, NS, NR, NM)
-        ref, u, u0 = rows(work, base + at.ref, NR), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
+    def operate(what, work, base, references, state, lanes):  # type: ignore[no-untyped-def]
+        R, S = (references, state) if grows else (NR, NM)
+        at = slots(NU, NS, R, S)
+        ref, u, u0 = rows(work, base + at.ref, R), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
         eps, eps0 = rows(work, base + at.eps, NS), rows(work, base + at.eps0, NS)
         t, sigma, g = rows(work, base + at.t, NS), rows(work, base + at.sigma, NS), rows(work, base + at.g, NU)
         J, DJ = table(work, base + at.J, NS, NU), table(work, base + at.DJ, NS, NU)
@@ -127,8 +137,8 @@ def _operations_of(law: StrainLaw) -> Any:
         elif what == SQUARE:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
         elif what == REMEMBER:
-            new = rows(work, base + at.new, NM)
-            internal(ref, eps, rows(work, base + at.old, NM), new, slope, lanes)
+            new = rows(work, base + at.new, S)
+            internal(ref, eps, rows(work, base + at.old, S), new, slope, lanes)
             _less(eps, new, NI, lanes)
             _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
             _from(J, JE, NI, NU, lanes)
@@ -141,7 +151,7 @@ def _operations_of(law: StrainLaw) -> Any:
     return addressed(operate)
 
 
-SIGNATURE = types.void(types.int64, types.float64[::1], types.int64, types.int64)
+SIGNATURE = types.void(types.int64, types.float64[::1], types.int64, types.int64, types.int64, types.int64)
 operate = caller(SIGNATURE)
 
 
@@ -153,7 +163,7 @@ def _compiled(law: StrainLaw) -> tuple[Any, int]:
 
 def law_address(law: StrainLaw) -> int:
     """Return the address of a law's operations, compiled when first asked for."""
-    return _compiled(law)[1]
+    return _compiled(_any_size(law))[1]
 
 
 class Formula(NamedTuple):

@@ -26,8 +26,7 @@ GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
 SIDE = 6  # of the frame that fronts are cheaper for than a band
 LAW = {"stiffness": 1e6, "damping": 1.0}
-# materials with memory, for formulations with fibres: other numbers of fibres and of terms than these are compiled when
-# they are needed
+# materials with memory, for formulations with fibres; their kernels serve any number of fibres and of terms
 MEMORY: dict[str, dict[str, Any]] = {
     "yields": {"yield": 1e8}, "relaxes": {"viscoelastic": [{"modulus": 0.5, "time": 1.0}]},
     "stretches like rubber": {"law": "neo_hooke"}}

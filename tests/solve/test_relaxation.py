@@ -87,6 +87,20 @@ def test_maxwell_and_prony_beams_creep_to_a_millionth(kind: tuple[str, str | Non
         np.testing.assert_allclose(exact, (1.0 + done.course_t) / 1001.0, rtol=0.03)
 
 
+def test_one_kernel_serves_any_number_of_terms() -> None:
+    """Bodies of one and of five terms side by side call the same compiled law, and relax each by its own terms."""
+    bodies = {name: {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": material(terms),
+                     "section": {"height": SIZE, "width": SIZE}} for name, terms in (("a", ZENER), ("b", PRONY))}
+    bc = [{"type": "clamp", "at": f"{name}@0"} for name in bodies]
+    bc += [{"type": "prescribed", "at": f"{name}@1", "name": name, "ux": 1e-6, "uy": 0, "angle": 0} for name in bodies]
+    found = h.Solution(build_model(h.load(bodies, {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-3}, bc=bc)))
+    assert len({group.values.law.address for group in found.model.groups}) == 1
+    assert len({group.values.law.state for group in found.model.groups}) == 2
+    for name, terms in (("a", ZENER), ("b", PRONY)):
+        exact = E * SIZE**2 * 1e-6 * (1.0 + sum(g * np.exp(-1.0 / tau) for g, tau in terms))
+        assert reactions(found.model, found.state)[name]["fx"] == pytest.approx(exact, rel=1e-9)
+
+
 def test_steps_are_told_in_time() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     states = list(solve(build_model(beam(TYPES[0], ZENER, 0.5, 1e-3, loads=load))))
