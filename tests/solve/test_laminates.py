@@ -288,3 +288,57 @@ def test_a_tapered_laminate_bends_and_is_stressed_as_its_integrals_say(tmp_path:
     M, det = F * L * (1 - s) / (1 - 0.5 * s), EA * EI - ES**2
     top = 7e10 * (ES * M - 2.25e-3 * EA * M) / det
     np.testing.assert_allclose(found[:, :, -1, 0], top, atol=1e-6 * np.abs(top).max())
+
+
+def opensees() -> Any:
+    """OpenSees; skips the test where it is not installed, or lacks a library of the system."""
+    try:
+        import openseespy.opensees as ops
+    except (ImportError, RuntimeError) as error:
+        pytest.skip(f"OpenSees is not there (pip install .[peers], which needs libblas and liblapack): {error}")
+    return ops
+
+
+def opensees_tip(parts: list[tuple[float, float]], load: list[float], count: int, large: bool) -> list[float]:
+    """Displacement of the tip [ux, uy, theta]: force-based elements with fibres, 400 in each layer (height, E)."""
+    ops = opensees()
+    ops.wipe()
+    ops.model("basic", "-ndm", 2, "-ndf", 3)
+    for i in range(count + 1):
+        ops.node(i + 1, L * i / count, 0.0)
+    ops.fix(1, 1, 1, 1)
+    ops.section("Fiber", 1)
+    y, fibres = -0.5 * sum(h for h, _ in parts), 400
+    for k, (h, E) in enumerate(parts, start=1):
+        ops.uniaxialMaterial("Elastic", k, E)
+        for j in range(fibres):
+            ops.fiber(y + h * (j + 0.5) / fibres, 0.0, WIDTH * h / fibres, k)
+        y += h
+    ops.geomTransf("Corotational" if large else "Linear", 1)
+    ops.beamIntegration("Legendre", 1, 1, 2)
+    for i in range(count):
+        ops.element("forceBeamColumn", i + 1, i + 1, i + 2, 1, 1)
+    ops.timeSeries("Linear", 1)
+    ops.pattern("Plain", 1, 1)
+    ops.load(count + 1, *load)
+    ops.constraints("Plain")
+    ops.numberer("Plain")
+    ops.system("BandGen")
+    ops.test("NormDispIncr", 1e-12, 100)
+    ops.algorithm("Newton")
+    ops.integrator("LoadControl", 0.05)
+    ops.analysis("Static")
+    assert ops.analyze(20) == 0
+    return [ops.nodeDisp(count + 1, k) for k in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_a_laminated_cantilever_is_that_of_fibre_sections_in_opensees(large: bool) -> None:
+    """Steel under a soft core and aluminium, the axis in the middle: under a force, to a third of its length."""
+    parts = [(1e-3, 2e11), (2e-3, 1e9), (0.5e-3, 7e10)]
+    load = [20.0, 300.0 if large else F]
+    theirs = opensees_tip(parts, [*load, 0.0], 64 if large else 1, large)
+    ours = probes(strip("cable", [layer(h, E) for h, E in parts], [{"type": "force", "at": "strip@1", "value": load}],
+                        count=32, solver={"type": "static"} if large else LINEAR))["tip"]
+    assert abs(theirs[1]) > (0.3 * L if large else 0.0)
+    assert [ours["ux"], ours["uy"], ours["theta"]] == pytest.approx(theirs, rel=1e-4)
