@@ -28,6 +28,7 @@ from .linear import inertia_rates
 from .state import State
 
 BLOCK = 2048  # elements at a time: bounds the memory of element matrices and sampled loads
+KEPT = 8  # groups of elements that are kept, of elements of several shapes
 SAME = 1e-12  # of a body's length: places that are closer are one
 POINTS = 6  # Gauss points of line loads on an element or its part
 
@@ -110,13 +111,16 @@ class SectionForces:
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
         self.along = gauss(POINTS)
-        self._apart: tuple[Index, Any] = np.zeros(0, dtype=np.int64), None
+        self._apart: dict[bytes, Any] = {}
 
     def apart(self, chosen: Index) -> Any:
-        """Return the group of ``apart``, which is kept as long as the same elements are asked for."""
-        if not np.array_equal(self._apart[0], chosen):
-            self._apart = chosen, apart(self.model, self.mesh, chosen)
-        return self._apart[1]
+        """Return the group of ``apart``, which is kept for some elements that are asked for again."""
+        key = np.asarray(chosen).tobytes()
+        if key not in self._apart:
+            if len(self._apart) >= KEPT:
+                self._apart.clear()
+            self._apart[key] = apart(self.model, self.mesh, chosen)
+        return self._apart[key]
 
     @cached_property
     def masses(self) -> list[Array]:

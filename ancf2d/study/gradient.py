@@ -126,7 +126,8 @@ class Study:
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
         self.model, states = self._run(None, 0.0)
-        self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None)
+        self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
+                                judges=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         self.responses, self.reason = self._responses(states)
 

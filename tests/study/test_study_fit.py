@@ -70,6 +70,57 @@ def test_stiffness_and_damping_of_a_measured_vibration() -> None:
     assert found.rms[0] == pytest.approx(5e-5, rel=0.2)
 
 
+ARM = """\
+title: Arm that falls on a hub
+bodies:
+  arm:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {height: 0.01, width: 0.03}
+    material: {E: 7.0e+10, nu: 0.3, rho: 2700, damping: {kelvin_voigt: 3.0e-4}}
+    element: {type: cable, count: 4}
+boundary_conditions:
+  - {name: hub, type: pin, at: arm@0}
+springs:
+  - {name: hub, type: rotational, between: [[0, 0], arm@0], stiffness: 300, damping: 0.5}
+  - {name: stay, type: translational, between: [arm@0.6, [0.6, 0.4]], stiffness: 800, length: 0.4}
+masses:
+  - {name: tip, at: arm@1, mass: 0.3}
+loads:
+  - {name: weight, type: force, at: arm@1, value: [0, -15]}
+solver: {type: dynamic, t_end: 0.6, dt: 4.0e-3, method: generalized_alpha}
+output:
+  interval: 0.012
+  probes: {tip: arm@1, mid: arm@0.5, third: arm@0.3}
+"""
+# true, first guess, bounds
+FIVE = {"bodies.arm.material.damping.kelvin_voigt": (3e-4, 5e-4, "1e-5:3e-3"),
+        "springs.hub.stiffness": (300.0, 380.0, "100:900"), "springs.hub.damping": (0.5, 0.8, "0.05:5"),
+        "loads.weight.value.1": (-15.0, -12.0, "-30:-5"), "masses.tip.mass": (0.3, 0.36, "0.1:1")}
+
+
+@pytest.mark.slow
+def test_five_numbers_of_a_motion_in_few_runs(tmp_path: Path) -> None:
+    """Broyden's updates take the place of differences: these alone would be ten runs for each step of the search."""
+    (tmp_path / "arm.yaml").write_text(ARM)
+    solution = ancf2d.solve(str(tmp_path / "arm.yaml"))
+    solved = solution.results
+    noise = 2e-4 * np.random.default_rng(1).standard_normal((3, len(solved.probe_t)))
+    data = {"t": solved.probe_t}
+    for name, more in zip(("tip", "mid", "third"), noise, strict=True):
+        data[f"{name}.uy"] = solved.probes[name]["uy"] + more
+    guess = ancf2d.load(tmp_path / "arm.yaml", {path: first for path, (_, first, _) in FIVE.items()})
+    found = fitted(guess, data_of(data), *(f"{path}={bounds}" for path, (_, _, bounds) in FIVE.items()))
+    assert [row.path for row in found.rows] == list(FIVE)
+    for row in found.rows:
+        assert row.standard_error is not None
+        assert abs(row.value - FIVE[row.path][0]) < 3.0 * row.standard_error, row.path
+    # the minimum lies below the true numbers, by what five numbers follow of the noise
+    off = np.array([found.model[:, k] - data[name] for k, name in enumerate(found.data.names)])
+    beside = np.sum((off / found.scales[:, None])**2) / np.sum((noise / found.scales[:, None])**2)
+    assert 1.0 - 4.0 * 5.0 / noise.size < beside < 1.0
+    assert found.runs <= 30
+
+
 @pytest.mark.slow
 def test_standard_errors_are_those_of_many_measurements() -> None:
     """Deviations beside standard errors are normal with variance 1; docs/fits.md has a hundred."""
