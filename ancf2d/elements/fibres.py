@@ -120,18 +120,21 @@ def _stress(ref, law, e, p, a):  # type: ignore[no-untyped-def]
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
-    """Fill the internal strains with their sizes, the fibres' plastic strains p and a, and slope.
+    """Fill the internal strains with their sizes, the fibres' plastic strains p and a, forces and work, and slope.
 
+    The last of the state are N, M and by how much the internal strains have taken less than those of each step under
+    the stress at its end: they have under the mean of its stresses at both ends.
     The last reference values of a point are (e_N, e_NM, e_M), the compliance of the elastic section; (y, w, place of
     the law) of each fibre; the laws; the place of the first fibre, and the number of fibres.
     """
     last, n = len(ref) - 1, len(eps)
-    bend, first = 1 if n == 2 else 2, int(ref[last - 1, 0])
+    bend, first, force = 1 if n == 2 else 2, int(ref[last - 1, 0]), 2 * (n + int(ref[last, 0]))
     for i in range(2 * n):
         for l in range(lanes):
             new[i, l] = 0.0
     for l in range(lanes):
         slope[0, 0, l], slope[0, bend, l], slope[bend, bend, l] = 0.0, 0.0, 0.0
+        new[force, l], new[force + 1, l] = 0.0, 0.0
     for f in range(int(ref[last, 0])):
         row, state = first + 3 * f, 2 * n + 2 * f
         law = int(ref[row + 2, 0])
@@ -142,6 +145,8 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
             stress, tangent, p, a = _stress(ref, law, e, old[state, l], old[state + 1, l])
             new[state, l], new[state + 1, l] = p, a
             lack, soft, size = w * (E * e - stress), w * (E - tangent), w * E * (abs(e) + abs(p))
+            new[force, l] += w * stress
+            new[force + 1, l] -= w * y * stress
             new[0, l] += lack
             new[bend, l] -= y * lack
             new[n, l] += size
@@ -153,6 +158,9 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         A, C, B = ref[first - 3, l], ref[first - 2, l], ref[first - 1, l]
         N, M = new[0, l], new[bend, l]
         new[0, l], new[bend, l] = A * N + C * M, C * N + B * M
+        new[force + 2, l] = old[force + 2, l] + 0.5 * (
+            (new[force, l] - old[force, l]) * (new[0, l] - old[0, l])
+            + (new[force + 1, l] - old[force + 1, l]) * (new[bend, l] - old[bend, l]))
         N, M = new[n, l], new[n + bend, l]
         new[n, l], new[n + bend, l] = A * N + abs(C) * M, abs(C) * N + B * M
         s, t, u = slope[0, 0, l], slope[0, bend, l], slope[bend, bend, l]
@@ -179,6 +187,14 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
         N += w * stress
         M -= w * y * stress
     return np.asarray(length * (total - 0.5 * (A * N * N + 2.0 * C * N * M + B * M * M)))
+
+
+def _overtold(ref: Array, D: Array, state: Array) -> Array:
+    """Return what the internal strains took less than was told at the ends of steps; see ``PointLaw``."""
+    row, bend = ref[:, 0], 1 if D.shape[-1] == 2 else 2
+    first = int(row[0, -2])
+    length = D[:, 0, 0] * row[:, first - 3] + D[:, 0, bend] * row[:, first - 2]
+    return np.asarray(length * state[:, :, 0, -1])
 
 
 def _energy(numbers: Array, e: Array, p: Array) -> tuple[Array, Array]:
@@ -269,8 +285,8 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     """
     law, fibres = base.law, layers * points
     own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
-                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres, internal=internal,
-                   stored=stored)
+                   quadratic=law.quadratic, state=2 * law.strains + 2 * fibres + 3, internal=internal,
+                   stored=stored, overtold=_overtold)
     return replace(base, law=own, sample=_Sample(base, points), natural=_Natural(base))
 
 

@@ -182,12 +182,13 @@ def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
 def weights_along(record: FieldRecord, at: np.ndarray, elements: np.ndarray) -> np.ndarray:
     """Return weights (len(at), n) as ``station_weights`` does of a field along elements (m,).
 
-    They are (m, len(at), n) where the elements have stations of their own.
+    They are (m, len(at), n) where the elements have stations of their own: those of fibres, beyond which the values of
+    the outermost go on, as what is plastic does not change its sign there.
     """
     if record.xi.ndim == 1:
         return station_weights(record.xi, at)
     rows, which = np.unique(record.xi[elements], axis=0, return_inverse=True)
-    return np.stack([station_weights(row, at) for row in rows])[which.ravel()]
+    return np.stack([linear_weights(row, at) for row in rows])[which.ravel()]
 
 
 def even_weights(n: int, at: np.ndarray) -> np.ndarray:

@@ -67,8 +67,8 @@ class Balance:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
         # total at the start, largest change, size; what springs store and masses that move have at the start; largest
-        # gain; what materials keep at the start
-        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0])
+        # gain; what materials keep at the start, and what was told too much of what they took before
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan])
 
     def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
@@ -77,13 +77,16 @@ class Balance:
         model.states[:] = row.states
         kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
         # what materials keep that remember, which counts as lost on the way, and what others do
-        kept, more = self.energies.kept(d, row.side)
+        kept, more, over = self.energies.kept(d, row.side)
         strain += more
         springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
         potential = self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain
-        total = kinetic + own - dead - row.work + row.lost
+        if np.isnan(self.numbers[6]):
+            self.numbers[6] = over
+        lost = row.lost - (over - float(self.numbers[6]))
+        total = kinetic + own - dead - row.work + lost
         # what drives a mass along a body does work on it, too: what the mass gains
         carried, lifted = self.energies.carried(d, v, row.side)[0], self.energies.lifted(d, row.side)
         given = (springs if self.stepper.tracks else 0.0) + carried + lifted
@@ -98,7 +101,7 @@ class Balance:
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + given - float(self.numbers[3]) + dead + potential
         return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential + lifted,
-                "dissipated": row.lost - (kept - float(self.numbers[5])), "work": work}
+                "dissipated": lost - (kept - float(self.numbers[5])), "work": work}
 
     @property
     def drift(self) -> float:

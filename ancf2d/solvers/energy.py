@@ -100,7 +100,7 @@ class Energies:
         energy = sum(float(force(group, d, Q)) for group in self.model.groups)
         return energy + self.model.interactions.energy(d, t)
 
-    def kept(self, d: Array, t: float) -> tuple[float, float]:
+    def kept(self, d: Array, t: float) -> tuple[float, float, float]:
         """Return what ``kept_energy`` does."""
         from .kept import kept_energy
 

@@ -12,13 +12,14 @@ from ..kernels.lowlevel.records import Record
 from ..model.model import Model
 
 
-def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float]:
+def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
     """Return what materials keep [J] at d (n_full,) and t beyond sigma^T D^-1 sigma/2: those that remember, and others.
 
     It is that of springs in Maxwell terms, of kinematic hardening, of stress within sections that have yielded in part,
-    and of curves that are followed back. Every law tells its own (``PointLaw.stored``).
+    and of curves that are followed back. Every law tells its own (``PointLaw.stored``). The third is what was told too
+    much of what internal strains have taken (``PointLaw.overtold``).
     """
-    found = [0.0, 0.0]
+    found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):
         law = pool.plan.formulation.law
         if law.stored is None:
@@ -40,7 +41,9 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float]:
         for c in range(len(ref)):
             some = np.flatnonzero(group.cls == c)
             shape_of = (len(some), parts * S, points)
-            found[law.elastic] += float(np.sum(law.stored(
-                ref[c].reshape(parts * S, points, -1), D[c], eps[some], own[memory.row[some]].reshape(
-                    *shape_of, -1) if states.size else own[some].reshape(*shape_of, -1))))
-    return found[0], found[1]
+            constants, now = ref[c].reshape(parts * S, points, -1), own[memory.row[some]].reshape(
+                *shape_of, -1) if states.size else own[some].reshape(*shape_of, -1)
+            found[law.elastic] += float(np.sum(law.stored(constants, D[c], eps[some], now)))
+            if law.overtold is not None:
+                found[2] += float(np.sum(law.overtold(constants, D[c], now)))
+    return found[0], found[1], found[2]

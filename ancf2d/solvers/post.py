@@ -122,7 +122,7 @@ def energies(model: Model, state: State) -> dict[str, float]:
     if state.v is None:
         from .kept import kept_energy
 
-        kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side))
+        kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side)[:2])
         return {"strain": state.energy + kept, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
     kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]

@@ -181,6 +181,32 @@ def test_a_cantilever_has_a_plastic_zone() -> None:
     assert tip / yields == pytest.approx((5 - (3 + m) * np.sqrt(3 - 2 * m)) / m**2, rel=4e-3)
 
 
+def test_three_bars_go_through_a_cycle() -> None:
+    """F = A (s_1 + 2 c s_2) of a bar between two at 45 degrees, c their cosine, each within its yield stress.
+
+    Strains are c^2 u/L there and u/L in the middle, so small that the geometry stays. The collapse load is
+    A s_y (1 + 2 c) (Hodge, Plastic Analysis of Structures, 1959).
+    """
+    soft, c, area = 1e-4 * YIELD, np.sqrt(0.5), HEIGHT * WIDTH
+    tops = [(-LENGTH, LENGTH), (0.0, LENGTH), (LENGTH, LENGTH)]
+    bodies = {f"bar{i}": {
+        "geometry": {"type": "line", "start": list(top), "end": [0, 0]}, "element": h.element("reissner2", 1),
+        "section": {"height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "yield": soft}}
+        for i, top in enumerate(tops)}
+    way = np.array([0.0, -4.0, 3.0, -1.0]) * soft / E * LENGTH
+    found = at(h.solved(bodies, {"type": "static", "steps": 12}, bc=[
+        *({"type": "pin", "at": f"bar{i}@0"} for i in range(3)),
+        {"type": "prescribed", "at": "bar1@1", "name": "end", "ux": 0,
+         "uy": {"type": "table", "t": [0, 0.25, 0.75, 1], "value": way.tolist()}}],
+        joints=[{"type": "pin", "between": [f"bar{i}@1", "bar1@1"]} for i in (0, 2)]), 0.25, 0.75, 1.0)
+    stress, expected = np.zeros(2), []
+    for step in np.diff(-way) / LENGTH:
+        stress = np.clip(stress + E * step * np.array([1.0, c**2]), -soft, soft)
+        expected.append(area * (stress[0] + 2.0 * c * stress[1]))
+    assert expected[0] == pytest.approx(area * soft * (1.0 + 2.0 * c))
+    np.testing.assert_allclose([-r["fy"] for r in found], expected, rtol=1e-6)
+
+
 def test_layers_yield_one_by_one() -> None:
     """Pulled alike, a layer that has yielded bears its yield stress, the other what its stiffness asks for."""
     layers = {"width": WIDTH, "axis": "middle", "layers": [
@@ -301,6 +327,24 @@ def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) ->
     assert half["states"].any()
     *_, last = solve_dynamic(prepare(loaded), loaded.case.solver, half)
     np.testing.assert_array_equal(last.d[:len(done.d[-1])], done.d[-1])
+
+
+def test_the_balance_of_energy_is_of_the_order_of_the_motion() -> None:
+    """The drift of a bar that hardens falls with the square of the step, as the error of Newmark's method does."""
+    period = 2 * np.pi * LENGTH * np.sqrt(7850 / (3 * E))
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner2", 1), "section": {
+        "height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "rho": 7850, "hardening": {"kinematic": 0.1 * E}}}
+    drifts = []
+    for steps in (100, 400):
+        done = ancf2d.solve(h.load({"rod": body}, {
+            "type": "dynamic", "t_end": 2 * period, "dt": period / steps, "method": "generalized_alpha",
+            "estimate": False}, bc=[{"type": "clamp", "at": "rod@0"}], loads=[
+                {"type": "force", "at": "rod@1", "value": [1.2 * HEIGHT * WIDTH * YIELD, 0],
+                 "amplitude": {"type": "sine", "frequency": 0.5 / period}}], output={"interval": period / 10}))
+        drifts.append(done.summary["energy_drift"])
+    assert drifts[0] < 5e-3
+    # 16 times for the second order, 4 for the first
+    assert drifts[0] > 10.0 * drifts[1]
 
 
 @pytest.mark.parametrize(("change", "words"), [

@@ -46,6 +46,8 @@ class PointLaw:
     ``stored(ref, D, eps, state)`` returns the energy (elements, stations) that is kept beyond eps^T D eps/2 of the
     strains eps (elements, stations, points strains) that bear stress; ref (stations, points, any), D (stations, points
     strains, points strains), state (elements, stations, points, numbers).
+    What internal strains take in a step is told as that under the stress at its end; ``overtold(ref, D, state)`` tells
+    by how much (elements, stations) this is too much so far, where a law knows it.
     """
 
     fields: int
@@ -60,6 +62,7 @@ class PointLaw:
     timed: bool = False
     elastic: bool = False
     stored: Callable[[Any, Any, Any, Any], Any] | None = None
+    overtold: Callable[[Any, Any, Any], Any] | None = None
 
 
 @dataclass(frozen=True)
