@@ -36,9 +36,11 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
 @click.option("--formulation", help="Formulation. Default: the one recommended for the type.")
 @click.option("--quadrature", callback=_quadrature, metavar="NX,NY",
               help="Gauss points along and across, or exact. Default: those of type and formulation.")
+@click.option("--laws", is_flag=True, help="Examine the laws of materials that the formulation bears too: tangent, "
+              "objectivity, dissipation and cycles.")
 @json_session
 def command(session: Session, element: str, preset: str | None, formulation: str | None,
-            quadrature: list[int] | str | None) -> int:
+            quadrature: list[int] | str | None, laws: bool) -> int:
     """Examine an element type: basis, forces, patch tests, locking, convergence, cost.
 
     ELEMENT is a type listed by 'ancf2d elements', or a file that defines your own element. Every check gives a number,
@@ -50,12 +52,12 @@ def command(session: Session, element: str, preset: str | None, formulation: str
     # the matrices here are small: threads would only wait for each other
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    from ..study.audit.examine import audit
+    from ..study.audit.examine import CHECKS, LAW_CHECKS, audit
     from ..study.audit.subject import subject
 
     found = subject(element, preset, formulation, quadrature)
     with Bar("examining", session.shows_progress) as bar:
-        result = audit(found, compiling=session.note_once, done=bar.update)
+        result = audit(found, (*CHECKS, *(LAW_CHECKS if laws else ())), compiling=session.note_once, done=bar.update)
     session.print_json(result.as_json())
     session.out(report(result))
     return 0

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import Ancf2dError, ComputationError
 from ..warmup import warm_up
-from . import cost, kinematics, locking, meshes, patches
+from . import cost, kinematics, laws, locking, meshes, patches
 from .subject import FAIL, NOTE, Answer, Check, Finding, Subject
 
 # the one place where a check is added
@@ -49,6 +49,14 @@ CHECKS = (
     Check("order_static", "With what order does a deflection converge, and to what?", meshes.order_static, 5),
     Check("order_eigen", "With what order does a frequency converge, and to what?", meshes.order_eigen, 17),
     Check("cost", "What do forces and tangent cost, compared with vallejo?", cost.cost, 5),
+)
+# what is asked of the laws of materials that it bears, where that is asked for
+LAW_CHECKS = (
+    Check("law_tangent", "Is the tangent of each law the derivative of the forces, along a way and back?",
+          laws.law_tangent),
+    Check("law_objectivity", "Do forces of each law turn with a body that turns along its way?", laws.law_objectivity),
+    Check("law_dissipation", "Does any step of a way make energy?", laws.law_dissipation),
+    Check("law_cycles", "Does a cycle lose the same energy again and again?", laws.law_cycles, 5),
 )
 # what can be asked of coordinates that do not determine the basis
 WITHOUT_SHAPES = ("solvability",)

@@ -53,13 +53,13 @@ def objectivity(s: Subject) -> Finding:
     worst = 0.0
     for angle in ANGLES:
         other, P = elastic(model, turned(model, d, angle, (0.7, -0.4)))
-        back = _forces_turned(model, Q, angle)
+        back = forces_turned(model, Q, angle)
         worst = max(worst, abs(other / energy - 1), float(np.abs(P - back).max() / np.abs(Q).max()))
     return judged(worst, ROUND_OFF, "a superposed rotation keeps the energy and rotates the forces with it",
                   "energy or forces of a deformed element depend on its rotation")
 
 
-def _forces_turned(model: Model, Q: Array, angle: float) -> Array:
+def forces_turned(model: Model, Q: Array, angle: float) -> Array:
     """Return forces whose pairs of components are turned."""
     kinds, out = beam(model).kinds, Q.copy()
     first = np.flatnonzero((kinds == 0) | (kinds == 3))

@@ -32,17 +32,19 @@ NU = 0.3
 
 
 def beam_case(name: str, element: dict[str, Any], length: float, solver: Any, *, nu: float = NU, tau: float = 0.0,
-              angle: float = 0.0, breaks: Sequence[float] = (0.0, 1.0), **scene: Any) -> LoadedCase:
+              angle: float = 0.0, breaks: Sequence[float] = (0.0, 1.0), material: dict[str, Any] | None = None,
+              **scene: Any) -> LoadedCase:
     """Return the case of a body ``beam`` from the origin; ``scene`` holds other top-level keys of the case.
 
     ``breaks`` are shares of the length that end pieces of unequal elements, ``tau`` [s] is the retardation time of the
-    material. Raises CaseError.
+    material, ``material`` what else it has. Raises CaseError.
     """
     points = [[length * s * math.cos(angle), length * s * math.sin(angle)] for s in breaks]
     geometry = ({"type": "line", "start": points[0], "end": points[1]} if len(points) == 2
                 else {"type": "polyline", "points": points})
     beam = {"geometry": geometry, "section": {"height": HEIGHT, "width": 1.0},
-            "material": {"E": 1.0, "nu": nu, "rho": 1.0, "damping": {"kelvin_voigt": tau}}, "element": element}
+            "material": {"E": 1.0, "nu": nu, "rho": 1.0, "damping": {"kelvin_voigt": tau}, **(material or {})},
+            "element": element}
     case = {"bodies": {"beam": beam}, "solver": {"type": solver} if isinstance(solver, str) else solver, **scene}
     return load_case_text(json.dumps(case), name, vocabulary=vocabulary())
 

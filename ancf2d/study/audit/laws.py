@@ -1,0 +1,142 @@
+"""Laws of materials in the element: tangent, objectivity, dissipation, and cycles.
+
+Every law that the formulation bears is tried, and its own where it is a plugin's that remembers. A free beam of two
+elements goes along a way of random displacements, which strain it far beyond yield.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import CaseError
+from ...model.model import Model
+from ...solvers.kept import kept_energy
+from ...solvers.linearised import stored
+from ...solvers.system import System
+from .fields import turned
+from .patches import forces_turned
+from .subject import NOTE, ROUND_OFF, Finding, Subject, judged
+
+YIELD = {"yield": 0.004, "hardening": {"isotropic": 0.0, "kinematic": 0.2}}
+LAWS: dict[str, dict[str, Any]] = {
+    "viscoelastic": {"viscoelastic": [{"modulus": 0.5, "time": 0.3}, {"modulus": 2.0, "time": 3.0}]},
+    "yield": YIELD,
+    "curve": {"stress_strain": {"strain": [0.004, 0.01, 0.02], "stress": [0.004, 0.006, 0.012], "unloading": "curve"}},
+    "neo_hooke": {"law": "neo_hooke"}}
+# the formulation's own, where it remembers
+OWN = "own"
+# largest displacement of a coordinate, as a share of the height; steps of a cycle, time of a step, and cycles
+SIZE, STEPS, DT, CYCLES = 0.03, 40, 0.05, 12
+# step of differences beside the displacements; what these, sums along a way, and differences of cycles are good for
+STEP, DIFFERENCED, SUMMED, SETTLED = 1e-6, 1e-5, 1e-2, 1e-4
+
+
+def _borne(s: Subject) -> dict[str, Model]:
+    """Return a free beam of each law that the element bears."""
+    own = s.formulation.law
+    if own.state and not own.elastic:
+        return {OWN: s.free(3.0, 2)}
+    found = {}
+    for name, keys in LAWS.items():
+        try:
+            found[name] = s.free(3.0, 2, material=keys)
+        except CaseError:
+            continue
+    return found
+
+
+def _worst(s: Subject, measure: Callable[[Model], float], allowed: float, good: str, bad: str) -> Finding:
+    """Return what a number of each law tells: the largest."""
+    found = {name: measure(model) for name, model in _borne(s).items()}
+    if not found:
+        return Finding(None, NOTE, "the formulation bears linear laws alone")
+    name = max(found, key=lambda k: found[k] if math.isfinite(found[k]) else math.inf)
+    told = ", ".join(found)
+    return judged(found[name], allowed, f"{good} ({told})", f"{bad}: {name} of {told}")
+
+
+def _ways(model: Model) -> Array:
+    """Return two random displacements (2, n_q) of a size."""
+    return SIZE * np.random.default_rng(2).uniform(-1.0, 1.0, (2, model.n_q)) / model.weights
+
+
+def _cycle(model: Model, share: float = 1.0) -> list[Array]:
+    """Return the displacements along a closed way, or a share of it, that begins at the reference."""
+    a, b = _ways(model)
+    phase = 2.0 * math.pi * np.arange(1, round(share * STEPS) + 1) / STEPS
+    return [math.sin(p) * a + (1.0 - math.cos(p)) * b for p in phase]
+
+
+def _walk(model: Model, way: Sequence[Array], every: int = 1) -> tuple[Array, Array]:
+    """Go a way; return the work done and the energy stored at its beginning and after each so many steps (m,)."""
+    system, work, energy = System(model), [0.0], [0.0]
+    last, Q = np.zeros(model.n_q), np.zeros(model.n_q)
+    for k, d in enumerate(way, start=1):
+        model.set_step(DT)
+        balance = system.forces(d, 0.0)
+        system.accept(d, 0.0)
+        model.set_step(0.0)
+        work.append(work[-1] + 0.5 * float((Q + balance.Q) @ (d - last)))
+        if k % every == 0:
+            energy.append(balance.energy + sum(kept_energy(model, d, 0.0)))
+        last, Q = d, balance.Q.copy()
+    return np.array(work[::every]), np.array(energy)
+
+
+def law_tangent(s: Subject) -> Finding:
+    """Examine the tangent in the middle of a step, on the way out and on the way back."""
+    def off(model: Model) -> float:
+        system, worst = System(model), 0.0
+        for share in (0.3, 0.8):
+            model.states[:] = 0.0
+            model.set_step(math.inf)
+            _walk(model, _cycle(model, share), STEPS)
+            d, v = _cycle(model, share + 0.1)[-1], _ways(model)[1]
+            model.set_step(DT)
+            system.assemble(d, 0.0)
+            K = stored(model, system.matrix, system.matrix.target.values)
+            ends = [system.forces(d + h * v, 0.0).Q.copy() for h in (STEP, -STEP)]
+            z, out = v[model.numbering.free], model.numbering.reduce((ends[0] - ends[1]) / (2.0 * STEP))
+            worst = max(worst, float(np.abs(K @ z - out).max() / np.abs(out).max()))
+        return worst
+    return _worst(s, off, DIFFERENCED, "the tangent is the derivative of the forces", "the tangent is not the "
+                  "derivative of the forces")
+
+
+def law_objectivity(s: Subject) -> Finding:
+    """Examine the forces at the end of a way on which the body turns by more with every step."""
+    def off(model: Model) -> float:
+        start, way, system = model.states.copy(), _cycle(model, 0.6), System(model)
+        _walk(model, way, STEPS)
+        Q = system.forces(way[-1], 0.0).Q.copy()
+        model.states[:] = start
+        angles = 0.7 * np.arange(1, len(way) + 1)
+        _walk(model, [turned(model, d, a) for d, a in zip(way, angles, strict=True)], STEPS)
+        P = system.forces(turned(model, way[-1], angles[-1]), 0.0).Q
+        return float(np.abs(P - forces_turned(model, Q, angles[-1])).max() / np.abs(Q).max())
+    return _worst(s, off, ROUND_OFF, "a body that turns along its way has the same forces, turned", "forces depend on "
+                  "how a body turned along its way")
+
+
+def law_dissipation(s: Subject) -> Finding:
+    """Examine whether the work of the steps less what is stored ever falls, beside the largest energy."""
+    def off(model: Model) -> float:
+        work, energy = _walk(model, _cycle(model) * 2)
+        lost = work - energy
+        return float((np.maximum.accumulate(lost) - lost).max() / energy.max())
+    return _worst(s, off, SUMMED, "no way makes energy", "energy comes from nothing")
+
+
+def law_cycles(s: Subject) -> Finding:
+    """Examine cycles: each loses what the one before has lost once the first are behind, elastic laws nothing."""
+    def off(model: Model) -> float:
+        work, energy = _walk(model, _cycle(model) * CYCLES, STEPS // 2)
+        lost = np.diff((work - energy)[::2])
+        return float(abs(lost[-1] - (lost[-2] if model.remembers else 0.0)) / energy.max())
+    return _worst(s, off, SETTLED, "the same cycle loses the same energy again and again",
+                  "cycles do not settle")
