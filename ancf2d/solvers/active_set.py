@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
+from ..elements.contact_geometry import FEATURE, FREE, FRICTION, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
 from ..elements.shape import Array
 from .friction import hold, rub
 
@@ -124,7 +124,11 @@ def _rows(one: ContactTable, d: Array, t: float, at: dict[int, tuple[float, floa
     unit[dofs[:, -1]] = 1.0
     m, n = dofs.shape
     energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+    # of gaps alone: friction of a point that once slid is none of them
+    friction = table.par[:, FRICTION].copy()
+    table.par[:, FRICTION] = 0.0
     point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
+    table.par[:, FRICTION] = friction
     return dofs[:, :-1], Q[:, :-1], Q[:, -1]
 
 
