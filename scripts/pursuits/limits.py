@@ -57,12 +57,12 @@ class Solver:
             self.kept.write_bytes(pickle.dumps(self.known))
 
     def solve(self, counts: dict[str, int], tolerance: float | None = None,
-              types: dict[str, Variant] | None = None) -> Level:
+              types: dict[str, Variant] | None = None, nodes: dict[str, tuple[float, ...]] | None = None) -> Level:
         """Return a level, of geometrically exact beams where types are left open; without an answer where it failed."""
         types = self.types if types is None else types
-        name = (tuple(counts.items()), tuple(types.items()), tolerance)
+        name = (tuple(counts.items()), tuple(types.items()), tolerance, *((nodes or {}).items()))
         if name not in self.known:
-            level = self.known[name] = Level(Setting(counts, types, tolerance), "")
+            level = self.known[name] = Level(Setting(counts, types, tolerance, nodes or {}), "")
             try:
                 found = solve_for_goal(with_setting(self.loaded, level.setting))
             except ComputationError as error:
@@ -76,7 +76,8 @@ class Solver:
         """Return the level that was reached, solved with all load steps."""
         named = {name: chosen["element"] for name, chosen in accuracy.get("types", {}).items()}
         types = {name: Variant("rigid") if kind == "rigid" else parse_variants(kind)[0] for name, kind in named.items()}
-        return self.solve(accuracy["elements"], accuracy["tolerance"], types)
+        nodes = {name: tuple(places) for name, places in (accuracy["nodes"] or {}).items()}
+        return self.solve(accuracy["elements"], accuracy["tolerance"], types, nodes)
 
     def even(self, size: int) -> dict[str, int]:
         """Return the counts of a mesh with the least of each body, times a size."""
