@@ -25,9 +25,10 @@ MORE = (
     # layers at the ends, and at forces at points
     Study("layers, cable, moment", tense("{type: cable, count: 2}", "rx_y", 1e5, ROOT, UNIFORM)),
     Study("layers, reissner3, moment", tense("{type: reissner3, count: 2}", "theta", 1e5, ROOT, UNIFORM)),
-    Study("layers, reissner2, energy", tense("{type: reissner2, count: 2}", "theta", 1e4, "{quantity: strain_energy}", UNIFORM)),
-    Study("layers, reissner2, reaction", tense("{type: reissner2, count: 2}", "theta", 3e4, "{reaction: wall, quantity: "
-                                             "m}", UNIFORM)),
+    Study("layers, reissner2, energy", tense("{type: reissner2, count: 2}", "theta", 1e4, "{quantity: strain_energy}",
+                                             UNIFORM)),
+    Study("layers, reissner2, reaction", tense("{type: reissner2, count: 2}", "theta", 3e4,
+                                               "{reaction: wall, quantity: m}", UNIFORM)),
     Study("thin layers, reissner3, moment", tense("{type: reissner3, count: 2}", "theta", 1e6, ROOT, UNIFORM)),
     Study("tense, point load, moment", tense("{type: cable, count: 2}", "rx_y", 1e5, "{probe: mid, quantity: M}",
                                              MIDDLE)),

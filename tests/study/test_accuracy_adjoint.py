@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from pursued import CANTILEVER, TWO, case
 
 from ancf2d.elements import registry
+from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.direct import order_of
 from ancf2d.study.accuracy.neighbours import SAFETY, judged
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
@@ -90,3 +92,27 @@ def test_meshes_that_agree_by_chance_are_not_believed():
     assert judged(level(0.8), level(0.8001), level(0.95), 4.0) is None
     assert judged(level(0.9), level(1.1), level(0.95), 4.0) is None
     assert judged(level(1.0), level(1.0), level(1.0), 4.0).error == 0.0
+
+
+TENSE = CANTILEVER.replace("height: 0.1, width: 0.1}", "EA: 1e7, kGA: 1e7, EI: 1}").replace(
+    "    material: {E: 2.07e11, nu: 0.3, rho: 7850}\n", "").replace(
+    "{type: clamp, at: beam@0}", "{name: wall, type: clamp, at: beam@0}, {type: roller, at: beam@1, fixed: y}, "
+    "{type: fix, at: beam@1, coordinates: [theta]}").replace(
+    "value: [0, -500e3]}", "value: [1e6, 0]}, {type: distributed, on: beam, value: [0, -1e-3]}").replace(
+    "goal: {probe: tip, quantity: uy}", "goal: {probe: root, quantity: M}").replace("tip: beam@1", "root: beam@0")
+
+
+def test_elements_are_short_in_the_layer_that_the_goal_depends_on():
+    """A beam clamped at both ends under tension T bends within sqrt(EI/T) of them: M = q L^2/4 (u - tanh u)/(u^2 tanh
+    u), u = L/2 sqrt(T/EI) (Timoshenko & Gere 1961, section 1.11)."""
+    found = solve_to_accuracy(case(TENSE, "{type: reissner3, count: 2}", "accuracy=1e-4")).accuracy
+    assert found["achieved"]
+    assert found["value"] == pytest.approx(-1e-3 * (1000.0 - 1.0) / 1000.0**2, rel=1e-4)
+    lengths = np.diff(found["nodes"]["beam"])
+    assert lengths[0] <= lengths.max() / 8
+    # the layer at the other end has no part in the moment at this one
+    assert lengths[-1] == pytest.approx(lengths.max())
+    # the mesh as it is told gives the same value
+    nodes = {"beam": tuple(found["nodes"]["beam"])}
+    again = with_setting(case(TENSE, "{type: reissner3, count: 2}"), Setting(found["elements"], nodes=nodes))
+    assert solve_for_goal(again).answer.value == pytest.approx(found["value"], rel=1e-9)

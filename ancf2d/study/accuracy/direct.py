@@ -36,6 +36,8 @@ MORE = 1.25
 AIM, LEAP = 0.6, 16.0
 # of equal elements: with fewer than so many, unequal ones pay
 PAYS = 0.75
+# the order that contributions have before one shows
+UNSEEN = 2.0
 # contributions of neighbours, and of the mean, below which none is taken to be: signs change between elements
 BESIDE, SLIGHT = 0.25, 1e-3
 # of a body: no element is made shorter
@@ -82,8 +84,8 @@ class Direct:
         if not self.suits():
             return None
         setting, why = self.first(wanted), "predicted from the order of the element type"
-        doubled = False
-        for _ in range(1 + CORRECTIONS):
+        unseen = 0
+        for _ in range(1 + 2 * CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
                 return None
             level = self.pursuit.whole(setting, why, self._told)
@@ -92,10 +94,11 @@ class Direct:
                 return None
             if verdict is None:
                 # too coarse, perhaps: two of the three meshes are known of the one twice as fine
-                if doubled:
+                unseen += 1
+                found = None if unseen == 1 else self._unseen(level)
+                if unseen > 1 + CORRECTIONS:
                     return None
-                doubled, why = True, "twice as fine, as the meshes beside tell nothing"
-                setting = replace(setting, counts={name: 2 * n for name, n in setting.counts.items()})
+                setting, why = found or self._doubled(setting)
                 continue
             if verdict.error <= wanted:
                 return level, verdict.error, verdict.found
@@ -107,6 +110,26 @@ class Direct:
                 return None
             setting, why = self._next(level, verdict, wanted)
         return None
+
+    @staticmethod
+    def _doubled(setting: Setting) -> tuple[Setting, str]:
+        """Return the mesh twice as fine, and why it is tried."""
+        counts = {name: 2 * n for name, n in setting.counts.items()}
+        return replace(setting, counts=counts), "twice as fine, as the meshes beside tell nothing"
+
+    def _unseen(self, level: Level) -> tuple[Setting, str] | None:
+        """Return a mesh with far shorter elements where those of a mesh contribute most, that shows no order yet.
+
+        None where the adjoint does not tell, or where all would be shorter: layers may be thinner than all elements.
+        """
+        found = self._parts()
+        if found is None:
+            return None
+        nodes = self._graded(level, found, (0.5 * LEAP) ** UNSEEN, UNSEEN)
+        fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
+        if sum(fewer.values()) > 0.25 * LEAP * level.setting.elements:
+            return None
+        return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
 
     def suits(self) -> bool:
         """Whether meshes can be judged by their neighbours: values are numbers, and no kink moves through elements."""
