@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from . import calls
 from .bodies import remember_elements
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
-from .events import NONE, aim, interpolate
+from .events import NONE, aim, gains, interpolate
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import addressed, inner, kernel
 from .lowlevel.records import array_at
@@ -347,6 +347,12 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             s.numbers[TRIES] += 1.0
             continue
         hit = sooner != 0.0
+        work, lost = 0.0, 0.0
+        if plan.tracks:
+            work, lost = _work_of_step(m, p, w, s, at, t, h)
+        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost):
+            _shorten(m, s, plan, NOT_CONVERGED, h, relative)
+            continue
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
@@ -359,11 +365,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
-        work, lost = 0.0, 0.0
-        if plan.tracks:
-            work, lost = _work_of_step(m, p, w, s, at, t, h)
-            s.numbers[WORK] += work
-            s.numbers[LOST] += lost
+        s.numbers[WORK] += work
+        s.numbers[LOST] += lost
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
         if lost > 0.0 and not m.exact and m.order <= SECOND:
             factor = min(factor, DAMPED)

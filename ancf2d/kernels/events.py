@@ -1,4 +1,7 @@
-"""Conditions that something waits for: when in a step they come to hold, by the step's interpolation."""
+"""What ends a step early: conditions that something waits for, and energy that comes from nothing.
+
+When in a step conditions come to hold is found by the step's interpolation.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .dynamics import to_full
+from .dynamics import to_full, twice_kinetic
 from .feedback import tell
 from .lowlevel.arrays import copy
 from .lowlevel.jit import addressed, inner, kernel
-from .motion import evaluate, evaluate_with_gradient
+from .motion import GAINED, evaluate, evaluate_with_gradient
 
 # of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
 PASSED, WAITING, HOLDS = range(3)
@@ -25,6 +28,8 @@ FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 BEYOND, TRIES = 0.05, 8
 # where in a step: nowhere
 NOWHERE = 2.0
+# energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
+GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
 
 
 @kernel
@@ -202,6 +207,22 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
     if abs(x - 1.0) * h <= near or aims >= TRIES:
         return True, h, True
     return False, 0.0 if x * h <= near else min(x * h, room), False
+
+
+@inner
+def gains(m, p, w, s, plan, t, h, given):  # type: ignore[no-untyped-def]
+    """Return whether a fixed step makes energy beside what is given: what bounces may spin too fast for it."""
+    rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given
+    for k in range(len(w.amps)):
+        if w.amps[k, 1] != 0.0:
+            # what moves gives some in an impact
+            return False
+    kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
+    gained = max(0.0, s.numbers[GAINED] + rise)
+    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / plan.dt and h > LAST_TRY * plan.dt:
+        return True
+    s.numbers[GAINED] = gained
+    return False
 
 
 def event_functions(problem: Any, accept: Any) -> dict[Any, tuple[Any, ...]]:

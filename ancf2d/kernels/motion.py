@@ -14,7 +14,9 @@ from .lowlevel.jit import kernel
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
 # of a tangent that serves several steps: its time, their length (0: none), how many, what it and they cost
 HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
-NUMBERS = 17
+# energy that fixed steps between impacts have made so far
+GAINED = 17
+NUMBERS = 18
 
 # increments of Newton's method that are kept for messages
 HISTORY = 64

@@ -1,0 +1,274 @@
+"""Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
+
+    python -m scripts.scenes.touching --scenes 1000 --seed 1 --jobs 2 [--page]
+
+Positions of points follow from the states that are stored, one of every step; distances are those of this module.
+Prints what was violated, and exits with 1 where anything was; ``--page`` writes docs/robustness.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ancf2d
+from ancf2d.errors import Ancf2dError
+from ancf2d.model.points import point_ref
+from scripts.pages import DOCS, stamp, table, write
+
+Array = npt.NDArray[np.float64]
+Data = dict[str, Any]
+# depth beside the size of the scene where nothing penetrates; how deep the straight way of a step may lead through
+# an obstacle that both its ends are out of; and energy that may come from nothing beside the largest there is, that of
+# loads, work and losses counted
+DEPTH, PASSAGE, GAIN = 1e-8, 2e-3, 2e-2
+SAMPLES = 200
+
+
+@dataclass
+class Verdict:
+    """What came of a scene: depth and passage beside its size, energy gained beside the largest, or why it failed."""
+
+    number: int
+    kind: str = ""
+    depth: float = 0.0
+    passage: float = 0.0
+    gain: float = 0.0
+    failure: str = ""
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def faults(self) -> list[str]:
+        """What must not be."""
+        out = [f"{name} {value:.1e}" for name, value, most in (
+            ("depth", self.depth, DEPTH), ("passage", self.passage, PASSAGE), ("gain", self.gain, GAIN))
+            if not value <= most]
+        return [*out, self.failure] if self.failure else out
+
+
+# ---------------------------------------------------------------------- made
+
+
+def scene(seed: int, number: int) -> Data:
+    """Return the scene of a number as the data of a case; the same in every process."""
+    rng = random.Random(f"touching {seed} {number}")
+    made: Data = json.loads(json.dumps(_made(rng)))
+    return made
+
+
+def _made(rng: random.Random) -> Data:
+    flexible, law = rng.random() < 0.4, rng.random() < 0.3
+    length, angle, mass = rng.uniform(0.3, 1.0), rng.uniform(0.0, 2 * math.pi), 10 ** rng.uniform(-1, 0.7)
+    middle = np.array([rng.uniform(-0.5, 0.5), 1.9])
+    half = 0.5 * length * np.array([math.cos(angle), math.sin(angle)])
+    bodies: Data = {"rod": _rod(rng, middle - half, middle + half, mass, length, flexible)}
+    obstacles: Data = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
+                       "left": {"type": "half_plane", "through": [-2.0, 0], "normal": [1, 0.2]},
+                       "right": {"type": "half_plane", "through": [2.0, 0], "normal": [-1, 0.2]}}
+    supports: list[Data] = []
+    for k in range(rng.randint(1, 3)):
+        obstacles[f"o{k}"] = _obstacle(rng, f"wheel{k}", k, bodies, supports)
+    hold = {"law": {"stiffness": 10 ** rng.uniform(4, 5.5) * mass / length, "damping": rng.choice((0.0, 30.0)) * mass}
+            } if law else {"restitution": rng.choice((0.0, 0.5, 1.0, rng.random()))}
+    friction = rng.choice((0.0, 0.0, 0.3, 1.0))
+    side = "surface" if flexible and rng.random() < 0.3 else "axis"
+    contacts = [{"name": f"on {name}", "between": ["rod", name], "side": side, "friction": friction, **hold}
+                for name in obstacles]
+    if law:
+        how: Data = {"tolerance": 1e-5, "method": rng.choice(("generalized_alpha", "radau5"))}
+    else:
+        how = {"tolerance": 1e-4} if rng.random() < 0.3 else {"dt": rng.choice((0.05, 0.01, 0.002))}
+    return {"bodies": bodies, "boundary_conditions": supports, "obstacles": obstacles, "contacts": contacts,
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            "initial": {"bodies": {"rod": {"velocity": [rng.uniform(-6, 6), rng.uniform(-6, 2)]}}},
+            "solver": {"type": "dynamic", "t_end": 1.0, "estimate": False, **how}, "output": {"every": 1}}
+
+
+def _rod(rng: random.Random, start: Array, end: Array, mass: float, length: float, flexible: bool) -> Data:
+    """Return a rod; a flexible one takes a few tenths of a second for its slowest vibration."""
+    line = {"type": "line", "start": start.tolist(), "end": end.tolist()}
+    if not flexible:
+        return {"geometry": line, "element": {"type": "rigid", "mass": mass, "inertia": mass * length**2 / 12}}
+    height = length * 10 ** rng.uniform(-2, -1.3)
+    rho = mass / length
+    # EI = rhoA L^4 (w/22.4)^2
+    EI = rho * length**4 * (2 * math.pi * 10 ** rng.uniform(0.3, 1.3) / 22.4) ** 2
+    section = {"EA": 12 * EI / height**2, "kGA": 4 * EI / height**2, "EI": EI, "rhoA": rho,
+               "rhoI": rho * height**2 / 12}
+    return {"geometry": line, "section": section,
+            "element": {"type": rng.choice(("cable", "reissner2", "reissner3")), "count": rng.randint(2, 8)}}
+
+
+def _obstacle(rng: random.Random, wheel: str, k: int, bodies: Data, supports: list[Data]) -> Data:
+    """Return an obstacle that stands still, turns freely about its middle, or shakes."""
+    x, y = rng.uniform(-1.2, 1.2), rng.uniform(0.2, 0.8)
+    if rng.random() < 0.5:
+        out: Data = {"type": "circle", "center": [x, y], "radius": rng.uniform(0.02, 0.3)}
+    else:
+        R, turn = rng.uniform(0.1, 0.35), rng.uniform(0, 2 * math.pi)
+        corners = rng.randint(3, 6)
+        out = {"type": "polyline", "closed": True,
+               "points": [[x + R * math.cos(turn + 2 * math.pi * i / corners + rng.uniform(-0.3, 0.3)),
+                           y + R * math.sin(turn + 2 * math.pi * i / corners)] for i in range(corners)]}
+    how = rng.random()
+    if how < 0.2:
+        bodies[wheel] = {"geometry": {"type": "line", "start": [x - 0.05, y], "end": [x + 0.05, y]},
+                         "element": {"type": "rigid", "mass": 1.0, "inertia": 0.01}}
+        supports.append({"name": f"axle {k}", "type": "pin", "at": f"{wheel}@0.5"})
+        out["on"] = wheel
+    elif how < 0.4:
+        out["motion"] = {rng.choice("xy"): {"type": "sine", "scale": 0.05, "frequency": rng.uniform(0.5, 3)}}
+    return out
+
+
+# ---------------------------------------------------------------------- judged
+
+
+def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
+    """Return what came of a scene."""
+    case = scene(seed, number) if case is None else case
+    out = Verdict(number, _kind(case))
+    try:
+        solution = ancf2d.solve(case)
+    except Ancf2dError as error:
+        out.failure = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return out
+    out.warnings = solution.warnings
+    size = solution.model.extent
+    for pair in solution.model.contacts:
+        # Gauss points of layers, and free points that stand elsewhere in every state, are no places of their own
+        S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
+        X = _places(solution, pair.body, S)
+        for k, t in enumerate(solution.t):
+            X[k] = _seen(X[k], pair.frame.origin, pair.frame.pose(solution.d[k], float(t)))
+        gaps = distance(case["obstacles"][pair.name.removeprefix("on ")], X)
+        if pair.item.law is None and pair.item.side == "axis":
+            out.depth = max(out.depth, -float(gaps.min()) / size)
+        out.passage = max(out.passage, _passage(case["obstacles"][pair.name.removeprefix("on ")], X, gaps) / size)
+    energies = solution.energies
+    free = energies["kinetic"] + energies["strain"] + energies["potential"] - energies["work"]
+    most = float(np.ptp(energies["potential"]) + (energies["kinetic"] + energies["strain"]).max())
+    balance = free + energies["dissipated"]
+    out.gain = max(0.0, float((free - free[0]).max()), float((balance - balance[0]).max())) / most
+    return out
+
+
+def _kind(case: Data) -> str:
+    """Return what makes a scene."""
+    contact, solver = case["contacts"][0], case["solver"]
+    hold = "law" if "law" in contact else f"restitution {contact['restitution']:.2g}"
+    step = f"dt {solver['dt']:g}" if "dt" in solver else f"tolerance {solver['tolerance']:g}"
+    return (f"{case['bodies']['rod']['element']['type']}, {hold}, friction {contact['friction']:g}, {contact['side']}, "
+            f"{step}")
+
+
+def _places(solution: Any, body: str, S: list[float]) -> Array:
+    """Return where points of the axis of a body are in every state (states, points, 2)."""
+    mesh, e = solution.model.meshes[body], solution.e
+    out = np.zeros((len(e), len(S), 2))
+    for i, s in enumerate(S):
+        for axis, (coords, weights) in enumerate(point_ref(mesh, s).position()):
+            out[:, i, axis] = e[:, coords] @ weights
+    return out
+
+
+def _seen(X: Array, origin: tuple[float, float], pose: tuple[float, float, float]) -> Array:
+    """Return points as an obstacle that has moved sees them."""
+    x, y, angle = pose
+    c, s = math.cos(angle), math.sin(angle)
+    moved = X - np.array(origin) - np.array([x, y])
+    turned: Array = moved @ np.array([[c, -s], [s, c]]) + np.array(origin)
+    return turned
+
+
+def distance(obstacle: Data, X: Array) -> Array:
+    """Return how far points (..., 2) are out of an obstacle, negative within it."""
+    if obstacle["type"] == "half_plane":
+        n = np.array(obstacle["normal"], dtype=float)
+        found: Array = (X - np.array(obstacle["through"])) @ (n / np.hypot(*n))
+        return found
+    if obstacle["type"] == "circle":
+        return np.asarray(np.hypot(*np.moveaxis(X - np.array(obstacle["center"]), -1, 0)) - obstacle["radius"])
+    points = np.array(obstacle["points"], dtype=float)
+    best, crossings = np.full(X.shape[:-1], np.inf), np.zeros(X.shape[:-1], dtype=int)
+    for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
+        way = b - a
+        s = np.clip((X - a) @ way / (way @ way), 0.0, 1.0)
+        best = np.minimum(best, np.hypot(*np.moveaxis(X - a - s[..., None] * way, -1, 0)))
+        above = (a[1] > X[..., 1]) != (b[1] > X[..., 1])
+        # by even and odd crossings of a ray along x
+        crossings += above & (X[..., 0] < a[0] + (X[..., 1] - a[1]) * way[0] / (way[1] if way[1] != 0.0 else 1.0))
+    return np.where(crossings % 2 == 1, -best, best)
+
+
+def _passage(obstacle: Data, X: Array, gaps: Array) -> float:
+    """Return how deep the straight way of a point in a step leads through an obstacle that both its ends are out of."""
+    way = np.diff(X, axis=0)
+    far = np.hypot(way[..., 0], way[..., 1]) > gaps[:-1] + gaps[1:]
+    asked = far & (gaps[:-1] > 0.0) & (gaps[1:] > 0.0)
+    if not asked.any():
+        return 0.0
+    s = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
+    return max(0.0, -float(distance(obstacle, X[:-1][asked] + s * way[asked]).min()))
+
+
+# ---------------------------------------------------------------------- told
+
+
+def examine(job: tuple[int, int]) -> Verdict:
+    """Return what came of a scene, told in one value."""
+    return judged(*job)
+
+
+def report(verdicts: Iterable[Verdict]) -> str:
+    """Return the table of what came of scenes."""
+    kinds: dict[str, list[Verdict]] = {}
+    for v in verdicts:
+        kinds.setdefault(v.kind.split(", ")[1].split(" ")[0] + ", " + v.kind.rsplit(", ", 1)[1], []).append(v)
+    rows = []
+    for kind, found in sorted(kinds.items()):
+        done = [v for v in found if not v.failure]
+        hard = [v.depth for v in done if "law" not in kind]
+        bad = [sum(getattr(v, what) > most for v in done)
+               for what, most in (("depth", DEPTH), ("passage", PASSAGE), ("gain", GAIN))]
+        rows.append([kind.replace("restitution", "no law"), len(found), len(found) - len(done),
+                     f"{max(hard):.0e}" if hard else "", *bad])
+    return table(["contact, steps", "scenes", "not computed", "deepest", "too deep", "passed through",
+                  "energy from nothing"], rows)
+
+
+def main() -> None:
+    """Try the scenes that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=100, help="how many (default: 100)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/robustness.md")
+    args = parser.parse_args()
+    found = []
+    with get_context("spawn").Pool(args.jobs) as pool:
+        for verdict in pool.imap(examine, [(args.seed, args.first + n) for n in range(args.scenes)]):
+            found.append(verdict)
+            if verdict.faults:
+                print(f"{verdict.number}: {verdict.kind}: {'; '.join(verdict.faults)}", file=sys.stderr, flush=True)
+    text = report(found)
+    print(text)
+    if args.page:
+        made = stamp(f"scenes.touching --scenes {args.scenes} --seed {args.seed} --page")
+        write(DOCS / "robustness.md", "touching", f"{text}\n\n{made}")
+    sys.exit(1 if any(v.faults for v in found) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Random rods that fall among obstacles: nothing penetrates or is passed through, and no energy comes from nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from scripts.scenes import touching
+
+
+@pytest.mark.parametrize("number", [
+    # bounces without loss until it spins by more than 0.4 rad in a step of 0.01 s
+    62,
+    # a cable of two elements whose waves are far too fast for its steps
+    pytest.param(54, marks=pytest.mark.slow)])
+def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int) -> None:
+    assert touching.judged(1, number).faults == []
+
+
+def test_distances_are_those_of_plane_geometry() -> None:
+    square = {"type": "polyline", "points": [[0, 0], [1, 0], [1, 1], [0, 1]]}
+    X = np.array([[0.5, 0.25], [2.0, 2.0], [0.5, -1.0], [-1.0, 0.5]])
+    np.testing.assert_allclose(touching.distance(square, X), [-0.25, math.sqrt(2.0), 1.0, 1.0])
+    np.testing.assert_allclose(touching.distance({"type": "circle", "center": [0, 0], "radius": 1}, X[1:]),
+                               [math.sqrt(8.0) - 1.0, math.sqrt(1.25) - 1.0, math.sqrt(1.25) - 1.0])
+    np.testing.assert_allclose(touching.distance({"type": "half_plane", "through": [0, 1], "normal": [0, 2]}, X),
+                               [-0.75, 1.0, -2.0, -0.5])
+
+
+def test_a_way_that_leads_through_an_obstacle_is_seen() -> None:
+    disc = {"type": "circle", "center": [0, 0], "radius": 0.1}
+    X = np.array([[[-1.0, 0.0]], [[1.0, 0.0]]])
+    assert touching._passage(disc, X, touching.distance(disc, X)) == pytest.approx(0.1, abs=0.01)
+    beside = X + np.array([0.0, 0.2])
+    assert touching._passage(disc, beside, touching.distance(disc, beside)) == 0.0
