@@ -152,6 +152,14 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _log(s, log, t, h, iterations, relative, worst):  # type: ignore[no-untyped-def]
+    """Note what is told of a step (7,)."""
+    log[0], log[1], log[2], log[3] = s.numbers[COUNT], t, h, iterations
+    log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
+    s.numbers[TRIES] = 0.0
+
+
+@inner
 def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: ignore[no-untyped-def]
     """Store the state at a time inside the step of length h from t."""
     x, work, lost = (time - t) / h, 0.0, 0.0
@@ -347,9 +355,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             s.numbers[TRIES] += 1.0
             continue
         hit = sooner != 0.0
-        work, lost = 0.0, 0.0
-        if plan.tracks:
-            work, lost = _work_of_step(m, p, w, s, at, t, h)
+        work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
         if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost):
             _shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
@@ -375,10 +381,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
         s.numbers[CONTRACTION] = contraction
         _set_size(s, plan, h, relative, factor, event)
-        log = rows.log[logged]
-        log[0], log[1], log[2], log[3] = s.numbers[COUNT], end, h, iterations
-        log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
-        s.numbers[TRIES] = 0.0
+        _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
             kind = CHECK if needed > 0 and not at_end else END

@@ -1,9 +1,9 @@
 """Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
 
-    python -m scripts.scenes.touching --scenes 1000 --seed 1 --jobs 2 [--page]
+    python -m scripts.scenes.touching --scenes 1000 --seed 1 --jobs 2
 
 Positions of points follow from the states that are stored, one of every step; distances are those of this module.
-Prints what was violated, and exits with 1 where anything was; ``--page`` writes docs/robustness.md.
+Prints a table and what was violated, and exits with 1 where anything was.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy.typing as npt
 import ancf2d
 from ancf2d.errors import Ancf2dError
 from ancf2d.model.points import point_ref
-from scripts.pages import DOCS, stamp, table, write
+from scripts.pages import table
 
 Array = npt.NDArray[np.float64]
 Data = dict[str, Any]
@@ -254,7 +254,6 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default: 1)")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
-    parser.add_argument("--page", action="store_true", help="write the table into docs/robustness.md")
     args = parser.parse_args()
     found = []
     with get_context("spawn").Pool(args.jobs) as pool:
@@ -262,11 +261,7 @@ def main() -> None:
             found.append(verdict)
             if verdict.faults:
                 print(f"{verdict.number}: {verdict.kind}: {'; '.join(verdict.faults)}", file=sys.stderr, flush=True)
-    text = report(found)
-    print(text)
-    if args.page:
-        made = stamp(f"scenes.touching --scenes {args.scenes} --seed {args.seed} --page")
-        write(DOCS / "robustness.md", "touching", f"{text}\n\n{made}")
+    print(report(found))
     sys.exit(1 if any(v.faults for v in found) else 0)
 
 
