@@ -30,8 +30,8 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
     """Differentiate the goal of a case with respect to its numbers.
 
     Prints value, derivative and elasticity (the relative change of the goal by a relative change of the number), the
-    most influential number first. Equilibria, frequencies and buckling factors are differentiated exactly, without
-    further solves; all else by differences of runs.
+    most influential number first. Derivatives of equilibria, limit points, frequencies, buckling factors, responses
+    and motions are exact; all others are differences of runs.
     """
     session.subject = {"case": case}
     from ..results import check_output
