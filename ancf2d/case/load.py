@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ..errors import CaseError, Problem
@@ -55,6 +55,14 @@ def with_overrides(loaded: LoadedCase, more: Sequence[str], vocabulary: Vocabula
     """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
     name = loaded.source.file
     return _load(loaded.text, name, (*loaded.overrides, *more), vocabulary, os.path.dirname(name))
+
+
+def refined(loaded: LoadedCase) -> LoadedCase:
+    """Return the case with twice as many elements in every body."""
+    bodies = {name: body if body.element.number is None else
+              replace(body, element=replace(body.element, refine=2 * (body.element.refine or 1)))
+              for name, body in loaded.case.bodies.items()}
+    return replace(loaded, case=replace(loaded.case, bodies=bodies))
 
 
 def _load(text: str, name: str, overrides: Sequence[str], vocabulary: Vocabulary | None,

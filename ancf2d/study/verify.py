@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..case import Eigen, LoadedCase
+from ..case import Eigen, LoadedCase, refined
 from ..elements.shape import Array
 from ..model.build import build_model
 from ..model.model import Model
@@ -24,14 +24,6 @@ NEAR = 0.15
 ALIKE = 0.8
 # modes of the finer mesh that are looked at, beyond twice those of the first
 MORE = 20
-
-
-def refined(loaded: LoadedCase) -> LoadedCase:
-    """Return the case with twice as many elements in every body."""
-    bodies = {name: body if body.element.number is None else
-              replace(body, element=replace(body.element, refine=2 * (body.element.refine or 1)))
-              for name, body in loaded.case.bodies.items()}
-    return replace(loaded, case=replace(loaded.case, bodies=bodies))
 
 
 class Fields:

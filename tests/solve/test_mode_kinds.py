@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ancf2d
+from ancf2d.case import refined
 from ancf2d.elements.section import timoshenko
 from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solvers.classify import Classifier
 from ancf2d.solvers.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
-from ancf2d.study.verify import refined
 from scripts.references.timoshenko import exact_mode, overlap
 
 THICK = {"height": 0.4, "width": 0.4}

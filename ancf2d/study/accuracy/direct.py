@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +27,9 @@ from .mesh import moved_alone
 from .neighbours import Neighbour, Verdict, beside, judged
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, Told
 from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
-from .weighted import Weighted, weighted
+
+if TYPE_CHECKING:
+    from .weighted import Weighted
 
 # the most elements of a body that a first mesh has, and corrections of it
 FIRST, CORRECTIONS = 128, 3
@@ -195,6 +198,8 @@ class Direct:
         """Return what each element contributes to the error of a level that is solved just now."""
         assert self.pursuit.last is not None
         assert self.pursuit.case is not None
+        from .weighted import weighted
+
         return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
 
     def _known(self, level: Level) -> Level | None:

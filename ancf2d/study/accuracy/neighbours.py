@@ -11,17 +11,15 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...case import LoadedCase
+from ...case import LoadedCase, refined
 from ...errors import Ancf2dError
 from ...model.build import build_model
 from ...model.model import Model
 from ...model.transfer import transferred
 from ...solvers.registry import solve, takes_guess
 from ..goal import Answer, Solved, goal_kind
-from ..gradient import last_summary
 from ..order import ROUND_OFF, Estimate
 from ..run import quantity
-from ..verify import refined
 from .setting import Level
 
 # of the wanted error: what is added to the estimate, and where the values swing about their limit
@@ -107,6 +105,8 @@ def _solved(model: Model, solved: Solved) -> Any:
 def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     goal = loaded.case.goal
     assert goal is not None
+    from ..gradient import last_summary
+
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"))
 
 

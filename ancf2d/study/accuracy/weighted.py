@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...case import Goal, LinearStatic, LoadedCase
+from ...case import Goal, LinearStatic, LoadedCase, refined
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.build import build_model
@@ -26,7 +26,6 @@ from ...solvers.post import Observer
 from ...solvers.registry import takes_guess
 from ..goal import Solved, goal_kind
 from ..gradient import GoalValues
-from ..verify import refined
 from .neighbours import Neighbour
 
 # step of differences, of the model's size; unknowns whose gradient is found one by one; and how far the gradient of
