@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import random
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,6 @@ from click.testing import Result
 from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
 
 Call = Callable[..., Result]
-RNG = random.Random(3)
 
 PENDULUM = """\
 format: 1
@@ -39,39 +36,41 @@ output:
   probes:
     tip: rod@1
 """
-# the command line, with ten times as many checkpoints
-OFTEN = """
+# the command line, in a process that can go on from any state, makes every 50th safe, and signals itself behind one
+STOPPED = """
+import os, sys
+from ancf2d.results.writer import ResultWriter
+from ancf2d.solvers import stepping
+
+stepping.CHUNK_SECONDS = 1e-9
+last, how, states = int(sys.argv.pop(1)), int(sys.argv.pop(1)), 0
+
+def flush_often(writer):
+    global states
+    states += 1
+    if states % 50 == 0:
+        writer.flush()
+    if states == last:
+        os.kill(os.getpid(), how)
+
+ResultWriter._flush_when_due = flush_often
 from ancf2d.cli import main
-from ancf2d.results import writer
-writer.FLUSH_SECONDS = 0.1
 main()
 """
 
 
 @pytest.fixture
 def pendulum(folder: Path) -> Path:
-    """A folder with a pendulum that swings for some seconds of work."""
-    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "40"))
+    """A folder with a pendulum that swings through 1200 states."""
+    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "12"))
     return folder
 
 
-def stopped(folder: Path, how: signal.Signals, *options: str, behind: float = 0.0) -> tuple[int, str, str]:
-    """Start a run, stop it when its file holds a checkpoint behind a time; return code, stdout, stderr."""
-    with subprocess.Popen([sys.executable, "-c", OFTEN, "run", "rod.yaml", *options], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True, cwd=folder) as process:
-        try:
-            part, began = part_path(folder / "rod.h5"), time.monotonic()
-            while process.poll() is None and time.monotonic() - began < 300:  # it may have to compile first
-                found = read_checkpoint(part) if part.exists() else None
-                if found is not None and found.t > behind:
-                    break
-                time.sleep(0.01)
-            time.sleep(RNG.uniform(0.0, 0.1))
-            process.send_signal(how)
-            out, err = process.communicate(timeout=60)
-        finally:
-            process.kill()
-    return process.returncode, out, err
+def stopped(folder: Path, last: int, how: signal.Signals, *options: str) -> tuple[int, str, str]:
+    """Start a run that is stopped behind so many states; return code, stdout, stderr."""
+    done = subprocess.run([sys.executable, "-c", STOPPED, str(last), str(int(how)), "run", "rod.yaml", *options],
+                          capture_output=True, text=True, cwd=folder, check=False)
+    return done.returncode, done.stdout, done.stderr
 
 
 def bits(path: Path) -> list[bytes]:
@@ -84,7 +83,7 @@ def bits(path: Path) -> list[bytes]:
 
 @pytest.mark.slow
 def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendulum: Path, call: Call) -> None:
-    code, out, err = stopped(pendulum, signal.SIGINT, "--json")
+    code, out, err = stopped(pendulum, 433, signal.SIGINT, "--json")
     assert code == 130, err
     assert json.loads(out)["status"] == "interrupted"
     assert "to continue: ancf2d run rod.yaml --json --resume" in err
@@ -92,13 +91,16 @@ def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendul
     with open_results("rod.h5.part") as r:
         assert r.status == "interrupted"
         reached = r.t[-1]
-        assert 0 < reached < 40
+        assert 0 < reached < 12
     found = read_checkpoint("rod.h5.part")
     assert found is not None
     assert 0 < found.t <= reached
-    code, _, err = stopped(pendulum, signal.SIGKILL, "--resume", behind=found.t)
+    code, _, err = stopped(pendulum, 271, signal.SIGKILL, "--resume")
     assert f"resuming 'rod.h5.part' at t = {found.t:.6g} s" in err
     assert code == -signal.SIGKILL, err
+    again = read_checkpoint("rod.h5.part")
+    assert again is not None
+    assert again.t > found.t
     other = call("run", "rod.yaml", "--resume", "--set", "bodies.rod.element.count=5")
     assert other.exit_code == 2
     assert "started with other --set options" in other.stderr
