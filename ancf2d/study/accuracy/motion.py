@@ -15,7 +15,7 @@ from .mesh import moved_alone
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, apart, judge, tenth
 from .setting import Level, Setting, meshed
 
-# a tenth of the tolerance errs a third as much, at most: what a difference between both tells of either
+# with a tenth of the tolerance steps err at most a third as much: factors from the difference to the error of each
 LOOSE, TIGHT = 1.5, 0.5
 # what time errs more on a finer mesh, and the share of the wanted error that it may take
 FINER, SHARE = 1.5, 0.25

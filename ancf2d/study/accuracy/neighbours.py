@@ -1,7 +1,8 @@
 """A solved mesh beside two others: one with elements twice as long, one with elements half as long.
 
-Both begin from the state that is known, so each costs a model and a few iterations. Three meshes show an order, and the
-finer one shows the error of the middle one itself: f(h/2) - f(h) = -e (1 - 2^-p), with little left to the order p.
+In statics both begin from the state that is known, so each costs a model and a few iterations. Three meshes show an
+order, and the finer one shows the error of the middle one itself: f(h/2) - f(h) = -e (1 - 2^-p), with little left to
+the order p.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..order import ROUND_OFF, Estimate
 from ..run import quantity
 from .setting import Level
 
-# of the wanted error: what is added to the estimate, and where the values swing about their limit
+# what an estimate is multiplied by, and where the values swing about their limit
 SAFETY, SWINGING = 1.25, 2.0
 # the least order that is believed, and how much larger than that of the type an order may be that is no accident
 LEAST, BEYOND = 0.75, 2.0
