@@ -261,6 +261,14 @@ def moment_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-
 MOMENT = PointLaw("moment", moment, moment_mean)
 
 
+def moment_at(point: PointRef, value: float, amplitude: Callable[[float], float]) -> PointPatch:
+    """Return a moment [N m] on the section at a point."""
+    kind, fields = turn_fields(point)
+    out = PointPatch(MOMENT, fields, [float(value), kind], amplitude)
+    out.ends = [(point, fields)]
+    return out
+
+
 @load
 @record
 class Moment:
@@ -275,8 +283,7 @@ class Moment:
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the moment on what turns with its section: Q_k = M dtheta/de."""
-        kind, fields = turn_fields(context.point(self.at))
-        out.patches.append(PointPatch(MOMENT, fields, [float(self.value), kind], context.amplitude))
+        out.patches.append(moment_at(context.point(self.at), self.value, context.amplitude))
 
 
 @load
@@ -300,5 +307,4 @@ class Torque:
         """Add the moment on each of the sections that is not of the ground."""
         for end, value in zip(self.between, (-self.value, self.value), strict=True):
             if isinstance(end, Point):
-                kind, fields = turn_fields(context.point(end))
-                out.patches.append(PointPatch(MOMENT, fields, [float(value), kind], context.amplitude))
+                out.patches.append(moment_at(context.point(end), value, context.amplitude))

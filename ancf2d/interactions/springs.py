@@ -17,7 +17,6 @@ from ..case.schema.amplitudes import ExpressionText
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
-from ..elements.shape import Array
 from ..errors import PluginError
 from ..model.mesh import BodyMesh
 from ..model.point_patch import (
@@ -26,7 +25,6 @@ from ..model.point_patch import (
     PointPatch,
     constants_of,
     position_fields,
-    table_of,
     turns,
 )
 from ..model.points import PointRef, point_ref
@@ -87,12 +85,19 @@ def _sum(parts: list[list[Field]]) -> list[Field]:
             for a, b in zip(*parts, strict=True)]
 
 
+def _of_bodies(ends: list[End], parts: list[list[Field]]) -> list[tuple[PointRef, list[Field]]]:
+    return [(end, part) for end, part in zip(ends, parts, strict=True) if isinstance(end, PointRef)]
+
+
 def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
           length: float | None = None) -> Spring:
     """Return a spring along the line between two points; ``length``: that at which its elongation is zero."""
-    fields = _sum(_distance(ends))
+    parts = _distance(ends)
+    fields = _sum(parts)
     start = math.hypot(*(f.p0 for f in fields))
-    return Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
+    out = Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
+    out.ends = _of_bodies(ends, parts)
+    return out
 
 
 def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
@@ -101,7 +106,10 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
     sections = [end if isinstance(end, PointRef) else None for end in ends]
     kinds, _ = turns(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
-    return Spring(law, _sum(_turning(ends)), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
+    parts = _turning(ends)
+    out = Spring(law, _sum(parts), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
+    out.ends = _of_bodies(ends, parts)
+    return out
 
 
 def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point], PointRef],
@@ -118,26 +126,6 @@ def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point
     spring: Spring = item.place(place)
     return MovingPatch(mesh, course, spring.law, spring.par.tolist(), None, sign=(-1.0, 1.0)[k],
                        others=_distance(place)[1 - k], stretches=True)
-
-
-def end_forces(patch: Spring, ends: list[End], d: Array, v: Array | None, t: float,
-               linear: bool) -> list[Array]:
-    """Return the forces (n_q,) that each end of a spring and damper exerts at displacements d and their rates v.
-
-    With ``linear`` they are those about the reference.
-    """
-    u = patch.G @ d[patch.coordinates]
-    rates = np.zeros_like(u) if v is None else patch.G @ v[patch.coordinates]
-    f, H, _ = patch.forces(np.zeros_like(u) if linear else u, t, rates)
-    if linear:
-        f = f + H @ u
-    out = []
-    for fields in (_turning if patch.angle else _distance)(ends):
-        coords, G, _ = table_of(fields)
-        full = np.zeros_like(d)
-        full[coords] = -(G.T @ f)
-        out.append(full)
-    return out
 
 
 def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = False,

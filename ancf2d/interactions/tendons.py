@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,11 @@ from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, THETA
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
-from ..model.point_patch import NOTHING, Field, PointPatch, position_fields, turn_fields
+from ..model.point_patch import NOTHING, Field, PointPatch, position_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
-from .forces import AMPLITUDE, AMPLITUDE_DOC, MOMENT, NAME, LoadContext, LoadError, LoadSet, load
+from .forces import AMPLITUDE, AMPLITUDE_DOC, NAME, LoadContext, LoadError, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # fields of an elastic tendon: the stiffness between all of them is one matrix
@@ -118,17 +118,31 @@ def _plus(a: Field, b: Field) -> Field:
     return Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
 
 
-def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[list[Field]]:
+class Piece(NamedTuple):
+    """The fields of a piece of a tendon, and what its eyelets on bodies have of them."""
+
+    fields: list[Field]
+    ends: list[tuple[PointRef, list[Field]]]
+
+    def among(self, before: int, size: int, after: int) -> Piece:
+        """Return the piece with ``size`` fields, and its ends with nothing in the fields of pieces before and after."""
+        fields = [*self.fields, *[NOTHING] * (size - len(self.fields))]
+        ends = [(p, [*[NOTHING] * before, *own, *[NOTHING] * (size - len(own) + after)]) for p, own in self.ends]
+        return Piece(fields, ends)
+
+
+def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Piece]:
     """Return the pieces of a tendon from eyelet to eyelet."""
     out = []
     for (a, ya), (b, yb) in pairwise(eyelets):
         (la, arm_a), (lb, arm_b) = _eyelet(a, ya, -1.0), _eyelet(b, yb, 1.0)
         arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
-        out.append([*map(_plus, la, lb), *arms])
+        shares = ((a, [*la, *arm_a]), (b, [*lb, *_NO_ARM, *arm_b])) if arms else ((a, la), (b, lb))
+        out.append(Piece([*map(_plus, la, lb), *arms], [(p, own) for p, own in shares if isinstance(p, PointRef)]))
     return out
 
 
-def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[list[Field]]:
+def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[Piece]:
     """Return the pieces of a tendon guided at y off the axis of a body: what stretches at quadrature points have of it.
 
     Its direction there is d(r + y n)/dx; ``more`` points along each element beside those of line loads.
@@ -146,13 +160,14 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                     slope = rise / length
                     if kind == "interpolated":
                         up = _scaled(_raw(at, 0, 1, [0, 1]), slope)
-                        out.append(_scaled(list(map(_plus, along, up)), weight))
+                        own = _scaled(list(map(_plus, along, up)), weight)
                     elif kind == "theta":
                         arm = [*_raw(at, 0, 0, [2]), *_scaled(_raw(at, 1, 0, [2]), -weight * off)] if y else []
                         rises = [] if isinstance(y, float) else [_number(weight * slope)]
-                        out.append([*_scaled(along, weight), *arm, *rises])
+                        own = [*_scaled(along, weight), *arm, *rises]
                     else:
-                        out.append(_scaled(along, weight))
+                        own = _scaled(along, weight)
+                    out.append(Piece(own, []))
     return out
 
 
@@ -276,7 +291,7 @@ class Tendon:
         ends = () if self.on is None else (Point(self.on, self.from_), Point(self.on, self.to))
         return ends + tuple(e.at for e in self.through if isinstance(e, Probe))
 
-    def _pieces(self, context: LoadContext) -> list[list[Field]]:
+    def _pieces(self, context: LoadContext) -> list[Piece]:
         if self.on is None:
             return spans([(e, 0.0) if isinstance(e, GroundPoint) else (context.point(e.at), e.y)
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
@@ -309,27 +324,33 @@ class Tendon:
                 lambda d, t: given * context.amplitude(t), lambda d: given, np.zeros(0, dtype=np.intp))
             out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, *own))
 
-    def _put(self, context: LoadContext, out: LoadSet, pieces: list[list[Field]]) -> ElasticTendon | None:
+    def _put(self, context: LoadContext, out: LoadSet, pieces: list[Piece]) -> ElasticTendon | None:
         """Add the pieces, and return the elastic tendon that they are, if it is one."""
-        size = max(map(len, pieces))
-        pieces = [[*p, *[NOTHING] * (size - len(p))] for p in pieces]
+        size = max(len(p.fields) for p in pieces)
         if self.stiffness is not None:
-            fields = [f for p in pieces for f in p]
-            if len(fields) > MOST:
+            whole = size * len(pieces)
+            if whole > MOST:
                 each = 1 if self.on is None else context.meshes[self.on].plan.element.degree_x + 3 + self._more
                 what = "stretches" if self.on is None else "elements"
                 raise LoadError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
                                 f"{what} are too many", f"at most {MOST // size // each}")
+            pieces = [p.among(k * size, size, whole - (k + 1) * size) for k, p in enumerate(pieces)]
+            fields = [f for p in pieces for f in p.fields]
             tendon = ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude)
+            tendon.ends = [end for p in pieces for end in p.ends]
             out.springs.append(tendon)
             return tendon
         given = self.tension
         assert given is not None
-        out.patches += [PointPatch(TENSION, p, [given, size], context.amplitude) for p in pieces]
+        for part in pieces:
+            fields, ends = part.among(0, size, 0)
+            patch = PointPatch(TENSION, fields, [given, size], context.amplitude)
+            patch.ends = ends
+            out.patches.append(patch)
         if (self.on is not None and isinstance(self.y, float)
                 and context.meshes[self.on].plan.element.section_kind == "tangent"):
             # the length of a line y off the axis of an unsheared beam is that of the axis less y times what it turns
             for end, sign in ((self.to, 1.0), (self.from_, -1.0)):
-                kind, turning = turn_fields(context.point(Point(self.on, end)))
-                out.patches.append(PointPatch(MOMENT, turning, [sign * given * self.y, kind], context.amplitude))
+                point = context.point(Point(self.on, end))
+                out.patches.append(moment_at(point, sign * given * self.y, context.amplitude))
         return None

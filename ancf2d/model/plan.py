@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from ..case import (
     Polyline,
     Selective,
 )
+from ..case.schema.points import named_points
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
@@ -185,9 +186,7 @@ def acting_at(case: Case) -> Counter[Point]:
     """Return how often supports, joints, springs, masses and loads name each point."""
     found: Counter[Point] = Counter()
     for thing in (*case.boundary_conditions, *case.joints, *case.springs, *case.masses, *case.loads):
-        found.update(getattr(thing, "points", None) or ())
-        for value in (getattr(thing, f.name) for f in fields(thing)):
-            found.update(p for p in (value if isinstance(value, tuple) else (value,)) if isinstance(p, Point))
+        found.update(named_points(thing))
     return found
 
 

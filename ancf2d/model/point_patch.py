@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -102,6 +102,8 @@ class PointPatch:
     scale = 1.0
     # when it acts, None for always
     active: Active | Latch | None = None
+    # points of bodies that it acts at, with what each has of the fields, where they are told apart
+    ends: Sequence[tuple[PointRef, Sequence[Field]]] = ()
 
     def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float],
                  signal: Callable[[float], float] | None = None, fed: int = -1,
@@ -143,6 +145,26 @@ class PointPatch:
         v = np.zeros(m) if rates is None else rates
         self.law.forces(self.p0, u, v, self.par, a, self.mem, f, H, C)
         return f, H, C
+
+    def at_ends(self, wanted: Callable[[PointRef], bool], d: Array, v: Array | None, t: float,
+                linear: bool = False) -> Iterator[tuple[PointRef, Array]]:
+        """Yield those of its ``ends`` that are wanted, and the forces (n_q,) exerted there at d (n_q,) and rates v.
+
+        With ``linear`` they are those to first order about the reference.
+        """
+        ends = [(point, fields) for point, fields in self.ends if wanted(point)]
+        if not ends or (self.active is not None and not self.active.at(t)):
+            return
+        u = self.G @ d[self.dofs[0]]
+        rates = np.zeros_like(u) if v is None else self.G @ v[self.dofs[0]]
+        f, H, _ = self.forces(np.zeros_like(u) if linear else u, t, rates)
+        if linear:
+            f = f + H @ u
+        for point, fields in ends:
+            coords, G, _ = table_of(fields)
+            full = np.zeros_like(d)
+            full[coords] = -(G.T @ f)
+            yield point, full
 
     def reference_stiffness(self) -> Array:
         """Return the stiffness (n, n) along the coordinates in the reference."""

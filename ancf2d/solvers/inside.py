@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import GroundPoint, Point
+from ..case import Point
+from ..case.schema.points import named_points
 from ..elements.shape import Array
 from ..elements.sliding import OFF
 from ..interactions.body_loads import FormulaLine
 from ..interactions.forces import LoadContext, LoadSet
 from ..interactions.moving import MovingPatch
 from ..interactions.prismatic import OnAxis
-from ..interactions.springs import end_forces
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
+from ..model.point_patch import PointPatch
 from ..model.points import PointRef
 from .linear import full_mass, inertia_rates
 from .state import State
@@ -97,9 +97,8 @@ def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
     None where supports or joints without multipliers hold it there: their forces depend on the whole model.
     """
     coords, owners = [mesh.dofs[ie]], {owner for owner, k, _ in _places(model, mesh, state) if k == ie}
-    for spring, patch in zip(model.case.resting_springs.values(), model.springs, strict=False):
-        ends = (model.point(p) for p in spring.between if not isinstance(p, GroundPoint))
-        if any(is_inside(end, mesh) and end.ie == ie for end in ends):
+    for patch in [*model.springs, *(p for p in model.loads.patches if isinstance(p, PointPatch))]:
+        if any(is_inside(end, mesh) and end.ie == ie for end, _ in patch.ends):
             coords.append(patch.coordinates)
     coords += [guide.depends for guide in model.loads.guides if guide.mesh is mesh]
     if any(row.owner in owners for row in model.rows):
@@ -112,34 +111,39 @@ def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
 def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d = _displacements(model, state)
     for load in model.case.loads:
-        at = getattr(load, "at", None)
-        if not isinstance(at, Point) or at.body != mesh.plan.name or not is_inside(point := model.point(at), mesh):
+        # the body first: a place along it takes a while to find
+        named = [model.point(p) for p in named_points(load) if p.body == mesh.plan.name]
+        if not any(is_inside(point, mesh) for point in named):
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
-        follows = model.timing.factor(load)
-        load.add(LoadContext(model.meshes, model.point, follows), out)
+        load.add(LoadContext(model.meshes, model.point, model.timing.factor(load)), out)
+        told = [patch for patch in out.patches if isinstance(patch, PointPatch) and patch.ends]
+        for patch in told:
+            yield from _at_ends(patch, mesh, d, None, state)
+        if not isinstance(getattr(load, "at", None), Point):
+            continue
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
-        if out.patches:
+        if rest := [patch for patch in out.patches if patch not in told]:
             from ..model.interactions import batches
 
-            for patch in batches(out.patches):
-                np.subtract.at(full, patch.dofs, patch.evaluate(model.e0 + d, d, state.side)[1])
-        yield _at(point, full)
+            for batch in batches(rest):
+                np.subtract.at(full, batch.dofs, batch.evaluate(model.e0 + d, d, state.side)[1])
+        yield _at(named[0], full)
 
 
 def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    d, v = state.d[:model.n_q], None if state.v is None else state.v[:model.n_q]
     if state.turned is not None:
-        d = state.d[:model.n_q]
         model.turns.recall(model.springs, model.e0 + d, d, state.turned)
-    # behind the springs of the case stand elastic tendons
-    for spring, patch in zip(model.case.resting_springs.values(), model.springs, strict=False):
-        ends = [p if isinstance(p, GroundPoint) else model.point(p) for p in spring.between]
-        inside = [end if isinstance(end, PointRef) and is_inside(end, mesh) else None for end in ends]
-        if inside != [None, None]:
-            v = None if state.v is None else state.v[:model.n_q]
-            forces = end_forces(patch, ends, state.d[:model.n_q], v, state.side, state.linear)
-            yield from (_at(end, force) for end, force in zip(inside, forces, strict=True) if end is not None)
+    for spring in model.springs:
+        yield from _at_ends(spring, mesh, d, v, state, state.linear)
+
+
+def _at_ends(patch: PointPatch, mesh: BodyMesh, d: Array, v: Array | None, state: State, linear: bool = False
+             ) -> Iterator[Inside]:
+    for point, full in patch.at_ends(lambda end: is_inside(end, mesh), d, v, state.side, linear):
+        yield _at(point, full)
 
 
 def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
@@ -169,11 +173,9 @@ def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, 
     """Return owner, element and xi of the supports and joints that hold a body between the ends of its elements."""
     places = [(owner, point.ie, point.xi) for owner, point in model.supports if is_inside(point, mesh)]
     for i, joint in enumerate(model.case.joints):
-        for value in (getattr(joint, f.name) for f in fields(joint)):
-            for p in value if isinstance(value, tuple) else (value,):
-                # the body first: a place along it takes a while to find
-                if isinstance(p, Point) and p.body == mesh.plan.name and is_inside(point := model.point(p), mesh):
-                    places.append((joint.name or f"joints.{i}", point.ie, point.xi))
+        for p in named_points(joint):
+            if p.body == mesh.plan.name and is_inside(point := model.point(p), mesh):
+                places.append((joint.name or f"joints.{i}", point.ie, point.xi))
     d = _displacements(model, state)
     return places + [(c.owner, *c.foot(d)) for c in model.constraints
                      if isinstance(c, OnAxis) and c.body == mesh.plan.name

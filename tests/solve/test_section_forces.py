@@ -184,6 +184,12 @@ ATTACHED = {
     "prismatic": (POST + f"{WALL}, {{type: roller, at: post@0, fixed: x}}, {{type: roller, at: post@1, fixed: x}}]\n"
                   "joints: [{type: prismatic, point: post@0, on: beam}]\n"
                   "loads: [{type: force, at: post@1, value: [0, -100]}]", (0.0, -100.0, 0.0)),
+    "torque": (f"{WALL}]\nloads: [{{type: torque, between: [beam@0.45, [0, 0]], value: 30}}]", (0.0, 0.0, -30.0)),
+    # the eyelet is 0.3 above the axis, and both stretches leave it at right angles
+    "eyelet": (f"{WALL}]\nloads: [{{type: tendon, through: [[0.9, 2], {{at: beam@0.45, y: 0.3}}, [3, 0.3]], "
+               "tension: 20}]", (20.0, 20.0, -6.0)),
+    "elastic eyelet": (f"{WALL}]\nloads: [{{type: tendon, through: [[0.9, 2.3], {{at: beam@0.45, y: 0.3}}, "
+                       "[3.9, 0.3]], stiffness: 10, slack: -3}]", (15.0, 15.0, -4.5)),
     "support": (f"{WALL}, {{type: prescribed, at: beam@0.45, uy: -1e-6}}]",
                 (0.0, -1e-6 * 3 * 2e11 * 0.2e-3 / 12 / 0.9**3, 0.0)),
 }

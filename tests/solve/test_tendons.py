@@ -12,6 +12,7 @@ import ancf2d
 from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
 from ancf2d.errors import CaseError
 from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
+from ancf2d.model.points import point_ref
 from ancf2d.solvers.section_forces import SectionForces
 
 E, H, B, L = 1e7, 0.1, 0.1, 2.0
@@ -99,6 +100,65 @@ def test_eyelets_are_in_equilibrium(kind: str) -> None:
     np.testing.assert_allclose([wall["fx"], wall["fy"]], -sum(pulls), atol=tension * slack)
     moment = sum(end[0] * p[1] - end[1] * p[0] for end, p in zip(ends, pulls, strict=True))
     assert wall["m"] == pytest.approx(-moment, abs=tension * slack)
+
+
+TWO = [{"at": "a@0.45", "y": 0.06}, {"at": "a@0.55", "y": -0.04}]
+GROUND = np.array([[0.3, 0.8], [1.6, -0.9]])
+
+
+@pytest.mark.parametrize(("kind", "pull"), [
+    ("reissner3", {"tension": 300.0}), ("cable", {"stiffness": 500.0, "slack": -0.8}), ("vallejo", {"tension": 300.0})])
+def test_sections_beside_two_eyelets_within_an_element_bear_what_is_beyond(kind: str, pull: dict[str, float]) -> None:
+    """Far from the reference: before both, between and behind them, by hand from where the eyelets are."""
+    load = {"type": "tendon", "through": [GROUND[0].tolist(), *TWO, GROUND[1].tolist()], **pull}
+    found = solve(beam(kind, 3, nodes="regular"), [load])
+    way = np.array([GROUND[0], *(eyelet(found, e) for e in TWO), GROUND[1]])
+    steps = np.diff(way, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    rest = np.array([GROUND[0], [0.9, 0.06], [1.1, -0.04], GROUND[1]])
+    l0 = np.linalg.norm(np.diff(rest, axis=0), axis=1).sum() + pull.get("slack", 0.0)
+    T = pull.get("tension", pull.get("stiffness", 0.0) * (lengths.sum() - l0) / l0)
+    forces = np.diff(T * steps / lengths[:, None], axis=0)
+    assert abs(found.theta("a@0.5")) > 0.05
+    sections = SectionForces(found.model, found.model.meshes["a"], np.array([0.25, 0.5, 0.75]))(found.state)[1]
+    for k, found_here in enumerate(sections):
+        at, angle = (read(f"a@{(1.25 + 0.25 * k) / 3!r}") for read in (found.r, found.theta))
+        total, arms = forces[k:].sum(axis=0), way[1 + k:-1] - at
+        moment = sum(a[0] * f[1] - a[1] * f[0] for a, f in zip(arms, forces[k:], strict=True))
+        c, s = np.cos(angle), np.sin(angle)
+        by_hand = [c * total[0] + s * total[1], c * total[1] - s * total[0], moment]
+        np.testing.assert_allclose(found_here, by_hand, atol=1e-7 * T)
+
+
+def eyelet(found: helpers.Solution, e: dict[str, Any]) -> Any:
+    """Return where an eyelet off the axis is."""
+    mesh, s = found.model.meshes["a"], float(e["at"][2:])
+    if mesh.plan.element.section_kind == "interpolated":
+        return np.array([w @ (found.model.e0 + found.d[:found.model.n_q])[c]
+                         for c, w in point_ref(mesh, s, e["y"]).position()])
+    angle = found.theta(e["at"])
+    return found.r(e["at"]) + e["y"] * np.array([-np.sin(angle), np.cos(angle)])
+
+
+def test_a_guide_that_ends_within_elements_of_a_curve_bends_what_is_between() -> None:
+    """Small: N = 0 but M = T y of the moments at its ends, which are all that a guide off the axis of a curve does."""
+    load = {"type": "tendon", "on": "a", "y": 0.03, "from": 0.25, "to": 0.75, "tension": 50}
+    found = solve(beam("cable", 2, nodes="regular"), [load], "linear_static")
+    forces = SectionForces(found.model, found.model.meshes["a"], np.array([0.2, 0.45, 0.55, 0.8]))(found.state)
+    bent = np.array([[0.0, 0, 1, 1], [1, 1, 0, 0]])
+    zero = np.zeros_like(bent)
+    np.testing.assert_allclose(forces, np.stack([-50 * bent, zero, 1.5 * bent], axis=-1), atol=1e-8)
+
+
+def test_section_forces_of_linear_statics_are_linear() -> None:
+    """Of a tendon through an element whose length is not linear in the displacements."""
+    loads = [{"type": "tendon", "through": [[0.0, 0.5], TWO[0], [1.5, 0.8]], "stiffness": 1e4}]
+    xi, found = np.array([0.1, 0.5, 0.7]), []
+    for push in (-1.0, -1000.0):
+        one = solve(beam("reissner3", 3, nodes="regular"),
+                    [*loads, {"type": "force", "at": "a@1", "value": [0, push]}], "linear_static")
+        found.append(SectionForces(one.model, one.model.meshes["a"], xi)(one.state) / push)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("where", [{"on": "a", "y": 0.03}, {"through": EYELETS}])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 from ..binder import Binder, Issue, Path, dotted
@@ -89,6 +90,14 @@ class Probe:
     def written(self) -> Any:
         """Return the probe as a case has it: the point alone where it is on the axis."""
         return self.at if self.y == 0 else {"at": self.at, "y": self.y}
+
+
+def named_points(thing: Any) -> list[Point]:
+    """Return the points of bodies that a support, joint, spring, mass or load acts at."""
+    found = list(getattr(thing, "points", None) or ())
+    for value in (getattr(thing, f.name) for f in fields(thing)):
+        found += [p for p in (value if isinstance(value, tuple) else (value,)) if isinstance(p, Point)]
+    return found
 
 
 def named_twice(points: tuple[object, ...]) -> Iterator[Issue]:
