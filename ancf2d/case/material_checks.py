@@ -33,8 +33,7 @@ def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
 
 def check_materials(checker: Any) -> None:
     """Check that solvers and fields know the laws of the materials."""
-    case, said = checker.case, False
-    for path, material in materials_of(case):
+    for path, material in materials_of(checker.case):
         if material in (None, INVALID) or path in checker.failed or not material.remembers:
             continue
         name = next((key for key in ("yield", "stress_strain", "viscoelastic") if getattr(
@@ -42,9 +41,6 @@ def check_materials(checker: Any) -> None:
         key, allowed = (*path, name), {"viscoelastic": RELAXING, "law": HYPERELASTIC}.get(name, KNOWING)
         if checker.solver not in allowed:
             checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
-        if material.viscoelastic and checker.solver == "frequency_response" and not said:
-            _check_inputs(checker)
-        said = True
     _check_fields(checker)
     _check_layers(checker)
 
@@ -87,14 +83,3 @@ def _check_layers(checker: Any) -> None:
         checker.fail(("loads", k, "on"), f"loads.{k}.on: the layers of '{load.on}' expand unlike each other, and the "
                      "stress that this makes within the section does not reach fibres that yield or follow a curve",
                      "layers of one alpha, or elastic ones")
-
-
-def _check_inputs(checker: Any) -> None:
-    """Check that no section forces are asked for, which would relax too."""
-    case = checker.case
-    if case.output is INVALID or case.output.fields is INVALID:
-        return
-    for k, field in enumerate(case.output.fields):
-        if field in ("N", "Q", "M"):
-            checker.fail(("output", "fields", k), f"output.fields: the response of {field} is not known of a "
-                         "viscoelastic material", "probes alone")

@@ -16,8 +16,7 @@ def command(session: Session) -> int:
     """Compile the kernels of all kinds of models, once for this machine.
 
     This is optional: runs compile the kernels that they need and keep them. It saves the first users of an image or a
-    classroom the wait. A run still compiles the kernels of plugins, and of materials that are viscoelastic in a
-    continuum.
+    classroom the wait. A run still compiles the kernels of plugins.
     """
     from ..study.everything import compile_everything
 

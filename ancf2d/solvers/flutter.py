@@ -15,6 +15,7 @@ from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
 from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
 from .quadratic import AT_REST, Search, shift_of
+from .relaxing import Term, corrected, system_matrix, terms_of, with_dashpots
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -31,6 +32,8 @@ UNDAMPED, DAMPED = 1e-5, 1e-9
 SETTLED, MOST = 1e-8, 4
 # relative width of the brackets of critical factors
 ROUND = 1e-10
+# imaginary part beside |s| of what only relaxes: rates that are close to each other make pairs
+RELAXES = 1e-2
 # modes of the space without loads in which eigenvalues are followed, beside the pairs that are, and beyond
 FOLLOWED, MORE = 3, 10
 # points between two factors at which eigenvalues are predicted, and how close to the ends the next factor may be
@@ -85,7 +88,8 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
     ``change`` tells dK and dC over mu.
 
     The eigenvalues are followed over the factor in a space of few vectors. About each critical factor the space gets
-    those of a Krylov space there, until the factor has come to rest.
+    those of a Krylov space there, until the factor has come to rest. Materials that relax have their dashpots in the
+    space, and the vector of the motion itself, from the complex modulus, for each critical factor.
     """
     track = _Track(small, change, modes)
     found: list[Critical] = []
@@ -122,38 +126,65 @@ class _Track:
 
     def __init__(self, small: Linearised, change: Change, modes: int) -> None:
         self.small, self.change, self.pairs = small, change, modes + EXTRA
-        self.limit = DAMPED if small.rates.damps or change.damps else UNDAMPED
+        self.limit = DAMPED if small.rates.damps or change.damps or small.relaxing else UNDAMPED
         pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
         self.first = math.sqrt(first_shift(pencil))
         self.still = AT_REST * math.sqrt(characteristic(pencil))
-        self.space = Space(self._problem(0.0))
+        self.space, self.terms = Space(self._problem(0.0)), list[Term]()
         self._project(0.0)
-        s = np.abs(self._values(0.0))
+        # the rates at which materials relax are none of what vibrates
+        s = np.abs(self._values(0.0, relaxes=False))
         self.lowest = float(s[s > self.still].min(initial=np.inf))
         if not math.isfinite(self.lowest):
             raise ComputationError("nothing vibrates", advice="give the bodies a density and a stiffness")
-        self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6)
+        stiffer = math.sqrt(1.0 + max((sum(g for g, _ in one.terms) for one in small.relaxing), default=0.0))
+        self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6) * stiffer
         self.smallest = self._smallest()
 
-    def _problem(self, factor: float) -> Quadratic:
-        gyration = self.change.gyration
-        return Quadratic(self.small, load=self.change.stiffness(factor),
-                         rates=None if gyration is None else factor * gyration)
+    def _problem(self, factor: float, relaxes: bool = False, at_once: bool = False) -> Quadratic:
+        """Return the problem at a load factor, with the complex modulus, or ``at_once`` as no dashpot moves."""
+        load, gyration = self.change.stiffness(factor), self.change.gyration
+        for one in self.small.relaxing if at_once else ():
+            springs = sum(g for g, _ in one.terms) * one.V
+            load = springs if load is None else load + springs
+        return Quadratic(self.small, load=load, rates=None if gyration is None else factor * gyration, relaxes=relaxes)
 
     def _project(self, factor: float) -> None:
         """Add a Krylov space at a load factor to the space, or all that can move where that is little."""
-        problem = self._problem(factor)
-        search = Search(problem, shift_of(problem, self.first), self.still)
-        search.fill(self.pairs)
-        for x in search.space.V:
-            self.space.add(x)
+        for at_once in (True, False) if self.small.relaxing else (False,):
+            problem = self._problem(factor, at_once=at_once)
+            search = Search(problem, shift_of(problem, self.first), self.still)
+            search.fill(self.pairs)
+            for x in search.space.V:
+                self.space.add(x)
+        self.shift = search.s0
+        if self.terms and factor > 0.0:
+            s, x = self._grown(factor)
+            x = corrected(self._problem(factor, relaxes=True), s, x)[1]
+            self.space.add(np.ascontiguousarray(x.real))
+            self.space.add(np.ascontiguousarray(x.imag))
         V = self.space.V
         self.matrices = self.space.project()
+        self.strained = [V @ np.array([one.stiffness(x) for x in V]).T for one in self.small.relaxing]
+        self.terms = self._terms(np.eye(len(V)))
         change = self.change
         self.changes = np.array([np.zeros((len(V), len(V))) if A is None else V @ (A @ V.T)
                                  for A in (change.rate, change.square, change.gyration)])
-        self.shift = search.s0
         self._follow()
+
+    def _terms(self, T: Array) -> list[Term]:
+        """Return the Maxwell terms of all materials in combinations T (k, m) of the space."""
+        materials = zip(self.small.relaxing, self.strained, strict=True)
+        return [term for k, (one, V) in enumerate(materials) for term in terms_of(k, one.terms, T.T @ V @ T)]
+
+    def _grown(self, factor: float) -> tuple[complex, Complex]:
+        """Return the eigenvalue and the vector (n,) of the motion that has just begun to grow at a factor."""
+        s, Y = projected_pairs(self._matrices(factor), self.shift)
+        grows = np.flatnonzero(self._grows(s))
+        # at the very onset, round-off may tell both ways
+        slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(
+            np.where((s.imag >= 0) & (np.abs(s) <= self.radius), self._growth(s), -np.inf))
+        return complex(s[slowest]), self.space.combined(Y[slowest, :self.matrices.shape[1]])
 
     def _follow(self) -> None:
         """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in."""
@@ -164,17 +195,19 @@ class _Track:
         self.modes = (T @ Y)[:, :FOLLOWED * self.pairs + MORE]
         self.small_K, self.small_C = (self.modes.T @ A @ self.modes for A in (K, C))
         self.small_changes = np.array([self.modes.T @ A @ self.modes for A in self.changes])
+        self.small_terms = self._terms(self.modes)
         self.undamped = not C.any() and not self.changes[2].any()
 
-    def _matrices(self, factor: float) -> Array:
-        """Return K, C and M in the space at a load factor."""
+    def _matrices(self, factor: float, relaxes: bool = True) -> Array:
+        """Return K, C and M in the space at a load factor, with the dashpots of materials that relax behind."""
         (K, C, M), (rate, square, gyration) = self.matrices, self.changes
-        return np.array([K + factor * (rate + factor * square), C + factor * gyration, M])
+        found = np.array([K + factor * (rate + factor * square), C + factor * gyration, M])
+        return with_dashpots(found, self.terms) if self.terms and relaxes else found
 
-    def _values(self, factor: float) -> Complex:
+    def _values(self, factor: float, relaxes: bool = True) -> Complex:
         """Return all eigenvalues in the space, by |s|."""
-        matrices = self._matrices(factor)
-        s = undamped_values(matrices, self.shift) if self.undamped else projected_values(matrices, self.shift)
+        matrices, undamped = self._matrices(factor, relaxes), self.undamped and not (self.terms and relaxes)
+        s = undamped_values(matrices, self.shift) if undamped else projected_values(matrices, self.shift)
         return s[np.argsort(np.abs(s), kind="stable")]
 
     def sample(self, factor: float) -> _Sample:
@@ -182,19 +215,21 @@ class _Track:
         rate, square, gyration = self.small_changes
         K, C = self.small_K + factor * (rate + factor * square), self.small_C + factor * gyration
         K1, r = rate + 2.0 * factor * square, len(K)
-        if self.undamped:
+        if self.undamped and not self.terms:
             squares, Z = np.linalg.eig(-K)
             change = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z), K1, Z)
             s = np.sqrt(squares.astype(complex))
             rate = change / np.where(s == 0.0, 1.0, 2 * s)
             s, rate = np.concatenate([s, -s]), np.concatenate([rate, -rate])
         else:
-            s, Z = np.linalg.eig(np.block([[np.zeros((r, r)), np.eye(r)], [-K, -C]]))
-            rate = -np.einsum("ij,ji->i", np.linalg.pinv(Z)[:, r:], K1 @ Z[:r] + gyration @ Z[r:])
-        some = (s.imag >= 0) & (np.abs(s) <= self.radius)
+            s, Z = np.linalg.eig(system_matrix(K, C, self.small_terms))
+            rate = -np.einsum("ij,ji->i", np.linalg.pinv(Z)[:, r:2 * r], K1 @ Z[:r] + gyration @ Z[r:2 * r])
+        grows = int(self._grows(s).sum())
+        # of what only relaxes nothing is predicted: many rates, close to each other
+        some = (s.imag > RELAXES * np.abs(s) if self.terms else s.imag >= 0) & (np.abs(s) <= self.radius)
         s, rate = s[some].astype(complex), rate[some]
         order = np.lexsort((s.real, s.imag))
-        return _Sample(factor, s[order], rate[order], int(self._grows(s).sum()))
+        return _Sample(factor, s[order], rate[order], grows)
 
     def first_growth(self, low: _Sample, high: _Sample) -> tuple[float, float] | None:
         """Return factors between which a motion begins to grow; None where none does between two samples.
@@ -295,13 +330,9 @@ class _Track:
         if found is None:
             return None
         a, b = found
-        s, Y = projected_pairs(self._matrices(b), self.shift)
-        grows = np.flatnonzero(self._grows(s))
-        slowest = grows[np.argmin(s[grows].real)]
-        omega = float(s[slowest].imag)
-        flutters = omega > 1e-3 * self.lowest
-        return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", omega if flutters else 0.0,
-                        self.space.combined(Y[slowest]))
+        s, x = self._grown(b)
+        flutters = s.imag > 1e-3 * self.lowest
+        return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", s.imag if flutters else 0.0, x)
 
     def _onset(self, low: float, high: float) -> tuple[float, float] | None:
         """Return neighbouring factors between which one more motion of the whole space begins to grow.

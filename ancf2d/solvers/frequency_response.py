@@ -325,13 +325,12 @@ def response_of(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Ou
                 Z: Sequence[Complex]) -> Complex:
     """Return what probes read (inputs, outputs) of motions z (n,) at s."""
     num = problem.small.model.numbering
-    out, rates = _direct_parts(inputs, probes).astype(complex), s ** np.arange(3)
-    d = np.zeros((2, len(num.place)))
+    out, d = np.zeros((len(inputs), len(probes)), dtype=complex), np.zeros((2, len(num.place)))
     for row, one, z in zip(out, inputs, Z, strict=True):
         num.expand(np.ascontiguousarray(z.real), d[0])
         num.expand(np.ascontiguousarray(z.imag), d[1])
         full = d[0] + 1j * d[1] + one.p
-        row += [complex(rates @ probe.of(full)) for probe in probes]
+        row[:] = [probe.response(s, full, one.name) for probe in probes]
     return out
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elements.shape import Array
 from ..errors import ComputationError
@@ -20,7 +21,7 @@ from ..model.points import PointRef
 from ..model.rotation import Rotation
 from ..model.timing import Drive
 from .linear import full_mass
-from .linearised import Linearised
+from .linearised import Linearised, Relaxing
 from .post import FORCES, asks_for_forces, place_rate
 from .section_forces import has_section_forces
 from .small_forces import SmallForces
@@ -48,7 +49,8 @@ class Input:
 class Output:
     """A quantity of a probe: sum of weights[k] @ d[coords] over the coordinates d, their rates and second rates.
 
-    ``weights`` (3, n); ``direct``: what an input adds by itself, by its name.
+    ``weights`` (3, n); ``direct``: what an input adds by itself, by its name. ``relaxed``: what a material that relaxes
+    has of it, times its factor of s.
     """
 
     probe: str
@@ -56,6 +58,7 @@ class Output:
     coords: Index
     weights: Array
     direct: dict[str, float] = field(default_factory=dict)
+    relaxed: Relaxed | None = None
 
     @property
     def order(self) -> int:
@@ -70,6 +73,26 @@ class Output:
     def of(self, d: Array) -> Array:
         """Return what it is of coordinates d (n_full,), of rates and of second rates like these (3,)."""
         return np.asarray(self.weights @ d[self.coords])
+
+    def response(self, s: complex, d: NDArray[np.complex128], name: str) -> complex:
+        """Return what it is in a motion d exp(s t) (n_full,) that a unit of the input ``name`` causes."""
+        out = self.direct.get(name, 0.0) + complex(s ** np.arange(3) @ (self.weights @ d[self.coords]))
+        if self.relaxed is not None:
+            own = self.relaxed
+            out += own.material.factor(s) * (complex(own.weights @ d[self.coords]) + own.direct.get(name, 0.0))
+        return out
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """The part of a section force that is strained in a material that relaxes, at its long-time modulus.
+
+    ``weights`` (n,) of the coordinates; ``direct``: what natural strains add by themselves, by the name of the input.
+    """
+
+    material: Relaxing
+    weights: Array
+    direct: dict[str, float]
 
 
 class Inputs:
@@ -173,11 +196,20 @@ def outputs(small: Linearised, inputs: Sequence[str] = ()) -> list[Output]:
         point = model.point(at.at, at.y)
         out += _of_probe(small, name, point)
         if asks_for_forces(model.case) and has_section_forces(point.mesh):
-            found = SmallForces(small, name, point)
-            direct = {one: found.direct(one) for one in inputs}
-            out += [Output(name, q, found.coords, found.weights[k], {one: float(f[k]) for one, f in direct.items()})
-                    for k, q in enumerate(FORCES)]
+            out += _of_forces(small, SmallForces(small, name, point), inputs)
     return out
+
+
+def _of_forces(small: Linearised, found: SmallForces, inputs: Sequence[str]) -> list[Output]:
+    direct, terms = {one: found.direct(one) for one in inputs}, found.point.mesh.plan.section.maxwell
+    material = next((one for one in small.relaxing if one.terms == terms), None) if terms else None
+    parts: list[Relaxed | None] = [None] * 3
+    if material is not None:
+        natural = [one for one in inputs if one in small.model.inputs and small.model.inputs[one].natural]
+        parts = [Relaxed(material, weights, {one: float(direct[one][k]) for one in natural})
+                 for k, weights in enumerate(found.strained())]
+    return [Output(found.name, q, found.coords, found.weights[k], {one: float(f[k]) for one, f in direct.items()},
+                   parts[k]) for k, q in enumerate(FORCES)]
 
 
 def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:

@@ -40,6 +40,43 @@ class Term:
     material: int
 
 
+def terms_of(material: int, terms: tuple[tuple[float, float], ...], V: Array) -> list[Term]:
+    """Return the terms of a material whose stiffness in a space is V (k, k)."""
+    w, U = np.linalg.eigh(0.5 * (V + V.T))
+    some = w > UNSTRAINED * w.max(initial=0.0)
+    L = U[:, some] * np.sqrt(w[some])
+    return [Term(g, tau, L, material) for g, tau in terms]
+
+
+def system_matrix(K: Array, C: Array, terms: Sequence[Term]) -> Array:
+    """Return the matrix (states, states) of x' = A x: x is q (m,) of unit mass, q', and the dashpots of each term."""
+    m, size = len(K), 2 * len(K) + sum(term.L.shape[1] for term in terms)
+    A, at = np.zeros((size, size)), 2 * m
+    A[:m, m:2 * m], A[m:2 * m, :m], A[m:2 * m, m:2 * m] = np.eye(m), -K, -C
+    for term in terms:
+        own = slice(at, at + term.L.shape[1])
+        A[m:2 * m, :m] -= term.modulus * (term.L @ term.L.T)
+        A[m:2 * m, own] = term.modulus * term.L
+        A[own, :m], A[own, own] = term.L.T / term.time, -np.eye(term.L.shape[1]) / term.time
+        at = own.stop
+    return A
+
+
+def with_dashpots(matrices: Array, terms: Sequence[Term]) -> Array:
+    """Return K, C and M (3, k + dashpots, k + dashpots) of q and the dashpots of each term, which have no mass."""
+    k = matrices.shape[1]
+    at, size = k, k + sum(term.L.shape[1] for term in terms)
+    out = np.zeros((3, size, size))
+    out[:, :k, :k] = matrices
+    for term in terms:
+        own, one = slice(at, at + term.L.shape[1]), np.eye(term.L.shape[1])
+        out[0, :k, :k] += term.modulus * (term.L @ term.L.T)
+        out[0, :k, own], out[0, own, :k] = -term.modulus * term.L, -term.modulus * term.L.T
+        out[0, own, own], out[1, own, own] = term.modulus * one, term.modulus * term.time * one
+        at = own.stop
+    return out
+
+
 class Projected:
     """Small motions q in the space of vectors W (k, n), of unit mass: q'' + C q' + K q and what relaxes.
 
@@ -70,26 +107,12 @@ class Projected:
         return np.asarray(T @ np.linalg.eigh(0.5 * (found + found.T))[1])
 
     def _terms(self, material: int, terms: tuple[tuple[float, float], ...], VW: Array) -> list[Term]:
-        V = self.W @ VW.T
-        w, U = np.linalg.eigh(0.5 * (V + V.T))
-        some = w > UNSTRAINED * w.max(initial=0.0)
-        L = U[:, some] * np.sqrt(w[some])
-        return [Term(g, tau, L, material) for g, tau in terms]
+        return terms_of(material, terms, self.W @ VW.T)
 
     @cached_property
     def A(self) -> Array:
         """The matrix (states, states) of x' = A x."""
-        m, ranks = len(self.W), [term.L.shape[1] for term in self.terms]
-        A = np.zeros((2 * m + sum(ranks), 2 * m + sum(ranks)))
-        A[:m, m:2 * m], A[m:2 * m, :m], A[m:2 * m, m:2 * m] = np.eye(m), -self.K, -self.C
-        at = 2 * m
-        for term, rank in zip(self.terms, ranks, strict=True):
-            own = slice(at, at + rank)
-            A[m:2 * m, :m] -= term.modulus * (term.L @ term.L.T)
-            A[m:2 * m, own] = term.modulus * term.L
-            A[own, :m], A[own, own] = term.L.T / term.time, -np.eye(rank) / term.time
-            at += rank
-        return A
+        return system_matrix(self.K, self.C, self.terms)
 
     @property
     def states(self) -> list[str]:

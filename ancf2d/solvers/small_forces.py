@@ -31,7 +31,7 @@ class SmallForces:
 
     def __init__(self, small: Linearised, name: str, point: PointRef) -> None:
         base = small.base
-        case, self.small, self.point = base.model.case, small, point
+        case, self.small, self.name, self.point = base.model.case, small, name, point
         acting = [load for load in case.loads if base.loaded and load.name not in case.inputs]
         # at rest: no rates, and the forces of elements as linear as their tangent
         still = np.zeros((2, len(base.state.d)))
@@ -45,6 +45,14 @@ class SmallForces:
         self.coords = coords
         self.forces = SectionForces(self.model, point.mesh, np.array([point.xi]))
         self.weights = np.stack([self._derivatives(rate) for rate in range(3)], axis=1)
+
+    def strained(self) -> Array:
+        """Return what strains alone make of N, Q, M (3, n), by the coordinates: viscous forces, of a time of 1 s."""
+        tau = self.forces.tau
+        self.forces.tau = tau + 1.0
+        found = self._derivatives(1) - self.weights[:, 1]
+        self.forces.tau = tau
+        return np.asarray(found)
 
     def _derivatives(self, rate: int) -> Array:
         """Return the derivatives (3, n) by coordinates, their rates or their second rates."""

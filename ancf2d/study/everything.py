@@ -26,7 +26,7 @@ GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
 SIDE = 6  # of the frame that fronts are cheaper for than a band
 LAW = {"stiffness": 1e6, "damping": 1.0}
-# materials with memory, for formulations with fibres; their kernels serve any number of fibres and of terms
+# materials with memory or of large strains; their kernels serve any number of fibres and of terms
 MEMORY: dict[str, dict[str, Any]] = {
     "yields": {"yield": 1e8}, "relaxes": {"viscoelastic": [{"modulus": 0.5, "time": 1.0}]},
     "stretches like rubber": {"law": "neo_hooke"}}
@@ -185,7 +185,7 @@ def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
     for kind, keys in MEMORY.items():
         for name, formulation in FORMULATIONS.items():
             element = next(t for t in ELEMENTS.values() if formulation.refuse(t) is None)
-            bears = formulation.fibres is not None if kind in ("yields", "relaxes") else name == "continuum"
+            bears = {"yields": formulation.fibres is not None, "relaxes": True}.get(kind, name == "continuum")
             if not bears:
                 continue
             body = _body([0, 0], [1, 0], {"type": element.name, "formulation": name}, {**STIFF, **keys})

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 
 import ancf2d
 from ancf2d.errors import ComputationError
@@ -53,22 +54,66 @@ def test_internal_damping_destabilises_becks_column() -> None:
     assert first(column(damping={"rayleigh": {"alpha": 1e-3}}))["factor"] == pytest.approx(20.0509, rel=1e-3)
 
 
-def pflueger(mass: float) -> float:
-    """The critical load of Beck's column with a mass at its tip, from w'''' + P w'' = omega^2 w by bisection.
+def follower_column(P: Any, omega2: Any, mass: float = 0.0) -> Any:
+    """Return what is 0 at the eigenvalues of Beck's column with a mass at its tip, w'''' + P w'' = omega^2 w.
 
-    w(0) = w'(0) = w''(1) = 0, w'''(1) = -m omega^2 w(1): the two lowest frequencies meet.
+    w(0) = w'(0) = w''(1) = 0, w'''(1) = -m omega^2 w(1).
     """
-    def determinant(P: float, omega2: Any) -> Any:
-        root = np.sqrt(P * P / 4 + omega2)
-        a, b = np.sqrt(root - P / 2), np.sqrt(root + P / 2)
-        ch, sh, co, si = np.cosh(a), np.sinh(a), np.cos(b), np.sin(b)
-        w1, w2 = ch - co, b * sh - a * si
-        m1, m2 = a * a * ch + b * b * co, a * b * (a * sh + b * si)
-        q1, q2 = a**3 * sh - b**3 * si, a * b * (a * a * ch + b * b * co)
-        return m1 * (q2 + mass * omega2 * w2) - m2 * (q1 + mass * omega2 * w1)
+    root = np.sqrt(P * P / 4 + omega2)
+    a, b = np.sqrt(root - P / 2), np.sqrt(root + P / 2)
+    ch, sh, co, si = np.cosh(a), np.sinh(a), np.cos(b), np.sin(b)
+    w1, w2 = ch - co, b * sh - a * si
+    m1, m2 = a * a * ch + b * b * co, a * b * (a * sh + b * si)
+    q1, q2 = a**3 * sh - b**3 * si, a * b * (a * a * ch + b * b * co)
+    return m1 * (q2 + mass * omega2 * w2) - m2 * (q1 + mass * omega2 * w1)
 
+
+@pytest.mark.parametrize("terms", [((0.5, 1.0),), ((0.3, 0.02), (0.2, 0.3))], ids=["zener", "two terms"])
+def test_becks_column_of_a_material_that_relaxes(terms: tuple[tuple[float, float], ...]) -> None:
+    """Flutter begins at P and omega where w'''' + P/e w'' = omega^2/e w with e = E(i omega)/E: two real equations."""
+    found = first(column(body=relaxing(*terms)))
+    assert found["kind"] == "flutter"
+
+    def left(x: np.ndarray) -> list[float]:
+        e = 1.0 + sum(g * 1j * x[1] * tau / (1.0 + 1j * x[1] * tau) for g, tau in terms)
+        value = follower_column(x[0] / e, x[1] ** 2 / e)
+        return [value.real, value.imag]
+    factor, omega = fsolve(left, [found["factor"], found["omega"]], xtol=1e-12)
+    assert found["factor"] == pytest.approx(factor, rel=1e-5)
+    assert found["omega"] == pytest.approx(omega, rel=1e-5)
+    assert 11.0 < factor < 17.0
+
+
+def relaxing(*terms: tuple[float, float]) -> dict[str, Any]:
+    return {"material": {"viscoelastic": [{"modulus": g, "time": tau} for g, tau in terms]}}
+
+
+def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axis() -> None:
+    """The eigenvalues under the critical load, about its equilibrium, are those of the complex modulus of each body."""
+    case = column({**TIP, "at": "d@1"}, body=relaxing((0.5, 1.0)), count=4)
+    case["bodies"]["d"] = {**case["bodies"]["c"], **relaxing((3.0, 0.1), (0.2, 5.0)),
+                           "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
+    case["joints"] = [{"type": "weld", "between": ["c@1", "d@0"]}]
+    found = first(case)
+    assert found["kind"] == "flutter"
+    case["loads"][0]["value"] = [-found["factor"], 0]
+    pairs = ancf2d.solve({**case, "solver": {"type": "eigen", "modes": 3, "about": "static"}}).summary["frequencies"]
+    least = min(pairs, key=lambda one: abs(one["growth"]) if one["omega"] else np.inf)
+    assert abs(least["growth"]) < 1e-5 * least["omega"]
+    assert least["omega"] == pytest.approx(found["omega"], rel=1e-5)
+
+
+def test_a_column_that_creeps_diverges_at_the_load_of_its_long_time_modulus() -> None:
+    dead = {"type": "force", "at": "c@1", "value": [-1, 0]}
+    still = {"type": "follower_force", "at": "c@0", "value": [-1, 0]}
+    found = first(column(dead, body=relaxing((0.5, 1.0)), loads=[dead, still]))
+    assert found == {"factor": pytest.approx(math.pi**2 / 4, rel=1e-4), "kind": "divergence", "omega": 0.0}
+
+
+def pflueger(mass: float) -> float:
+    """The critical load of Beck's column with a mass at its tip, where the two lowest frequencies meet."""
     def roots(P: float) -> int:
-        values = determinant(P, np.linspace(1e-3, 600, 400001))
+        values = follower_column(P, np.linspace(1e-3, 600, 400001), mass)
         return int((np.diff(np.sign(values)) != 0).sum())
     low, high = 5.0, 25.0
     while high - low > 1e-5:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
+import helpers as h
 import numpy as np
 import pytest
-from test_relaxation import PRONY, SIZE, ZENER, E, complex_modulus, material
+from test_relaxation import PRONY, SIZE, TYPES, ZENER, E, complex_modulus, material
 from test_state_space import transfer
 
 import ancf2d
@@ -142,3 +143,34 @@ def test_eigenvalues_solve_the_problem_of_all_unknowns(kind: str, with_: str) ->
         least = [np.linalg.svd(problem.matrix(x).toarray() / np.outer(problem.weights, problem.weights),
                                compute_uv=False)[-1] for x in (s, 1.001 * s)]
         assert least[0] < 1e-5 * least[1]
+
+
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+def test_section_forces_are_those_of_the_complex_modulus(kind: tuple[str, str | None]) -> None:
+    """At one frequency, E(i omega) is that of a Kelvin-Voigt material of modulus Re E and time Im E/(omega Re E).
+
+    A bar that is held at both ends and heated slowly moves as an elastic one, and has E(i omega)/E of its N.
+    """
+    hz = 3.0
+    e = complex_modulus(2j * np.pi * hz, PRONY)
+    rubber = material(PRONY)
+    voigt = {**material(()), "E": E * e.real, "damping": {"kelvin_voigt": e.imag / e.real / (2 * np.pi * hz)}}
+    found = []
+    for one in (rubber, voigt):
+        case = scene(one, output={"probes": {"root": "b0@0", "inside": "b0@0.4"}, "fields": ["N", "Q", "M"]})
+        case["bodies"]["b0"]["element"] = h.element(kind[0], 3, kind[1])
+        done = solved(case, type="frequency_response", inputs=["base", "push"], frequencies=[hz])
+        found.append(np.array([[complex(q["re"][0], q["im"][0]) for q in map(probe.get, ("N", "Q", "M"))]
+                               for of in map(done.summary["response"].get, ("base", "push"))
+                               for probe in map(of.get, ("root", "inside"))]))
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-6 * np.abs(found[0]).max())
+    assert np.abs(found[0].imag).max() > 0.01 * np.abs(found[0]).max()
+    held, slow = [], 0.01
+    for one in (rubber, material(())):
+        case = scene(one, output={"probes": {"inside": "b0@0.4"}, "fields": ["N", "Q", "M"]})
+        case["bodies"]["b0"]["element"] = h.element(kind[0], 3, kind[1])
+        case["boundary_conditions"] = [{"type": "clamp", "at": f"b0@{s}"} for s in (0, 1)]
+        case["loads"] = [{"type": "temperature", "on": "b0", "value": 10, "name": "heat"}]
+        response = solved(case, type="frequency_response", inputs=["heat"], frequencies=[slow]).summary["response"]
+        held.append(complex(*(response["heat"]["inside"]["N"][part][0] for part in ("re", "im"))))
+    assert abs(held[0] / (complex_modulus(2j * np.pi * slow, PRONY) * held[1]) - 1.0) < 1e-6
