@@ -3,7 +3,7 @@
 from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition
 from .json_schema import SCHEMA_FILE, definition_schema, json_schema, schema_comment
-from .load import LoadedCase, load_case, load_case_text, refined, with_overrides
+from .load import CaseText, LoadedCase, load_case, load_case_text, refined, with_overrides
 from .nodes import Source
 from .reference import markdown_reference
 from .schema import *  # noqa: F403
@@ -11,7 +11,7 @@ from .schema import __all__ as _schema
 from .templates import TEMPLATES, template
 
 __all__ = [
-    "SCHEMA_FILE", "TEMPLATES", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",
+    "SCHEMA_FILE", "TEMPLATES", "CaseText", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",
     "Vocabulary", "definition_schema", "json_schema", "load_case", "load_case_text",
     "load_definition", "markdown_reference", "read_definition",
     "refined", "schema_comment", "template", "with_overrides", *_schema,

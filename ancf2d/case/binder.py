@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from ..errors import Problem
 from .declare import record
-from .nodes import Broken, Mark, Node, shorten
+from .nodes import Broken, ListNode, MapNode, Mark, Node, shorten
 from .syntax import Names
 from .units import SI, unit_label
 
@@ -52,6 +52,36 @@ class Issue(NamedTuple):
     near: str = ""
 
 
+class KnownRecords:
+    """The records that mappings below a node were found to be, where nothing was wrong with them."""
+
+    def __init__(self, root: Node | None = None) -> None:
+        # nodes live as long as they are listed here, so that none has the id of another
+        self._nodes = {id(node): node for node in _mappings(root)}
+        self._found: dict[tuple[int, type, Path], Any] = {}
+
+    def get(self, cls: type, node: MapNode, path: Path) -> Any:
+        """Return the record of a class that a mapping at a path was read as, None where it was not."""
+        return self._found.get((id(node), cls, path))
+
+    def add(self, cls: type, node: MapNode, path: Path, record: Any) -> None:
+        """Keep a record, unless its mapping is another case's alone."""
+        if id(node) in self._nodes:
+            self._found[id(node), cls, path] = record
+
+
+def _mappings(node: Node | None) -> Iterator[MapNode]:
+    """Yield all mappings at and below a node."""
+    below = [node]
+    while below:
+        one = below.pop()
+        if isinstance(one, MapNode):
+            yield one
+            below += [entry.node for entry in one.entries.values()]
+        elif isinstance(one, ListNode):
+            below += one.items
+
+
 class Binder:
     """Collects the problems of one case, and knows its units and the names it may use."""
 
@@ -66,6 +96,8 @@ class Binder:
         self.probes: tuple[str, ...] = ()
         self.controllers: tuple[str, ...] = ()
         self.states: tuple[str, ...] = ()
+        # those of a text that is read with other overrides
+        self.known = KnownRecords()
 
     def names(self, variable: str, local: tuple[str, ...] = (), feedback: bool = False) -> Names:
         """Return the names that an expression may use; with ``feedback`` those of probes and controllers, too."""

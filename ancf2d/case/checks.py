@@ -76,6 +76,7 @@ class _Checker:
         paths = [*(problem.path for problem in binder.problems), *binder.refused]
         self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
+        self.values = walk(case)
 
     def fail(self, path: Path, message: str, expected: str = "", near: str = "", on_key: bool = False) -> None:
         mark = self.source.key_mark(path) if on_key else self.source.mark(path)
@@ -105,7 +106,7 @@ class _Checker:
 
     def references(self) -> None:
         """Check that every point, body, probe and reaction that is named exists."""
-        for path, value, what in walk(self.case):
+        for path, value, what in self.values:
             if isinstance(value, Point):
                 value, what = value.body, "bodies"
             if what:

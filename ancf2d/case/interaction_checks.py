@@ -7,7 +7,6 @@ from typing import Any
 from .binder import INVALID, Path, dotted, listed
 from .controllers import DerivativeError, equations, loop
 from .nodes import quoted
-from .records import walk
 from .schema import Active, Expression, Initial, MovingPoint, PointExpression
 
 
@@ -20,7 +19,7 @@ def check_feedback(checker: Any) -> None:
     """Check that what answers the motion has one that runs while it acts, and is no motion itself."""
     method = getattr(checker.case.solver, "method", None)
     static = isinstance(checker.case.initial, Initial) and checker.case.initial.from_ == "static"
-    for path, value, _ in walk(checker.case):
+    for path, value, _ in checker.values:
         if isinstance(value, PointExpression) and "t" in value.quantities and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)} uses t: solver {checker.solver} has no time", "an amplitude")
         if not _answers(value):
@@ -39,15 +38,15 @@ def check_feedback(checker: Any) -> None:
                       "motion", "initial: {from: rest}, or the result of a case without this load")
         elif plain:
             checker.fail(path, f"{dotted(path)} uses {used}: it is a function of time alone", "an expression in t")
-    if method == "energy_momentum" and _steered(checker.case):
+    if method == "energy_momentum" and _steered(checker):
         checker.fail(("solver", "method"), "solver.method: energy_momentum takes the mean of loads over a step, which "
                   "loads that use probes or controllers do not have", "radau5, generalized_alpha or another method")
 
 
-def _steered(case: Any) -> bool:
+def _steered(checker: Any) -> bool:
     """Return whether any load answers the motion by probes or controllers."""
-    found = any(_answers(value) for path, value, _ in walk(case) if path and path[0] == "loads")
-    return found or bool(case.controllers)
+    found = any(_answers(value) for path, value, _ in checker.values if path and path[0] == "loads")
+    return found or bool(checker.case.controllers)
 
 
 def check_controllers(checker: Any) -> None:
@@ -78,7 +77,7 @@ def check_controllers(checker: Any) -> None:
 
 def check_active(checker: Any) -> None:
     """Check that things begin and end in motions alone."""
-    for path, value, _ in walk(checker.case):
+    for path, value, _ in checker.values:
         if isinstance(value, Active) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, only with dynamic",
                          on_key=True)
@@ -86,7 +85,7 @@ def check_active(checker: Any) -> None:
 
 def check_moving(checker: Any) -> None:
     """Check that points move in motions alone."""
-    for path, value, _ in walk(checker.case):
+    for path, value, _ in checker.values:
         if isinstance(value, MovingPoint) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
                          f"{checker.solver}, only with dynamic", "BODY@S")

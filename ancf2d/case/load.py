@@ -6,9 +6,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from ..errors import CaseError, Problem
-from .binder import MAX_PROBLEMS, Binder, Vocabulary, dotted
+from .binder import MAX_PROBLEMS, Binder, KnownRecords, Vocabulary, dotted
 from .checks import check_case
 from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
@@ -21,18 +22,78 @@ from .schema import Case
 
 @dataclass(frozen=True)
 class LoadedCase:
-    """A checked case and its source: the file, its text and the overrides."""
+    """A checked case and its source: the file, its text and the overrides.
+
+    ``origin`` loads the same text with other overrides.
+    """
 
     case: Case
     source: Source
     text: str
     overrides: tuple[str, ...] = ()
     definitions: dict[str, ElementDefinition] = field(default_factory=dict)
+    origin: CaseText | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """The case as plain data, with defaults filled in and overrides applied."""
+        found: dict[str, Any] = written(self.case)
+        return found
 
     @cached_property
     def completed(self) -> str:
         """The case as YAML with defaults filled in and overrides applied; loads back the same."""
-        return yaml_text(written(self.case))
+        return yaml_text(self.data)
+
+
+class CaseText:
+    """A text that cases with various overrides are read from.
+
+    What overrides leave alone is parsed and read once: the cases share its nodes and records, which nobody changes.
+    ``directory`` is what file names in the text are relative to.
+    """
+
+    def __init__(self, text: str, name: str = "<string>", directory: str = "") -> None:
+        self.text, self.name, self.directory = text.removeprefix("\ufeff"), name, directory
+        self._context: object = None
+        self._known: KnownRecords | None = None
+
+    @cached_property
+    def _root(self) -> tuple[Node | None, tuple[Problem, ...]]:
+        problems: list[Problem] = []
+        return compose(self.text, Origin(self.name, line_breaks(self.text)), problems=problems), tuple(problems)
+
+    def load(self, overrides: Sequence[str] = (), vocabulary: Vocabulary | None = None) -> LoadedCase:
+        """Return the case with ``PATH=VALUE`` overrides applied.
+
+        Raises CaseError with every problem found, in the order of the file.
+        """
+        root, found = self._root
+        problems = list(found)
+        if not isinstance(root, MapNode):
+            raise CaseError(problems or _no_case(root, self.name))
+        changed = apply_overrides(root, list(overrides), problems)
+        source = Source(self.name, self.text, changed)
+        binder = Binder(vocabulary, problems)
+        binder.labels = _labels(changed)
+        _tell_names(changed, binder)
+        binder.known = self._records(root, binder)
+        case = bind_record(Case, changed, (), binder)
+        check_case(case, source, binder)
+        definitions = _definitions(case, self.directory, binder, source)
+        if binder.unreported:
+            problems.append(Problem(f"{binder.unreported} more problems, not shown after the first "
+                                    f"{MAX_PROBLEMS}", file=self.name, line=len(line_breaks(self.text)), column=1))
+        if problems:
+            raise CaseError(problems)
+        return LoadedCase(case, source, self.text, tuple(overrides), definitions, self)
+
+    def _records(self, root: MapNode, binder: Binder) -> KnownRecords:
+        """Return the records of the text that were read with the same names and units before."""
+        context = (binder.vocabulary, binder.labels, binder.numbers, binder.probes, binder.controllers)
+        if self._known is None or context != self._context:
+            self._context, self._known = context, KnownRecords(root)
+        return self._known
 
 
 def load_case(path: str | os.PathLike[str], overrides: Sequence[str] = (),
@@ -42,19 +103,20 @@ def load_case(path: str | os.PathLike[str], overrides: Sequence[str] = (),
     Raises CaseError with every problem found, in the order of the file.
     """
     name = os.fspath(path)
-    return _load(read_text(name), name, overrides, vocabulary, os.path.dirname(name))
+    return load_case_text(read_text(name), name, overrides, vocabulary, os.path.dirname(name))
 
 
 def load_case_text(text: str, name: str = "<string>", overrides: Sequence[str] = (),
                    vocabulary: Vocabulary | None = None, directory: str = "") -> LoadedCase:
     """Return the case in a text; ``directory`` is what file names in it are relative to."""
-    return _load(text, name, overrides, vocabulary, directory)
+    return CaseText(text, name, directory).load(overrides, vocabulary)
 
 
 def with_overrides(loaded: LoadedCase, more: Sequence[str], vocabulary: Vocabulary) -> LoadedCase:
     """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
     name = loaded.source.file
-    return _load(loaded.text, name, (*loaded.overrides, *more), vocabulary, os.path.dirname(name))
+    origin = loaded.origin or CaseText(loaded.text, name, os.path.dirname(name))
+    return origin.load((*loaded.overrides, *more), vocabulary)
 
 
 def refined(loaded: LoadedCase) -> LoadedCase:
@@ -63,30 +125,6 @@ def refined(loaded: LoadedCase) -> LoadedCase:
               replace(body, element=replace(body.element, refine=2 * (body.element.refine or 1)))
               for name, body in loaded.case.bodies.items()}
     return replace(loaded, case=replace(loaded.case, bodies=bodies))
-
-
-def _load(text: str, name: str, overrides: Sequence[str], vocabulary: Vocabulary | None,
-          directory: str) -> LoadedCase:
-    text = text.removeprefix("\ufeff")
-    problems: list[Problem] = []
-    origin = Origin(name, line_breaks(text))
-    root = compose(text, origin, problems=problems)
-    if not isinstance(root, MapNode):
-        raise CaseError(problems or _no_case(root, name))
-    apply_overrides(root, list(overrides), problems)
-    source = Source(name, text, root)
-    binder = Binder(vocabulary, problems)
-    binder.labels = _labels(root)
-    _tell_names(root, binder)
-    case = bind_record(Case, root, (), binder)
-    check_case(case, source, binder)
-    definitions = _definitions(case, directory, binder, source)
-    if binder.unreported:
-        problems.append(Problem(f"{binder.unreported} more problems, not shown after the first "
-                                f"{MAX_PROBLEMS}", file=name, line=len(origin.lines), column=1))
-    if problems:
-        raise CaseError(problems)
-    return LoadedCase(case, source, text, tuple(overrides), definitions)
 
 
 def _no_case(root: object, name: str) -> Problem:

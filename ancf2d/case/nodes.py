@@ -58,6 +58,10 @@ class Node:
         """Return the value in the words of a message."""
         return "something unreadable"
 
+    def copy(self) -> Node:
+        """Return a node that can be changed in the place of this one; what is below it is shared."""
+        return self
+
 
 class Broken(Node):
     """Stands where a value was refused already; binds to nothing and is not reported again."""
@@ -108,6 +112,12 @@ class ListNode(Node):
         super().__init__(mark)
         self.items: list[Node] = []
 
+    def copy(self) -> ListNode:
+        """Return a list of the same nodes."""
+        out = ListNode(self.mark)
+        out.items = list(self.items)
+        return out
+
     def shown(self) -> str:
         """Return how long the list is."""
         n = len(self.items)
@@ -134,6 +144,12 @@ class MapNode(Node):
         super().__init__(mark)
         self.partial = False
         self.entries: dict[str, Entry] = {}
+
+    def copy(self) -> MapNode:
+        """Return a mapping of the same nodes."""
+        out = MapNode(self.mark)
+        out.partial, out.entries = self.partial, dict(self.entries)
+        return out
 
     def shown(self) -> str:
         """Return the mapping's first keys."""

@@ -12,8 +12,8 @@ from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 OPTION = "--set "
 
 
-def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]) -> None:
-    """Put each ``PATH=VALUE`` into the nodes below ``root``, one after the other.
+def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]) -> MapNode:
+    """Return ``root`` with each ``PATH=VALUE`` put in, one after the other; what they leave alone is shared.
 
     PATH is dotted; a part that stands for a list item is its index or its ``name``. ``PATH+=ITEM`` appends to a list,
     which is made where there is none; ``PATH=null`` removes a key or an item. What is wrong goes to ``problems``,
@@ -21,12 +21,13 @@ def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]
     """
     for text in overrides:
         try:
-            _apply(root, text)
+            root = _apply(root, text)
         except CaseError as error:
             problems.extend(error.problems)
+    return root
 
 
-def _apply(root: MapNode, text: str) -> None:
+def _apply(root: MapNode, text: str) -> MapNode:
     shown = OPTION + text
     origin = Origin(shown, shown.split("\n"), numbered=False)
     path, equals, value = text.partition("=")
@@ -43,7 +44,8 @@ def _apply(root: MapNode, text: str) -> None:
         raise CaseError(refused)
     if node is None:
         node = Scalar(Mark(origin, 1, column), "", True)
-    parent: Node = root
+    changed = root.copy()
+    parent: Node = changed
     for i, (part, _) in enumerate(parts[:-1]):
         parent = _step(parent, part, parts[: i + 1], parts[i + 1])
     if appends:
@@ -52,6 +54,7 @@ def _apply(root: MapNode, text: str) -> None:
         _remove(parent, parts)
     else:
         _put(parent, parts, node)
+    return changed
 
 
 def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
@@ -68,10 +71,13 @@ def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
 
 
 def _step(parent: Node, part: str, done: list[tuple[str, Mark]], then: tuple[str, Mark]) -> Node:
-    """Return the node one part further down; absent mappings are made, where a key may follow."""
+    """Return a copy of the node one part further down, in its place; absent mappings are made, where a key may follow.
+    """
     mark = done[-1][1]
     if isinstance(parent, ListNode):
-        return parent.items[_index(parent, part, done)]
+        k = _index(parent, part, done)
+        parent.items[k] = parent.items[k].copy()
+        return parent.items[k]
     if not isinstance(parent, MapNode):
         raise CaseError(mark.problem(f"{quoted(_joined(done[:-1]))} is {parent.shown()}; nothing "
                                      "can be set below it"))
@@ -80,7 +86,8 @@ def _step(parent: Node, part: str, done: list[tuple[str, Mark]], then: tuple[str
         near = nearest(part, parent.entries, cutoff=0.75)
         if near or then[0].isdigit():
             raise CaseError(mark.problem(f"the case has no {quoted(_joined(done))}", near=near))
-        parent.entries[part] = entry = Entry(mark, MapNode(mark))
+        entry = Entry(mark, MapNode(mark))
+    parent.entries[part] = entry = Entry(entry.mark, entry.node.copy())
     return entry.node
 
 
@@ -105,8 +112,7 @@ def _append(parent: Node, parts: list[tuple[str, Mark]], item: Node) -> None:
         if near:
             raise CaseError(mark.problem(f"the case has no {quoted(_joined(parts))}", near=near))
         parent.entries[part] = Entry(mark, ListNode(mark))
-    found = parent.entries[part].node if isinstance(parent, MapNode) else (
-        parent.items[_index(parent, part, parts)] if isinstance(parent, ListNode) else parent)
+    found = _step(parent, part, parts, parts[-1]) if isinstance(parent, MapNode | ListNode) else parent
     if not isinstance(found, ListNode):
         raise CaseError(mark.problem(f"{quoted(_joined(parts))} is {found.shown()}; += appends to lists"))
     found.items.append(item)

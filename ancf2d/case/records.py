@@ -224,7 +224,9 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
 
     ``others`` are the records that the mapping could have been, by what they are called.
     """
-    before = binder.invalid
+    known, before = binder.known.get(cls, node, path), binder.invalid
+    if known is not None:
+        return known
     keys = keys_of(cls)
     misspelt = unknown_keys(cls, node, path, binder, others or {})
     values = {}
@@ -246,6 +248,8 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
             mark = mark_below(node, issue.key, path)
             binder.fail(mark, (*path, *issue.key), issue.message.replace("{}", dotted(path)),
                         issue.expected, issue.near)
+    if before == binder.invalid:
+        binder.known.add(cls, node, path, record)
     return record
 
 
@@ -380,20 +384,17 @@ def key_schema(k: Key, book: Book) -> JsonSchema:
     return schema
 
 
-def walk(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any, str]]:
-    """Yield every value of a case below ``value``: its path, itself, what its text refers to."""
-    yield path, value, ""
-    if dataclasses.is_dataclass(value):
+def walk(value: Any, path: Path = ()) -> list[tuple[Path, Any, str]]:
+    """Return every value of a case at and below ``value``: its path, itself, what its text refers to."""
+    found = [(path, value, "")]
+    if isinstance(value, dict | tuple):
+        below = [(part, one, "") for part, one in (value.items() if isinstance(value, dict) else enumerate(value))]
+    elif dataclasses.is_dataclass(value):
         cls: Any = type(value)
-        for name, k in keys_of(cls).items():
-            below = getattr(value, k.field)
-            if k.refers and isinstance(below, str):
-                yield (*path, name), below, k.refers
-            elif below is not None:
-                yield from walk(below, (*path, name))
-    elif isinstance(value, dict):
-        for name, item in value.items():
-            yield from walk(item, (*path, name))
-    elif isinstance(value, tuple):
-        for i, item in enumerate(value):
-            yield from walk(item, (*path, i))
+        below = [(name, one, k.refers) for name, k in keys_of(cls).items()
+                 if (one := getattr(value, k.field)) is not None]
+    else:
+        return found
+    for part, one, refers in below:
+        found += [((*path, part), one, refers)] if isinstance(one, str) else walk(one, (*path, part))
+    return found

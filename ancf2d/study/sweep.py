@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..case import Case, Dynamic, load_case_text
+from ..case import Case, CaseText, Dynamic
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.overrides import OPTION as SET
@@ -31,8 +31,9 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     The axes are combined, or with ``paired``, and those of ``samples``, run through together. A variant that is no
     valid case is a refused row. Raises CaseError where all are, with all their problems.
     """
-    text, file = read_text(case), workers.file(case)
+    text, file, known = read_text(case), workers.file(case), vocabulary()
     axes = axes if samples is None else samples.axes
+    origin = CaseText(text, file, os.path.dirname(file))
     sweep = Sweep(case, "", axes, folder, [], [], samples=samples, keep=keep, force=force, command=command)
     problems: list[Problem] = []
     for values in combinations(axes, paired or samples is not None):
@@ -40,7 +41,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         options = (*overrides, *(axis.override(value) for axis, value in zip(axes, values, strict=True)))
         sweep.rows.append(row)
         try:
-            loaded = load_case_text(text, file, options, vocabulary(), os.path.dirname(file))
+            loaded = origin.load(options, known)
         except CaseError as error:
             row.status, row.reason = verdict(error)
             problems += error.problems
@@ -50,7 +51,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         sweep.header = sweep.header or {**result_header(loaded), "overrides": list(overrides)}
         name = content_name(loaded.completed, files_of(loaded))
         place = workers.file(str(folder / RUNS / f"{name}.h5"))
-        sweep.jobs.append(Job(text, file, options, loaded.case.goal, place, name, kernels_of(loaded.case),
+        sweep.jobs.append(Job(text, file, options, loaded.case.goal, place, name, kernels_of(loaded.data),
                               _size(loaded.case), command, force, keep))
     if not any(sweep.jobs):
         raise CaseError(_distinct(problems, axes))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..case import Goal, LoadedCase, load_case_text
+from ..case import CaseText, Goal, LoadedCase
 from ..errors import UNSOLVED, ResultsError, verdict
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
@@ -44,7 +45,13 @@ class Job:
 
     def load(self) -> LoadedCase:
         """Return the case. Raises CaseError."""
-        return load_case_text(self.text, self.file, self.overrides, vocabulary(), os.path.dirname(self.file))
+        return _origin(self.text, self.file).load(self.overrides, vocabulary())
+
+
+@lru_cache(1)
+def _origin(text: str, file: str) -> CaseText:
+    """Return the text that the jobs of a sweep have in common."""
+    return CaseText(text, file, os.path.dirname(file))
 
 
 def stored_summary(job: Job) -> dict[str, Any] | None:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, Dynamic
+from ..case import Dynamic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
@@ -53,7 +53,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     """
     from ..kernels.lowlevel.jit import CACHE, REFUSED, expect_kernels
 
-    kernels = kernels_of(model.case)
+    kernels = kernels_of(written(model.case))
     if kernels in _READY:
         return
     what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (
@@ -98,9 +98,9 @@ def _seldom_collected() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-def kernels_of(case: Case) -> str:
-    """Return a name of the kernels that a case needs: its words select them, its numbers do not."""
-    return hashlib.sha256(json.dumps(_words(written(case))).encode()).hexdigest()[:16]
+def kernels_of(data: dict[str, Any]) -> str:
+    """Return a name of the kernels that a case, as plain data, needs: its words select them, its numbers do not."""
+    return hashlib.sha256(json.dumps(_words(data)).encode()).hexdigest()[:16]
 
 
 def _words(data: Any) -> Any:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ancf2d.case import load_case
+from ancf2d.case import CaseText, load_case
 from ancf2d.errors import CaseError
 
 CASE = Path(__file__).parent / "valid" / "simply_supported.yaml"
@@ -172,3 +172,34 @@ def test_each_problem_of_several_overrides_is_told_once(vocabulary):
     with pytest.raises(CaseError) as caught:
         load(vocabulary, "a", "c=[1", "d=*x", "e=[2")
     assert [p.file for p in caught.value.problems] == ["--set a", "--set c=[1", "--set d=*x", "--set e=[2"]
+
+
+# of each value that is there, an item more, an item less, a key that is made, a unit that all is read with, a name that
+# is used elsewhere, and several values that are wrong
+SERIES = [(), ("bodies.beam.element.count=32",), ("loads+={type: force, at: beam@1, value: [0, 1]}",),
+          ("loads.0=null",), ("loads.0.value.1=-7", "loads.0.name=tip"), ("units.length=mm",), ("loads.0.value.1=x",),
+          ("output.probes.end=beam@1", "goal={probe: end, quantity: uy}"), ("bodies.beam.section.height=-1",),
+          ("goal={probe: end, quantity: uy}",), ("solver={type: eigen, modes: 3}",), ("parameters.P=3",)]
+
+
+def test_cases_of_one_text_are_those_of_the_text_read_anew(vocabulary):
+    text = CASE.read_text(encoding="utf-8")
+    shared = CaseText(text, str(CASE))
+
+    def outcome(load):
+        try:
+            return load().completed
+        except CaseError as error:
+            return str(error)
+    # twice and in both orders: what one of them changed, another would have
+    for overrides in [*SERIES, *reversed(SERIES)]:
+        assert (outcome(lambda o=overrides: shared.load(o, vocabulary))
+                == outcome(lambda o=overrides: CaseText(text, str(CASE)).load(o, vocabulary))), overrides
+
+
+def test_cases_of_one_text_share_what_is_not_set(vocabulary):
+    shared = CaseText(CASE.read_text(encoding="utf-8"), str(CASE))
+    one, other = (shared.load([f"bodies.beam.element.count={n}"], vocabulary).case for n in (4, 8))
+    assert (one.bodies["beam"].element.count, other.bodies["beam"].element.count) == (4, 8)
+    assert one.bodies["beam"].section is other.bodies["beam"].section
+    assert one.loads[0] is other.loads[0]

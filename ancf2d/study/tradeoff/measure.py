@@ -156,7 +156,7 @@ def make_ready(task: Task, compiling: Callable[[str], None] = lambda text: None)
     """
     loaded = task.load()
     model = prepare(loaded)
-    kernels = kernels_of(loaded.case)
+    kernels = kernels_of(loaded.data)
     if kernels not in _WARM:
         warm_up(model, compiling)
         # libraries that only a whole solve calls; how it ends, the run that is measured tells
