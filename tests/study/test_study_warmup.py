@@ -115,7 +115,7 @@ def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyP
     told = threading.Event()
     texts: list[str] = []
     monkeypatch.setattr(warmup, "_touch", lambda *_: told.wait(30.0))
-    model = prepare(load_case_text(CASE, vocabulary=vocabulary()).data)
+    model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
     warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
     assert texts == ["compiling kernels, which cannot be cached for the next run: '/here' belongs to another user"]
 
@@ -135,7 +135,7 @@ def test_only_what_is_compiled_is_said_to_be(monkeypatch: pytest.MonkeyPatch, mi
         jit._MISSED[0] = int(missed)
         told.wait(30.0 if missed else 0.3)
     monkeypatch.setattr(warmup, "_touch", touch)
-    model = prepare(load_case_text(CASE, vocabulary=vocabulary()).data)
+    model = prepare(load_case_text(CASE, vocabulary=vocabulary()))
     warmup.warm_up(model, lambda text: (texts.append(text), told.set()))
     assert texts == (["compiling kernels for this machine (first run of this kind only) ..."] if missed else [])
 
@@ -146,5 +146,5 @@ def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatc
     monkeypatch.setattr(warmup, "_READY", set())
     monkeypatch.setattr(warmup, "_touch", lambda model, cold: touched.append(next(iter(model.meshes))))
     for text in (CASE, CASE, CASE.replace("count: 2", "count: 4"), CASE.replace("cable", "reissner2")):
-        warmup.warm_up(prepare(load_case_text(text, vocabulary=vocabulary()).data))
+        warmup.warm_up(prepare(load_case_text(text, vocabulary=vocabulary())))
     assert len(touched) == 2
