@@ -52,11 +52,12 @@ from .contact_geometry import (
     gap_at,
     is_back,
     least,
+    reach,
     spread,
     spread_both,
     stand,
 )
-from .point_laws import PointLaw, work_matrix, work_vector
+from .point_laws import APART, PointLaw, work_matrix, work_vector
 
 
 def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
@@ -171,7 +172,9 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     z, m, weight, stiffness, damping = par[HOME], len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
     stand(par, p0, u, z, work)
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if g >= 0.0 or is_back(par, nx, ny, work):
+    if g >= 0.0:
+        return 0.0, APART if g > reach(par, p0, u, z) else 0.0
+    if is_back(par, nx, ny, work):
         return 0.0, 0.0
     normal(par, z, nx, ny, work, work, ROW)
     rate = 0.0
@@ -308,6 +311,8 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
             f[m] = keep[3, m]
         else:
             _, lost = law(p0, keep[0], w, par, a1, mem, keep[4], H, C)
+            if lost == APART:
+                lost = 0.0
             for i in range(m):
                 keep[4, i] -= f[i]
         square, work = 0.0, after - before

@@ -219,6 +219,29 @@ def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
     return corner(par, what // 2, x, y)
 
 
+def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
+    """Return how far the obstacle may see any point of the curve from that at z; inf where its gap jumps.
+
+    No power of z is beyond 1. A gap changes by no more than the way, but beside the ends of an open polyline.
+    """
+    if int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] <= 0.0:
+        return np.inf
+    terms, square = int(par[TERMS]), 0.0
+    for c in range(2):
+        away, power = 0.0, 1.0
+        for j in range(1, terms):
+            power *= abs(z)
+            away += (1.0 + power) * abs(p0[c * terms + j] + u[c * terms + j])
+        square += away * away
+    # of rigid sections: they may turn right round
+    size = np.sqrt(square) + 2.0 * abs(par[OFFSET])
+    if int(par[POSE]) == BY_DIRECTION:
+        at = (3 if int(par[SECTION]) == OF_THETA else 2) * terms + 2
+        dx, dy = p0[at] + u[at], p0[at + 1] + u[at + 1]
+        size *= np.sqrt(dx * dx + dy * dy) / par[LENGTH]
+    return size
+
+
 def along(par, work, first, order):  # type: ignore[no-untyped-def]
     """Return drho/dz (order 1) or d2rho/dz2 (order 2), from J and Q by X and X' (from ``first``)."""
     body, _ = count_of(par)

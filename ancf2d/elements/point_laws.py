@@ -70,7 +70,7 @@ class PointLaw:
 
     ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
     updates ``mem`` at an accepted state. These may call other functions of numbers and arrays, and make arrays with
-    ``work_vector`` and ``work_matrix``.
+    ``work_vector`` and ``work_matrix``. ``forces`` may return the power APART.
     """
 
     name: str
@@ -80,6 +80,9 @@ class PointLaw:
     constraint: bool = False
     accept: Callable[..., Any] | None = None
 
+
+# the dissipated power that tells that neither an item acts, nor any other one on the same fields
+APART = -np.inf
 
 # formulas of a case by the address that laws know them by, and what evaluates them; kernels have their own of both
 FORMULAS: dict[int, Any] = {}

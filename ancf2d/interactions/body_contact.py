@@ -133,6 +133,8 @@ class BodyPair:
     frame, fed, signal, size = None, -1, None, laws.BODY_MEMORY
     # whether its points touch bodies
     on_bodies = True
+    # what each is opposite to changes
+    runs = None
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool,
                  chosen: list[Spot] | None = None) -> None:

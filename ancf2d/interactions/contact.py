@@ -177,6 +177,17 @@ class ContactPair:
     # whether its points touch bodies
     on_bodies = False
 
+    @property
+    def runs(self) -> Index:
+        """How many spots from each on (m,) are of the same curve of an element, so that they share fields."""
+        out = np.ones(len(self.spots), dtype=np.int64)
+        for i in range(len(self.spots) - 2, -1, -1):
+            same = self.spots[i].ie == self.spots[i + 1].ie and self.par[i, geometry.OFFSET] == self.par[
+                i + 1, geometry.OFFSET]
+            if same and np.array_equal(self.G[i], self.G[i + 1]):
+                out[i] += out[i + 1]
+        return out
+
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
                  held: Set[int] = frozenset(), rapid: float = 0.0, chosen: list[Spot] | None = None) -> None:
         self.obstacle = obstacle
@@ -299,7 +310,7 @@ class CompliantContact:
     def items(self) -> Items:
         """Return the law as tables have it."""
         p = self.pair
-        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan)
+        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan, runs=p.runs)
 
     def keep_in(self, par: Array, mem: Array) -> None:
         """Keep constants and memory in rows of a table."""

@@ -29,9 +29,9 @@ from .motion import (
     TRIES,
     WORK,
     evaluate,
+    turn_on,
 )
 from .patches import accept_patches, violation
-from .points import turn_on
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5

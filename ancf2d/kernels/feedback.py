@@ -23,7 +23,7 @@ from .lowlevel.arrays import numbers
 from .lowlevel.jit import addressed, inlined, inner
 from .lowlevel.records import array_at, whole
 from .motion import SIZE, evaluate_with_gradient
-from .points import _add, _law, _rates, _work_arrays, amplitude_of, fields_of_item
+from .points import _add, _law, _rates, amplitude_of, fields_of_item, work_arrays
 from .symmetric import TINY, band_of
 
 _turn = part(point_laws.turn)
@@ -150,7 +150,7 @@ def feedback(p, w):  # type: ignore[no-untyped-def]
 @inner
 def _by_amplitude(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Add the derivative of the forces of item i by the value of its amplitude, which they are linear in."""
-    u, w, a, f, H, C = _work_arrays(points)
+    u, w, a, f, H, C = work_arrays(points)
     fields_of_item(points, i, d, u)
     _rates(points, i, v, w)
     amplitude_of(points, i, amps, u, w, a)

@@ -8,7 +8,8 @@ import numpy as np
 from numba.extending import register_jitable
 
 from ..case import jets
-from .lowlevel.jit import kernel
+from ..elements.point_laws import turn
+from .lowlevel.jit import inner, kernel
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
@@ -18,6 +19,7 @@ HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
 GAINED = 17
 NUMBERS = 18
 
+_turn = inner(turn)
 # increments of Newton's method that are kept for messages
 HISTORY = 64
 # what a step answers
@@ -28,7 +30,7 @@ class Motion(NamedTuple):
     """z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME].
 
     extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above);
-    turned : (2, sections) rotations, counted through full turns, and their rates, of ``kernels.points.Turning``.
+    turned : (2, sections) rotations, counted through full turns, and their rates, of ``Turning``.
     """
 
     z: Any
@@ -123,3 +125,34 @@ def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
     t = min(max(t, programs.window[0]), programs.window[1])
     for k in range(len(programs.first) - 1):
         _run(programs, k, t, out, k)
+
+
+class Turning(NamedTuple):
+    """Section directions whose rotations are counted through full turns.
+
+    Direction i has the components ``along`` and ``across`` (weights of d[dofs], from begin[i] to begin[i + 1]) in the
+    frame of its reference, (length[i], 0) there.
+    """
+
+    begin: Any
+    dofs: Any
+    along: Any
+    across: Any
+    length: Any
+
+
+@kernel
+def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
+    """Take angles with their rates (n,) over a time h to d with rates v (n_full,), by more than half a turn too."""
+    for i in range(len(angle)):
+        ux, uy, vx, vy = 0.0, 0.0, 0.0, 0.0
+        for k in range(turning.begin[i], turning.begin[i + 1]):
+            c = turning.dofs[k]
+            ux += turning.along[k] * d[c]
+            uy += turning.across[k] * d[c]
+            vx += turning.along[k] * v[c]
+            vy += turning.across[k] * v[c]
+        x = turning.length[i] + ux
+        new = (x * vy - uy * vx) / (x * x + uy * uy)
+        angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
+        rate[i] = new

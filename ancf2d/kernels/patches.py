@@ -6,17 +6,19 @@ from typing import Any
 
 from . import calls
 from .facing import bodies_cross, face
-from .lowlevel.jit import addressed, inner, named
+from .lowlevel.arrays import array
+from .lowlevel.jit import addressed, inner, kernel, named
 from .lowlevel.records import whole
 from .moving import MOVING_MASS
 from .points import (
+    evaluate_at,
+    evaluate_item,
     point_accept,
     point_constraint_rates,
     point_forces,
     point_mean_forces,
-    point_noise,
     point_tangent,
-    point_violation,
+    work_arrays,
 )
 from .sliding import (
     sliding_accept,
@@ -28,6 +30,55 @@ from .sliding import (
     sliding_violation,
 )
 from .symmetric import in_band, in_fronts
+
+
+@kernel
+def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
+    """Return the largest |g| of the constraints, each beside the size of its terms."""
+    worst = 0.0
+    if len(points.forces) == 0:
+        return worst
+    u, w, a, f, H, C = work_arrays(points)
+    for i in range(len(points.forces)):
+        if points.multiplier[i] >= 0 and points.on[i]:
+            evaluate_item(points, i, d, d, amps, u, w, a, f, H, C)
+            g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
+            if not g <= worst:
+                worst = g
+    return worst
+
+
+@kernel
+def point_noise(points, d, out):  # type: ignore[no-untyped-def]
+    """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,).
+
+    Signals count as 1: at rates of zero, to within the size of an amplitude.
+    """
+    if len(points.forces) == 0:
+        return
+    u, w, a, f, H, C = work_arrays(points)
+    signals = 0
+    for i in range(len(points.forces)):
+        for j in range(3):
+            signals = max(signals, points.signal[i, j] + 1)
+    no_amps = array(signals, 3)
+    no_amps[:] = 1.0
+    for i in range(len(points.forces)):
+        w[:] = 0.0
+        evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
+        first, m = points.dof[i], points.field[i + 1] - points.field[i]
+        n = points.dof[i + 1] - first
+        at = points.entry[i]
+        for q in range(m):
+            w[q] = 0.0
+            for c in range(n):
+                w[q] += abs(points.G[at + q * n + c] * d[points.dofs[first + c]])
+        for p in range(m):
+            s = abs(f[p])
+            for q in range(m):
+                s += abs(H[p * m + q]) * w[q]
+            for c in range(n):
+                out[points.dofs[first + c]] += abs(points.G[at + p * n + c]) * s
 
 
 @inner

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..elements import point_laws
-from .compiled_laws import call_accept, call_forces, call_mean, part
-from .lowlevel.arrays import array, vector
+from ..elements.point_laws import APART
+from .compiled_laws import call_accept, call_forces, call_mean
+from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel
 from .lowlevel.records import array_at
 from .matrix import scatter
-
-_turn = part(point_laws.turn)
 
 
 class Points(NamedTuple):
@@ -25,7 +23,8 @@ class Points(NamedTuple):
     multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
     on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
     fields have while their coordinates rest;
-    restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact.
+    restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact; run :
+    (n,) how many items from here on share fields, coordinates and amplitude: their forces are summed up first.
     """
 
     forces: Any
@@ -46,20 +45,7 @@ class Points(NamedTuple):
     on: Any
     drift: Any
     restitution: Any
-
-
-class Turning(NamedTuple):
-    """Section directions whose rotations are counted through full turns.
-
-    Direction i has the components ``along`` and ``across`` (weights of d[dofs], from begin[i] to begin[i + 1]) in the
-    frame of its reference, (length[i], 0) there.
-    """
-
-    begin: Any
-    dofs: Any
-    along: Any
-    across: Any
-    length: Any
+    run: Any
 
 
 @inner
@@ -110,15 +96,15 @@ def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _evaluate(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+def evaluate_item(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill fields, rates, amplitude and f, H, C of item i; return (energy, dissipated power)."""
     _rates(points, i, v, w)
-    return _evaluate_at(points, i, d, amps, u, w, a, f, H, C)
+    return evaluate_at(points, i, d, amps, u, w, a, f, H, C)
 
 
 @inner
-def _evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
-    """Do as ``_evaluate`` does with the rates in w."""
+def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+    """Do as ``evaluate_item`` does with the rates in w."""
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, w, a)
     return _law(points, i, u, w, a, f, H, C)
@@ -144,6 +130,45 @@ def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _acts(f, H, C, m):  # type: ignore[no-untyped-def]
+    for p in range(m):
+        if f[p] != 0.0:
+            return True
+    found = False
+    for p in range(m * m):
+        found |= H[p] != 0.0 or C[p] != 0.0
+    return found
+
+
+@inner
+def _evaluate_run(points, i, u, w, a, f, H, C, own):  # type: ignore[no-untyped-def]
+    """Fill f, H, C with the sum over the items from i on that share these fields; return (energy, power, whether any
+    acts). ``own`` (fields + 2 fields^2,) is room."""
+    m = points.field[i + 1] - points.field[i]
+    energy, power = _law(points, i, u, w, a, f, H, C)
+    if power == APART:
+        return energy, 0.0, False
+    if points.run[i] <= 1:
+        return energy, power, True
+    acts = _acts(f, H, C, m)
+    f1, H1, C1 = array_at(own, 0, (m,)), array_at(own, m, (m * m,)), array_at(own, m + m * m, (m * m,))
+    for k in range(i + 1, i + points.run[i]):
+        U, lost = _law(points, k, u, w, a, f1, H1, C1)
+        if lost == APART:
+            break
+        energy += U
+        power += lost
+        if _acts(f1, H1, C1, m):
+            acts = True
+            for p in range(m):
+                f[p] += f1[p]
+            for p in range(m * m):
+                H[p] += H1[p]
+                C[p] += C1[p]
+    return energy, power, acts
+
+
+@inlined
 def _most_fields(points):  # type: ignore[no-untyped-def]
     most = 0
     for i in range(len(points.forces)):
@@ -152,7 +177,7 @@ def _most_fields(points):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _work_arrays(points):  # type: ignore[no-untyped-def]
+def work_arrays(points):  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
     n = _most_fields(points)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
@@ -175,12 +200,18 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
         return energy, power
-    u, w, a, f, H, C = _work_arrays(points)
-    for i in range(len(points.forces)):
-        U, lost = _evaluate(points, i, d, v, amps, u, w, a, f, H, C)
+    u, w, a, f, H, C = work_arrays(points)
+    own, i = vector(len(f) + 2 * len(H)), 0
+    while i < len(points.forces):
+        _rates(points, i, v, w)
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, w, a)
+        U, lost, acts = _evaluate_run(points, i, u, w, a, f, H, C, own)
         energy += U
         power += lost
-        _add(points, i, f, Q)
+        if acts:
+            _add(points, i, f, Q)
+        i += points.run[i]
     return energy, power
 
 
@@ -192,13 +223,17 @@ def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped
     K[:] = 0.0
     for p in range(m):
         row[:n] = 0.0
+        empty = True
         for q in range(m):
             x = h * H[p * m + q] + c * C[p * m + q]
             if symmetric:
                 x = 0.5 * (x + h * H[q * m + p] + c * C[q * m + p])
             if x != 0.0:
+                empty = False
                 for s in range(n):
                     row[s] += x * points.G[at + q * n + s]
+        if empty:
+            continue
         for r in range(n):
             g = points.G[at + p * n + r]
             if g != 0.0:
@@ -212,17 +247,24 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     energy = 0.0
     if len(points.forces) == 0:
         return energy
-    u, w, a, f, H, C = _work_arrays(points)
+    u, w, a, f, H, C = work_arrays(points)
     most = _most_coordinates(points)
     entries, row = vector(most * most), vector(most)
-    for i in range(len(points.forces)):
-        energy += _evaluate(points, i, d, v, amps, u, w, a, f, H, C)[0]
-        _add(points, i, f, Q)
-        first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
-        K = array_at(entries, 0, (n, n))
-        _along(points, i, H, C, 1.0, c, True, row, K)
-        dofs = points.dofs[first:first + n].reshape((1, n))
-        scatter(matrix, K, dofs, 0, place, indptr, index, value)
+    own, i = vector(len(f) + 2 * len(H)), 0
+    while i < len(points.forces):
+        _rates(points, i, v, w)
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, w, a)
+        U, _, acts = _evaluate_run(points, i, u, w, a, f, H, C, own)
+        energy += U
+        if acts:
+            _add(points, i, f, Q)
+            first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
+            K = array_at(entries, 0, (n, n))
+            _along(points, i, H, C, 1.0, c, True, row, K)
+            dofs = points.dofs[first:first + n].reshape((1, n))
+            scatter(matrix, K, dofs, 0, place, indptr, index, value)
+        i += points.run[i]
     return energy
 
 
@@ -232,7 +274,7 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
 
     ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
     """
-    u, w, a, f, H, D = _work_arrays(points)
+    u, w, a, f, H, D = work_arrays(points)
     row = vector(_most_coordinates(points))
     for i in range(len(points.forces)):
         m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i, 0]
@@ -265,7 +307,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
         return energy, power
-    u0, w, a0, f, _, _ = _work_arrays(points)
+    u0, w, a0, f, _, _ = work_arrays(points)
     u1, a1 = vector(_most_fields(points)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -298,7 +340,7 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
     """
     if len(points.forces) == 0:
         return
-    u, w, a, f, H, C = _work_arrays(points)
+    u, w, a, f, H, C = work_arrays(points)
     for i in range(len(points.forces)):
         if points.multiplier[i] < 0:
             continue
@@ -321,80 +363,14 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
 
 
 @kernel
-def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
-    """Return the largest |g| of the constraints, each beside the size of its terms."""
-    worst = 0.0
-    if len(points.forces) == 0:
-        return worst
-    u, w, a, f, H, C = _work_arrays(points)
-    for i in range(len(points.forces)):
-        if points.multiplier[i] >= 0 and points.on[i]:
-            _evaluate(points, i, d, d, amps, u, w, a, f, H, C)
-            g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
-            if not g <= worst:
-                worst = g
-    return worst
-
-
-@kernel
 def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     """Let laws remember the accepted state d."""
     if len(points.forces) == 0:
         return
-    u, w, a, _, _, _ = _work_arrays(points)
+    u, w, a, _, _, _ = work_arrays(points)
     for i in range(len(points.forces)):
         if points.accept[i] != 0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
             fields_of_item(points, i, d, u)
             amplitude_of(points, i, amps, u, w, a)
             call_accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
-
-
-@kernel
-def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
-    """Take angles with their rates (n,) over a time h to d with rates v (n_full,), by more than half a turn too."""
-    for i in range(len(angle)):
-        ux, uy, vx, vy = 0.0, 0.0, 0.0, 0.0
-        for k in range(turning.begin[i], turning.begin[i + 1]):
-            c = turning.dofs[k]
-            ux += turning.along[k] * d[c]
-            uy += turning.across[k] * d[c]
-            vx += turning.along[k] * v[c]
-            vy += turning.across[k] * v[c]
-        x = turning.length[i] + ux
-        new = (x * vy - uy * vx) / (x * x + uy * uy)
-        angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
-        rate[i] = new
-
-
-@kernel
-def point_noise(points, d, out):  # type: ignore[no-untyped-def]
-    """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,).
-
-    Signals count as 1: at rates of zero, to within the size of an amplitude.
-    """
-    if len(points.forces) == 0:
-        return
-    u, w, a, f, H, C = _work_arrays(points)
-    signals = 0
-    for i in range(len(points.forces)):
-        for j in range(3):
-            signals = max(signals, points.signal[i, j] + 1)
-    no_amps = array(signals, 3)
-    no_amps[:] = 1.0
-    for i in range(len(points.forces)):
-        w[:] = 0.0
-        _evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
-        first, m = points.dof[i], points.field[i + 1] - points.field[i]
-        n = points.dof[i + 1] - first
-        at = points.entry[i]
-        for q in range(m):
-            w[q] = 0.0
-            for c in range(n):
-                w[q] += abs(points.G[at + q * n + c] * d[points.dofs[first + c]])
-        for p in range(m):
-            s = abs(f[p])
-            for q in range(m):
-                s += abs(H[p * m + q]) * w[q]
-            for c in range(n):
-                out[points.dofs[first + c]] += abs(points.G[at + p * n + c]) * s

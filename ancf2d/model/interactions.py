@@ -15,9 +15,9 @@ from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.facing import face
+from ..kernels.motion import Turning
 from ..kernels.points import (
     Points,
-    Turning,
     point_accept,
     point_constraint_rates,
     point_matrices,
@@ -86,7 +86,10 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
     return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, signal, prescribed,
                   column([p.multiplier for p in items], np.int64), column([p.scale for p in items], np.float64),
                   column([p.on for p in items], np.bool_), np.zeros_like(p0),
-                  column([p.restitution for p in items], np.float64))
+                  column([p.restitution for p in items], np.float64),
+                  np.concatenate([np.zeros(0, dtype=np.int64), *(
+                      np.ones(count, dtype=np.int64) if p.runs is None else p.runs
+                      for p, count in zip(items, each, strict=True))]))
 
 
 def turning_table(turns: Turns) -> Turning:

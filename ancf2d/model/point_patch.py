@@ -64,7 +64,7 @@ class Items(NamedTuple):
     dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, numbers); what they follow (or
     up to three signals) and the fields that it prescribes, their multiplier and the size of their terms
     (``PointPatch``), and whether they act; what an impact returns of the rate of one-sided constraints (nan: a contact
-    with a law of its own; -1: no contact).
+    with a law of its own; -1: no contact); how many sets from each on have the same fields (m,), None: no two have.
     """
 
     law: PointLaw
@@ -79,6 +79,7 @@ class Items(NamedTuple):
     scale: float = 1.0
     on: bool = True
     restitution: float = -1.0
+    runs: Index | None = None
 
 
 def constants_of(item: Any) -> list[float]:

@@ -22,7 +22,6 @@ from ..kernels.impact import begin, impact_functions
 from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
 from ..kernels.patches import patch_functions
-from ..kernels.points import Turning
 from ..kernels.symmetric import matrix_functions
 from ..kernels.tree import entries, no_fronts
 from ..model.feedback import POSITION
@@ -52,8 +51,7 @@ from ..kernels.consistent import consistent, kinetic, onto_constraints
 from ..kernels.dynamics import to_full
 from ..kernels.forces import batch_address
 from ..kernels.lowlevel.records import type_of
-from ..kernels.motion import evaluate, method_of, motion, scratch
-from ..kernels.points import turn_on
+from ..kernels.motion import Turning, evaluate, method_of, motion, scratch, turn_on
 from ..kernels.sliding import sliding_check
 from ..kernels.tangents import fill_products
 from .methods import MAKERS, Method

@@ -25,8 +25,8 @@ from ..kernels.motion import (
     evaluate,
     motion,
     scratch,
+    turn_on,
 )
-from ..kernels.points import turn_on
 from ..model.breakpoints import Piece, pieces
 from ..model.model import Model
 from ..model.point_patch import PointConstraint

@@ -8,6 +8,7 @@ from helpers import pairwise
 
 from ancf2d.elements import contact_geometry as geometry
 from ancf2d.elements.contact import COMPLIANT, HARD
+from ancf2d.elements.point_laws import APART
 
 # what describes each obstacle, as its shape() gives it
 SHAPES = {"half plane": [geometry.HALF_PLANE, 0.0, 0.3, np.sin(0.2), np.cos(0.2)],
@@ -52,7 +53,7 @@ class Point:
     def __call__(self, u, w):
         m = len(u)
         f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-        energy, _ = self.law.forces(self.p0, u, w, self.par, np.zeros(3), self.mem, f, H, C)
+        energy, self.power = self.law.forces(self.p0, u, w, self.par, np.zeros(3), self.mem, f, H, C)
         return energy, f, H, C
 
 
@@ -119,3 +120,36 @@ def test_the_back_of_a_body_does_not_touch():
     for side, touches in ((1.0, False), (-1.0, True)):
         point.par[geometry.FACE] = side
         assert point(point.u, point.w)[1].any() == touches
+
+
+@pairwise(section=SECTIONS, pose=POSES, shape=SHAPES, home=[-0.86, 0.3])
+def test_a_law_that_tells_that_a_curve_is_apart_is_right(section, pose, shape, home):
+    point, rng = Point(COMPLIANT, section, pose, shape), np.random.default_rng(7)
+    terms = SECTIONS[section][1]
+    if shape == "polyline":
+        # closed
+        point.par[geometry.ORIGIN + 1] = 3.0
+    least, told = 0.0, 0
+    for _ in range(400):
+        u = 0.1 * rng.standard_normal(len(point.u))
+        # to all sides, further than the curve is long and nearer
+        u[[0, terms]] += rng.uniform(-0.3, 0.3, 2) if shape == "pipe" else rng.uniform(-4.0, 4.0, 2)
+        point.par[geometry.HOME] = home
+        point(u, point.w)
+        if point.power != APART:
+            continue
+        told += 1
+        for z in np.linspace(-1.0, 1.0, 9):
+            point.par[geometry.HOME] = z
+            energy, f, H, C = point(u, point.w)
+            least = max(least, energy, np.abs(f).max(), np.abs(H).max(), np.abs(C).max())
+    assert least == 0.0
+    # a curve that is longer than the pipe is wide is never apart from it
+    assert told > 20 or shape == "pipe"
+
+
+def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
+    point = Point(COMPLIANT, "curve", "still", "polyline")
+    point.u[4] = 50.0
+    assert point(point.u, point.w)[0] == 0.0
+    assert point.power == 0.0

@@ -9,15 +9,15 @@ import helpers
 import numpy as np
 import pytest
 
+from ancf2d.elements import contact_geometry as geometry
 from ancf2d.kernels.matrix import SymBand
+from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import (
     point_accept,
     point_constraint_rates,
     point_forces,
     point_mean_forces,
-    point_noise,
     point_tangent,
-    point_violation,
 )
 from ancf2d.model.interactions import point_table
 
@@ -265,3 +265,37 @@ def test_empty_tables_do_nothing():
     point_noise(table, d, Q)
     assert not Q.any()
     assert not A.any()
+
+
+def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far():
+    """Sums over items that share fields beside those one by one; what is far behind the first is never looked at."""
+    touch = {"between": ["rope", "wheel"], "friction": 0.4, "law": {"stiffness": 1e3, "damping": 2.0}, "side": "axis"}
+    model = helpers.build(
+        {"rope": helpers.body({"type": "path", "start": [-2.0, 0.49], "pieces": [{"line": 4.0}]},
+                              helpers.element("cable", 8)),
+         "hub": {"geometry": helpers.line(0.2), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}},
+        DYNAMIC, contacts=[touch],
+        obstacles={"wheel": {"type": "circle", "center": [0, 0], "radius": 0.5, "on": "hub"}})
+    points, rng, none = point_table(model.interactions.points), np.random.default_rng(5), np.zeros((0, 3))
+    alone = points._replace(run=np.ones_like(points.run))
+    n = model.n_q + len(model.constraints)
+    d, v = 1e-3 * rng.standard_normal(n), 1e-2 * rng.standard_normal(n)
+    far = np.zeros(len(points.forces), dtype=bool)
+    gaps = model.contacts[0].gaps(d, 0.0)
+    for i in np.flatnonzero(points.run == 4):
+        far[i + 1:i + 4] = gaps[i:i + 4].min() > 0.6
+    assert far.sum() >= 9
+    assert (gaps < 0.0).sum() >= 2
+    found = []
+    for table in (alone, points):
+        if table is points:
+            points.par[far, geometry.HOME] = np.nan
+        Q, P = np.zeros(n), np.zeros(n)
+        K = SymBand(np.zeros((n, n)))
+        plain = (np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+        both = point_forces(table, d, v, none, Q)
+        energy = point_tangent(table, d, v, none, 0.3, P, K, *plain)
+        found.append((np.array([*both, energy]), Q, P, K.values))
+    for one, other in zip(*found, strict=True):
+        assert np.abs(one).max() > 0.0
+        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max())
