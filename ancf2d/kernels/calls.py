@@ -28,6 +28,8 @@ Functions = Mapping[Any, tuple[Any, ...]]
 # types of the result and of the arguments; None for records: of a model, its point laws and joints, an integrator's own
 _SIGNATURES: list[tuple[Any, tuple[Any, ...]]] = []
 _NUMBERS: dict[Any, int] = {}
+# by call, function and types: what is found once need not be looked for again; types and functions are kept alive
+_ADDRESSES: dict[tuple[Any, ...], tuple[int, list[Any]]] = {}
 
 
 def _call(result: Any, *declared: Any) -> Callable[..., Any]:
@@ -59,7 +61,10 @@ def table(functions: Functions) -> Any:
     out = np.zeros(len(_SIGNATURES), dtype=np.int64)
     for call, (function, *others) in functions.items():
         number = _NUMBERS[call]
-        out[number] = address_of(function, _signature(number, others))
+        key = number, function, *map(id, others)
+        if key not in _ADDRESSES:
+            _ADDRESSES[key] = address_of(function, _signature(number, others)), others
+        out[number] = _ADDRESSES[key][0]
     return out
 
 

@@ -64,6 +64,7 @@ class Beside:
         self.runs = [Run(at(step), spec) for step in self.steps]
         if any(list(run.stepper.pieces) != list(pieces) for run in self.runs):
             raise UnsuitedError("the times at which signals have corners change with the number")
+        self._start: Change | None = None
 
     @staticmethod
     def _side(at: Varied, h: float) -> int:
@@ -80,8 +81,12 @@ class Beside:
         return -1
 
     def begin(self) -> Change:
-        """Return the change of the start of the motion (n, 2)."""
-        return self._differences([_begun(run) for run in self.runs])
+        """Return the change of the start of the motion (n, 2); motions are taken back to it."""
+        for run in self.runs:
+            run.stepper.enter(0)
+        if self._start is None:
+            self._start = self._differences([_begun(run) for run in self.runs])
+        return self._start
 
     def pass_break(self, base: Stepper, piece: int) -> Change:
         """Return the change (n, 2) that the number makes behind a break of a motion that is the same before it."""

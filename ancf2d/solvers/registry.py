@@ -129,11 +129,6 @@ def left_out(case: Case) -> list[str]:
     return out
 
 
-def takes_guess(case: Case) -> bool:
-    """Whether the solver of a case can begin from a guess of its last state."""
-    return isinstance(case.solver, Static) and not case.solver.on_path
-
-
 def initial_state(model: Model) -> State:
     """Return the reference, from which static paths start."""
     zero = np.zeros(len(model.numbering.place))

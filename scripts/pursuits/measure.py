@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ancf2d.case import LinearStatic
 from ancf2d.errors import Ancf2dError
-from ancf2d.solvers.registry import takes_guess
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.setting import Setting, meshed, with_setting
 from ancf2d.study.accuracy.weighted import weighted
@@ -94,7 +92,7 @@ def _pursued(name: str, loaded: Any, wanted: float, solver: Solver, limit: Limit
     if cheapest is not None:
         row.cheapest = cheapest.setting.elements
         row.work = sum(p["elements"] * max(p["iterations"], 1) for p in row.path) / cheapest.work
-        row.guesses = takes_guess(loaded.case)
+        row.guesses = loaded.case.solver.takes_guess
         alone = replace(loaded, case=replace(loaded.case, accuracy=None))
         row.time = (_seconds(lambda: solve_to_accuracy(loaded))
                     / _seconds(lambda: solve_for_goal(with_setting(alone, cheapest.setting))))
@@ -118,7 +116,7 @@ def effectivities(study: Study, sizes: tuple[int, ...]) -> list[float | None] | 
     """
     loaded = study.loaded()
     loaded = replace(loaded, case=replace(loaded.case, accuracy=None))
-    if not isinstance(loaded.case.solver, LinearStatic) and not takes_guess(loaded.case):
+    if not (loaded.case.solver.linear or loaded.case.solver.takes_guess):
         return None
     out: list[float | None] = []
     for size in sizes:

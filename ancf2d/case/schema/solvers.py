@@ -34,10 +34,17 @@ class Kind:
     # whether it computes a motion; states over time from 0 to t_end; equilibria, whose balance gives section forces;
     # these for small displacements alone; what vibrates about a state; load factors
     moves = timed = balances = linear = vibrates = scales = False
+    # whether what it finds on three meshes shows an order: one state for each, which finer meshes do not replace
+    shows_order: Any = False
 
     @property
     def on_path(self) -> bool:
         """Whether it follows a path along which the load factor itself is found."""
+        return False
+
+    @property
+    def takes_guess(self) -> bool:
+        """Whether it can begin from a guess of its last state."""
         return False
 
     @property
@@ -88,7 +95,7 @@ class LinearStatic(Kind):
     """Static equilibrium for small displacements."""
 
     tag = "linear_static"
-    balances = linear = True
+    balances = linear = shows_order = True
 
 
 @record
@@ -117,6 +124,16 @@ class Static(Kind):
     def on_path(self) -> bool:
         """Whether the load factor is found along the path."""
         return self.method != "newton"
+
+    @property
+    def takes_guess(self) -> bool:
+        """Whether it can begin from a guess of its last state: not on a path, which is followed from its start."""
+        return not self.on_path
+
+    @property
+    def shows_order(self) -> bool:
+        """Whether what it finds on three meshes shows an order: not where paths end, which are refined in turn."""
+        return not self.on_path
 
     @property
     def end(self) -> float:
@@ -168,6 +185,11 @@ class Eigen(Kind):
     damped: bool = key(Flag(), "Whether dampers and damping act", default=True)
     verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
                        "spurious", default=False)
+
+    @property
+    def shows_order(self) -> bool:
+        """Whether what it finds on three meshes shows an order: not where it looks at finer ones itself."""
+        return not self.verify
 
 
 @record
@@ -251,7 +273,7 @@ class Buckling(Kind):
     """Load factors at which the linear static state buckles."""
 
     tag = "buckling"
-    scales = True
+    scales = shows_order = True
     modes: int = key(Integer(), "Number of load factors, from the lowest", default=4)
 
 

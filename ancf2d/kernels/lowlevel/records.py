@@ -237,13 +237,25 @@ def _unbox(kind: RecordType, record: Any, c: Any) -> Any:
     return NativeValue(address)
 
 
+# types by what they are made of: to make one takes far longer than to find it, and a motion has dozens of records
+_ARRAYS: dict[tuple[str, int], types.Type] = {}
+_RECORDS: dict[tuple[Any, ...], RecordType] = {}
+
+
 def type_of(values: Any) -> Any:
     """Return the type of a field: a number, an array row by row, or a named tuple of such."""
-    if isinstance(values, tuple):
-        fields = tuple((name, type_of(v)) for name, v in zip(values._fields, values, strict=True))  # type: ignore[attr-defined]
-        return RecordType(type(values), fields)
     if isinstance(values, np.ndarray):
-        return types.Array(_KINDS[values.dtype.kind], values.ndim, "C")
+        key = values.dtype.kind, values.ndim
+        if key not in _ARRAYS:
+            _ARRAYS[key] = types.Array(_KINDS[key[0]], key[1], "C")
+        return _ARRAYS[key]
+    if isinstance(values, tuple):
+        fields = [type_of(v) for v in values]
+        # the types of fields live as long as this table: there is one of each kind
+        one = (type(values), *map(id, fields))
+        if one not in _RECORDS:
+            _RECORDS[one] = RecordType(type(values), tuple(zip(values._fields, fields, strict=True)))  # type: ignore[attr-defined]
+        return _RECORDS[one]
     return _KINDS["b" if isinstance(values, bool | np.bool_) else "i" if isinstance(values, int | np.integer) else "f"]
 
 
@@ -255,14 +267,14 @@ class Record:
 
     __slots__ = ("_nested", "_numba_type_", "_others", "_words", "address", "values")
 
-    def __init__(self, values: Any, words: Any = None, others: Any = None) -> None:
+    def __init__(self, values: Any, words: Any = None, others: Any = None, kind: RecordType | None = None) -> None:
         # other records whose addresses are among the values live as long as this one
-        self.values, self._numba_type_, self._others = values, type_of(values), others
+        self.values, self._numba_type_, self._others = values, kind or type_of(values), others
         self._words = np.zeros(self._numba_type_.words, dtype=np.int64) if words is None else words
         self.address, self._nested = self._words.ctypes.data, {}
         for (at, kind), name, value in zip(self._numba_type_.place.values(), values._fields, values, strict=True):
             if isinstance(kind, RecordType):
-                self._nested[name] = Record(value, self._words[at:at + kind.words])
+                self._nested[name] = Record(value, self._words[at:at + kind.words], kind=kind)
             else:
                 self._words[at:at + words_of(kind)] = _as_words(kind, value)
 

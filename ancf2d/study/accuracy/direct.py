@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...case import Buckling, Eigen, LinearStatic
 from ...elements import registry
 from ...elements.definition import ElementType
 from ...elements.shape import Array
 from ...model.curve import stretches
-from ...solvers.registry import takes_guess
 from ..order import Estimate
 from ..variants import Variant, described
 from .mesh import moved_alone
@@ -137,9 +135,8 @@ class Direct:
     def suits(self) -> bool:
         """Whether meshes can be judged by their neighbours: values are numbers, and no kink moves through elements."""
         case = self.pursuit.loaded.case
-        solver, bodies = case.solver, bodies_with_meshes(case, self.types)
-        if case.goal is None or not bodies or not (isinstance(solver, LinearStatic | Buckling) or takes_guess(case) or (
-                isinstance(solver, Eigen) and not solver.verify)):
+        bodies = bodies_with_meshes(case, self.types)
+        if case.goal is None or not bodies or not case.solver.shows_order:
             return False
         return not case.contacts and not self.pursuit.slides(Setting({}, self.types)) and all(
             b.material is None or not b.material.remembers for b in case.bodies.values())

@@ -17,7 +17,7 @@ from ...errors import Ancf2dError
 from ...model.build import build_model
 from ...model.model import Model
 from ...model.transfer import transferred
-from ...solvers.registry import solve, takes_guess
+from ...solvers.registry import solve
 from ..goal import Answer, Solved, goal_kind
 from ..order import ROUND_OFF, Estimate
 from ..run import quantity
@@ -94,7 +94,7 @@ def _solved(model: Model, solved: Solved) -> Any:
     """Return the last state of a model, from the state of another mesh where the solver takes one."""
     from ...solvers.newton import Start
 
-    if not takes_guess(model.case):
+    if not model.case.solver.takes_guess:
         return list(solve(model))[-1]
     d = transferred(solved.state.d, solved.model, model)
     if d is None:

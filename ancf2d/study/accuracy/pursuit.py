@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
-from ...solvers.registry import takes_guess
 from ..goal import File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
@@ -129,7 +128,7 @@ class Pursuit:
     @property
     def begins(self) -> bool:
         """Whether meshes begin from the state of another one."""
-        return self.guesses and takes_guess(self.loaded.case)
+        return self.guesses and self.loaded.case.solver.takes_guess
 
     def _guess(self, model: Model, level: Level) -> Start | None:
         """Return the latest state of the same element types on another mesh."""
@@ -163,7 +162,7 @@ class Pursuit:
             return
         if file is None:
             conclude(found)
-        if takes_guess(self.loaded.case):
+        if self.loaded.case.solver.takes_guess:
             self.latest[level.setting.kinds] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level

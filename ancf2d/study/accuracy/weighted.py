@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...case import Goal, LinearStatic, LoadedCase, refined
+from ...case import Goal, LoadedCase, refined
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.build import build_model
@@ -23,7 +23,6 @@ from ...model.mesh import Index
 from ...model.model import Model
 from ...model.transfer import transferred
 from ...solvers.post import Observer
-from ...solvers.registry import takes_guess
 from ..goal import Solved, goal_kind
 from ..gradient import GoalValues
 from .neighbours import Neighbour
@@ -53,9 +52,9 @@ class Weighted:
 
 def has_adjoint(loaded: LoadedCase, model: Model) -> bool:
     """Whether the error of a solved case can be told by its adjoint: statics whose forces have a potential."""
-    static = isinstance(loaded.case.solver, LinearStatic) or takes_guess(loaded.case)
-    return static and not model.remembers and not model.contacts and bool(
-        model.symmetric or isinstance(loaded.case.solver, LinearStatic))
+    solver = loaded.case.solver
+    return (solver.linear or solver.takes_guess) and not model.remembers and not model.contacts and bool(
+        model.symmetric or solver.linear)
 
 
 def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None) -> Weighted | None:
@@ -76,7 +75,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
     begin = d[fine.numbering.free]
     near = replace(state, d=fine.displacements(begin, state.t)) if finer is None else finer.state
     try:
-        found = Equilibrium(fine, near, isinstance(loaded.case.solver, LinearStatic))
+        found = Equilibrium(fine, near, loaded.case.solver.linear)
         if finer is None and not _settled(found, begin):
             return None
         end, J = found.z, _Goal(goal, found)

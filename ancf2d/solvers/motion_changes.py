@@ -1,0 +1,320 @@
+"""A motion made once more, with the changes of its states beside it: the derivative of the steps as they were made.
+
+The equations R_i = 0 of the stages of each step are differentiated as those of equilibria are (``solvers.variation``):
+dR/dp by differences of models beside the number at the same stages, K, C and M by the tangents. A step's matrix is
+factored once for all numbers. What goes from step to step is the change of the state: memory does not grow with the
+steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ..case import Dynamic
+from ..elements.shape import Array
+from ..kernels import along
+from ..kernels.advance import CHECK, EVENT, INSIDE
+from ..kernels.lowlevel.records import Record
+from ..kernels.motion import REJECTED
+from ..model.model import Model
+from .beside import Beside, carried, joined
+from .breaks import pass_break
+from .differences import UnsuitedError
+from .dynamic import Run
+from .linear_steps import Change, Entries, Stages, StepFactors, method_of
+from .state import Row
+from .stepping import Stepper
+
+# numbers that the stages of a window of steps are kept in, at most
+WINDOW = 1 << 21
+# of the scene: how far tangents are tried along a change
+TRIED = 5e-6
+# corrections of a change, relative to the largest, that are none; and most of them
+CLOSE, CORRECTIONS = 1e-9, 12
+# the same, beyond which they do not come to an end
+LOOSE = 1e-6
+# what the changes of all numbers together may leave out, and the golden section, of which they have unlike shares
+ENOUGH, GOLDEN = 3e-8, 0.6180339887498949
+
+
+@dataclass
+class Step:
+    """A step that was made: time, length and stages, what laws remembered before, and states stored within."""
+
+    t: float
+    h: float
+    stages: Stages
+    turns: Array
+    feet: Array
+    rows: list[Row]
+
+
+@dataclass
+class Course:
+    """Changes along some steps: where each begins and the last ends (steps + 1, 4, n, k), of the stages (m, n, k)."""
+
+    ends: Array
+    stages: Stages
+
+    def at(self, k: int) -> Change:
+        """Return the change of where step k begins, -1 of where the last one ends."""
+        return Change(*self.ends[k])
+
+    def add(self, other: Course, columns: Any) -> None:
+        """Add other changes to some of the columns, once for each of them."""
+        self.ends[..., columns] += other.ends
+        for name in ("z", "v", "a"):
+            getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
+
+
+class Pass:
+    """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
+
+    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
+                 rejected: int | None) -> None:
+        self.run, self.rejected = Run(model, spec), math.inf if rejected is None else rejected
+        self.stepper, self.whole = self.run.stepper, whole
+        self.stepper.tighten(tolerance)
+        # the same motion once more, for what it does at breaks
+        self.other: Stepper | None = None
+        p, m = self.stepper.p, self.stepper.m
+        assert m is not None
+        self.own, self.method = m.own, method_of(m.own)
+        self.entries = Entries(model, p, self.method.stages)
+        self.mass, self.free = self.entries.read(p.mass), self.entries.free
+        self.M = self.entries.matrix(self.mass)
+        self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
+        self.rows: list[Row] = []
+        self.changes: list[Array] = []
+        # whether tangents are all exact so far
+        self.precise = True
+        # of each number: how far linear equations were off, and differences of lower order over the first steps
+        self.off, self.rough = np.zeros(0), np.zeros(0)
+
+    def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
+        """Make the motion, or so many steps; return whether no more of them were shortened than ``rejected``.
+
+        ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
+        """
+        stepper, self.numbers = self.stepper, numbers
+        self.run.begin()
+        self.off = np.zeros(len(numbers))
+        change = joined([one.begin() for one in numbers])
+        self._take(stepper.last(), change)
+        size, window = min(self._size(), steps or self._size()), list[Step]()
+        for step in self._steps():
+            if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > self.rejected:
+                return False
+            if step is not None:
+                window.append(step)
+            if len(window) == size or step is None:
+                change, window = self._through(window, change), []
+                if steps is not None:
+                    return True
+            if step is None:
+                change = self._behind_break(change)
+        change = self._through(window, change)
+        self._take(stepper.last(), change)
+        return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= self.rejected
+
+    def _behind_break(self, change: Change) -> Change:
+        """Return the change behind a break, which the motion passes."""
+        stepper, piece = self.stepper, self.stepper.piece + 1
+        if self.other is None:
+            self.other = Run(self.run.model, self.run.spec).stepper
+        change = carried(self.other, stepper, change, piece, TRIED * stepper.p.extent)
+        change = change.plus(joined([one.pass_break(stepper, piece) for one in self.numbers]))
+        pass_break(stepper, piece)
+        return change
+
+    def _size(self) -> int:
+        """Return how many steps are taken at a time."""
+        n, s, k = self.entries.n, self.method.stages, 2 * len(self.numbers)
+        each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
+        return int(min(max(WINDOW // each, 1), 256))
+
+    def _steps(self) -> Iterator[Step | None]:
+        """Make the motion; yield its steps, and None where it has come to a break."""
+        stepper, rows = self.stepper, list[Row]()
+        while not stepper.done:
+            s, p = stepper.s, stepper.p
+            t, z = stepper.t, s.z.copy()
+            turns, feet = p.points.mem.copy(), p.sliding.memory.copy()
+            why, logged = stepper.advance(rows, 1)
+            if why == EVENT:
+                raise UnsuitedError("events answer the motion")
+            if logged:
+                h = float(stepper.rows.log[0, 2])
+                stages = self.method.taken(self.own.values, z, t, h)
+                yield Step(t, h, stages, turns, feet, [row for row in rows if row.kind != CHECK])
+                rows = []
+            if stepper.breaks(why):
+                yield None
+
+    def _take(self, row: Row, change: Change) -> None:
+        """Keep a stored state and its change."""
+        if not self.whole:
+            self.rows, self.changes = [], []
+        self.rows.append(row)
+        self.changes.append(np.array([change.z, change.v, change.a]))
+
+    # ------------------------------------------------------------------ some steps at a time
+
+    def _through(self, window: Sequence[Step], change: Change) -> Change:
+        """Return the change behind some steps, of which ``change`` is that before them."""
+        if not window:
+            return change
+        n, m = self.entries.n, len(window) * self.method.stages
+        at = self._moments(window)
+        dR = np.zeros((m, n, 2 * len(self.numbers)))
+        for k, one in enumerate(self.numbers):
+            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.residuals(at, (m, n)), 0, 2)
+        equations = self._equations(window, at)
+        course = self._follow(window, equations, dR, change)
+        self.precise = self.precise and self._exact(window, equations, at, dR, course)
+        if not self.precise:
+            self._correct(window, equations, at, dR, course)
+        if not len(self.rough):
+            self.rough = np.array([unlike(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
+                                   for k in range(len(self.numbers))])
+        for k, step in enumerate(window if self.whole else ()):
+            for row in step.rows:
+                if row.t < self.run.spec.t_end:
+                    self._take(row, self._within(step, row, course, k))
+        return course.at(-1)
+
+    def _moments(self, window: Sequence[Step]) -> Record:
+        def joined(name: str) -> Array:
+            return np.concatenate([getattr(step.stages, name) for step in window])
+
+        s = self.method.stages
+        turns, feet = (np.repeat(np.array([getattr(step, name) for step in window]), s, axis=0)
+                       for name in ("turns", "feet"))
+        return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
+
+    def _equations(self, window: Sequence[Step], at: Record) -> list[tuple[StepFactors, list[Any]]]:
+        """Return factors of each step, and C + alpha M of its stages where there is any."""
+        p, w, s = self.stepper.p, self.stepper.w, self.method.stages
+        A = np.zeros((len(at.t), len(p.mass)))
+        along.tangents(p, w, at, 0.0, A)
+        K = self.entries.read(A)
+        C = np.broadcast_to(p.alpha * self.mass, K.shape)
+        if self.damped:
+            along.tangents(p, w, at, 1.0, A)
+            C = C + self.entries.read(A) - K
+        out = []
+        for k, step in enumerate(window):
+            mine = slice(s * k, s * k + s)
+            try:
+                factors = self.entries.factors(K[mine], C[mine], self.mass, *self.method.rates(step.h))
+            except ArithmeticError:
+                raise UnsuitedError(f"the equations of the step at t = {step.t:.6g} are singular") from None
+            rates = [self.entries.matrix(c) for c in C[mine]] if self.damped or p.alpha else []
+            out.append((factors, rates))
+        return out
+
+    def _follow(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], dR: Array,
+                change: Change) -> Course:
+        """Return the changes along steps that dR (m, n, k) and a change of the start make."""
+        s, n, free = self.method.stages, self.entries.n, self.free[:, None]
+        out = Stages(np.zeros(0), *(np.zeros(dR.shape) for _ in range(3)))
+        ends = np.zeros((len(window) + 1, 4, n, dR.shape[2]))
+        for k, (step, (factors, rates)) in enumerate(zip(window, equations, strict=True)):
+            mine = slice(s * k, s * k + s)
+            ends[k] = change.z, change.v, change.a, change.own
+            v0, a0 = (free * x for x in self.method.constants(change, step.h))
+            b = dR[mine] + (self.M @ a0.transpose(1, 0, 2).reshape(n, -1)).reshape(n, s, -1).transpose(1, 0, 2)
+            for i, C in enumerate(rates):
+                b[i] += C @ v0[i]
+            z = factors.solve(-b)
+            V, A = self.method.rates(step.h)
+            v, a = ((F @ z.reshape(s, -1)).reshape(z.shape) for F in (V, A))
+            found = Stages(step.stages.t, z, v0 + free * v, a0 + free * a)
+            out.z[mine], out.v[mine], out.a[mine] = found.z, found.v, found.a
+            change = self.method.end(change, found, step.h)
+        ends[-1] = change.z, change.v, change.a, change.own
+        return Course(ends, out)
+
+    def _exact(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], at: Record,
+               dR: Array, course: Course) -> bool:
+        """Whether residuals change by nothing along the changes: along the sum of all, so that one look is enough.
+
+        Each number counts by its size in the sum, times a factor of its own, so that none makes up for another.
+        """
+        weights, stages, own = self.stepper.p.weights[None, :, None], course.stages, slice(None, None, 2)
+        sizes = (weights * np.abs(stages.z[:, :, own])).max(axis=(0, 1), initial=0.0)
+        factors = (0.5 + np.arange(len(sizes)) * GOLDEN % 1.0) / np.where(sizes > 0.0, sizes, 1.0)
+        z, v, a = (np.ascontiguousarray(x[:, :, own] @ factors) for x in (stages.z, stages.v, stages.a))
+        size = float((weights[:, :, 0] * np.abs(z)).max(initial=0.0))
+        if not size > 0.0 or not (sizes > 0.0).all():
+            return False
+        J = np.zeros(z.shape)
+        along.actions(self.stepper.p, self.stepper.w, at, z, v, a, TRIED * self.stepper.p.extent / size, J)
+        defect = (dR[:, :, own] @ factors + J)[:, :, None]
+        more = self._follow(window, equations, defect, Change.none(self.entries.n, 1))
+        left = float((weights * np.abs(more.stages.z)).max(initial=0.0)) / size
+        if left <= ENOUGH:
+            self.off = np.maximum(self.off, left)
+        return left <= ENOUGH
+
+    def _correct(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], at: Record,
+                 dR: Array, course: Course) -> None:
+        """Correct changes until the residuals change by nothing along them: tangents are Newton's, not all exact."""
+        weights, stepper = self.stepper.p.weights[None, :], self.stepper
+        some = np.arange(len(self.numbers))
+        before, worst, J = np.ones(len(some)), np.full(len(some), np.inf), np.zeros(dR.shape[:2])
+        last = np.zeros(len(some))
+        for _ in range(CORRECTIONS):
+            defects = np.zeros((*dR.shape[:2], len(some)))
+            sizes = np.zeros(len(some))
+            for k, number in enumerate(some.tolist()):
+                z, v, a = (np.ascontiguousarray(x[:, :, 2 * number]) for x in
+                           (course.stages.z, course.stages.v, course.stages.a))
+                sizes[k] = float((weights * np.abs(z)).max(initial=0.0))
+                step = TRIED * stepper.p.extent / sizes[k] if sizes[k] > 0.0 else self.numbers[number].h
+                along.actions(stepper.p, stepper.w, at, z, v, a, step, J)
+                defects[:, :, k] = dR[:, :, 2 * number] + J
+            more = self._follow(window, equations, defects, Change.none(self.entries.n, len(some)))
+            shares = np.array([float((weights * np.abs(more.stages.z[:, :, k])).max(initial=0.0)) for k in
+                               range(len(some))]) / np.where(sizes > 0.0, sizes, 1.0)
+            for columns in (2 * some, 2 * some + 1):
+                course.add(more, columns)
+            # the first correction is as good as the tangents were
+            left = shares * shares / before[some]
+            before[some], last[some] = shares, left
+            going = (left > CLOSE) & (shares < worst[some])
+            worst[some] = 0.5 * shares
+            some = some[going]
+            if not len(some):
+                break
+        self.off = np.maximum(self.off, last)
+        if (last > LOOSE).any():
+            raise UnsuitedError("the tangents of the steps do not tell how they change")
+
+    def _within(self, step: Step, row: Row, course: Course, k: int) -> Change:
+        """Return the change of a state that is stored within a step."""
+        s = self.method.stages
+        if row.kind != INSIDE:
+            return course.at(k + 1)
+        mine = slice(s * k, s * k + s)
+        start = course.at(k)
+        found = Stages(step.stages.t, course.stages.z[mine], course.stages.v[mine], course.stages.a[mine])
+        dense, x = self.method.dense(start, found, step.h, self.free), (row.t - step.t) / step.h
+        assert self.stepper.m is not None
+        basis = self.stepper.m.record.basis.T
+        f = [polynomial.polyval(x, polynomial.polyder(basis, order)) for order in range(3)]
+        z, v, a = (np.tensordot(one, dense, 1) for one in f)
+        free = self.free[:, None]
+        return Change(start.z + z, free * v / step.h, free * a / step.h**2, start.own)
+
+
+def unlike(weights: Array, both: Array) -> float:
+    """Return how far differences of lower order are off beside the largest change: ``both`` (m, n, 2) of a number."""
+    size, far = (float((weights * np.abs(x)).max(initial=0.0)) for x in (both[..., 0], both[..., 0] - both[..., 1]))
+    return far / size if size > 0.0 else 0.0
