@@ -165,8 +165,11 @@ class Scene:
             # a tolerance is one of displacements: what changes within a step is known by as much over its length
             V = L / self.case["solver"]["t_end"] * (1 if "dt" in self.case["solver"] else self.steps)
             V = max(V, base.largest("velocity"))
+            # Newton's method leaves a share of displacements, those of faces too, by which directions across turn
+            across = min((math.sqrt(3.0 * EI / EA) for EA, EI in (
+                stiffness(b) for b in self.case["bodies"].values() if not is_rigid(b))), default=L)
             mass = sum(mass_per_length(b) * length(b["geometry"]) for b in self.case["bodies"].values())
-            out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / L, base.largest("rate")),
+            out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / min(L, across), base.largest("rate")),
                     "momentum": mass * V}
         return out
 
