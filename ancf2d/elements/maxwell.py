@@ -24,7 +24,11 @@ Terms = tuple[tuple[float, float], ...]
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
-    """Fill the internal strains, h_i of each term, and the strains themselves; the last number is the time step.
+    """Fill the internal strains, h_i of each term, the strains themselves, and what was told too much of what is lost.
+
+    The last is the upper half of a matrix P (strains, strains): sum D P over it is by how much the internal strains
+    have taken less under the mean of the stresses at both ends of each step than under that at its end. Behind it
+    stands the time step.
 
     The last reference values of a point are (g_i, tau_i) of each term, and their number. A time step below 0 is a share
     of the springs that the slope has, at the strains that are remembered.
@@ -42,13 +46,24 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
             takes = -np.expm1(-x) / x if x > 0.0 else (-old[clock, l] if x < 0.0 else 1.0)
             for i in range(n):
                 at = (1 + k) * n + i
-                h = keeps * old[at, l] + takes * (eps[i, l] - old[clock - n + i, l])
+                h = keeps * old[at, l] + takes * (eps[i, l] - old[(1 + terms) * n + i, l])
                 new[at, l] = h
                 new[i, l] -= g * h
                 slope[i, i, l] -= g * takes
+    at = (2 + terms) * n
+    for i in range(n):
+        for j in range(i, n):
+            half = 0.25 if i == j else 0.5
+            for l in range(lanes):
+                taken, other = new[i, l] - old[i, l], new[j, l] - old[j, l]
+                bears = eps[i, l] - old[at - n + i, l] - taken
+                new[at, l] = old[at, l] + half * (
+                    bears * other + (eps[j, l] - old[at - n + j, l] - other) * taken)
+            at += 1
+    at = (1 + terms) * n
     for i in range(n):
         for l in range(lanes):
-            new[clock - n + i, l] = eps[i, l]
+            new[at + i, l] = eps[i, l]
     for l in range(lanes):
         new[clock, l] = old[clock, l]
 
@@ -58,8 +73,7 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
 
     The strains are eps - q with q = sum g h, so that it is q D q/2 - q D eps + sum g h D h/2.
     """
-    count = int(ref[0, 0, -1])
-    n = (state.shape[-1] - 1) // (2 + count)
+    count, n = int(ref[0, 0, -1]), D.shape[-1] // state.shape[2]
     g = ref[0, 0, -1 - 2 * count:-1:2]
     h = [state[..., (1 + k) * n:(2 + k) * n].reshape(eps.shape) for k in range(count)]
     q = sum(a * b for a, b in zip(g, h, strict=True))
@@ -67,6 +81,16 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     for a, b in zip(g, h, strict=True):
         twice += a * np.einsum("esi,sij,esj->es", b, D, b)
     return np.asarray(0.5 * twice)
+
+
+def _overtold(ref: Array, D: Array, state: Array) -> Array:
+    """Return what the internal strains took less than was told at the ends of steps; see ``PointLaw``."""
+    points = state.shape[2]
+    n = D.shape[-1] // points
+    i, j = np.triu_indices(n)
+    # no strain of a point bears stress of another
+    own = np.array([D[:, p * n + i, p * n + j] for p in range(points)])
+    return np.asarray(np.einsum("espk,psk->es", state[..., -1 - len(i):-1], own))
 
 
 @dataclass(frozen=True)
@@ -93,6 +117,6 @@ def relaxing(base: Formulation, terms: int) -> Formulation:
         return base
     law = base.law
     own = PointLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
-                   quadratic=law.quadratic, state=(2 + terms) * law.strains + 1, internal=internal, timed=True,
-                   stored=stored)
+                   quadratic=law.quadratic, internal=internal, timed=True, stored=stored,
+                   state=(2 + terms) * law.strains + law.strains * (law.strains + 1) // 2 + 1, overtold=_overtold)
     return replace(base, law=own, sample=_Sample(base), stress=None)

@@ -355,3 +355,51 @@ def test_a_resumed_motion_of_rubber_is_the_same_to_the_last_bit(method: str, mon
     *_, last = solve_dynamic(prepare(loaded), loaded.case.solver, half)
     np.testing.assert_array_equal(last.d, whole[-1].d)
     assert last.history["dissipated"] == whole[-1].history["dissipated"]
+
+
+CYCLE = {"terms": ((0.5, 0.1), (0.3, 0.02)), "hz": 2.0, "strain": 1e-4, "end": 2.0}
+
+
+def cycled() -> list[dict[str, Any]]:
+    """Return what holds a bar of unit length at one end and moves its other one to and fro."""
+    move = {"type": "sine", "frequency": CYCLE["hz"], "scale": CYCLE["strain"]}
+    return [{"type": "clamp", "at": "beam@0"}, {"type": "prescribed", "at": "beam@1", "name": "end", "ux": move,
+                                                "uy": 0, "angle": 0}]
+
+
+@pytest.mark.slow
+def test_a_cycle_of_equilibria_loses_the_energy_of_the_loss_modulus() -> None:
+    """Once transients have died, u = e L Im(J exp(i omega t)) with J = E/E(i omega): -pi E e^2 Im J per volume."""
+    terms, omega, end = CYCLE["terms"], 2 * np.pi * CYCLE["hz"], 2.5
+    pull = [{"type": "force", "at": "beam@1", "value": [CYCLE["strain"] * E * SIZE**2, 0],
+             "amplitude": {"type": "sine", "frequency": CYCLE["hz"]}}]
+    done = ancf2d.solve(beam(TYPES[0], terms, end, 1e-3, loads=pull))
+    last = done.course_t > end - 1.0 / CYCLE["hz"]
+    t = done.course_t[last]
+    found = np.linalg.lstsq(np.array([np.sin(omega * t), np.cos(omega * t)]).T, done.course["tip"]["ux"][last])[0]
+    exact = CYCLE["strain"] * LENGTH / complex_modulus(1j * omega, terms)
+    assert found == pytest.approx([exact.real, exact.imag], rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", TYPES[:4:3], ids=lambda k: k[0])
+def test_a_cycle_of_motion_loses_the_energy_of_the_loss_modulus(kind: tuple[str, str | None]) -> None:
+    """Waves along the bar make it A E k cot(k L) with k^2 = rho omega^2/E(i omega): pi e^2 times its imaginary part.
+
+    ``generalized_alpha`` loses it to its second order, ``radau5`` to a millionth.
+    """
+    omega = 2 * np.pi * CYCLE["hz"]
+    modulus = E * complex_modulus(1j * omega, CYCLE["terms"])
+    k = omega * np.sqrt(1000 / modulus)
+    exact = np.pi * CYCLE["strain"]**2 * (SIZE**2 * modulus * k / np.tan(k)).imag
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 4, kind[1]),
+            "material": {**material(CYCLE["terms"]), "nu": 0.0}, "section": {"height": SIZE, "width": SIZE}}
+
+    def off(method: str, dt: float) -> float:
+        lost = ancf2d.solve(h.load({"beam": body}, {"type": "dynamic", "t_end": CYCLE["end"], "dt": dt,
+                                                    "method": method, "estimate": False}, bc=cycled(),
+                                   output={"interval": 0.5 / CYCLE["hz"]})).energies["dissipated"]
+        return float((lost[-1] - lost[-3]) / exact - 1.0)
+    coarse, fine = off("generalized_alpha", 0.01), off("generalized_alpha", 0.005)
+    assert abs(coarse) < 5e-3
+    assert 3.8 < coarse / fine < 4.2
+    assert abs(off("radau5", 0.0125)) < 1e-6
