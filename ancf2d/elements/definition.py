@@ -137,7 +137,7 @@ class ElementType:
         """The parsed basis; raises ValueError for text that is no polynomial."""
         return tuple(parse(b) for b in self.basis)
 
-    @property
+    @cached_property
     def has_theta(self) -> bool:
         """Whether the section rotation is a coordinate of its own (geometrically exact beams)."""
         return any("theta" in n.coordinates for n in self.nodes)

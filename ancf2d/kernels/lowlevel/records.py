@@ -7,7 +7,7 @@ function that it goes through is compiled for all of them.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -242,21 +242,33 @@ _ARRAYS: dict[tuple[str, int], types.Type] = {}
 _RECORDS: dict[tuple[Any, ...], RecordType] = {}
 
 
+# types by what they depend on of values: making one takes as long as a small solve
+_TYPES: dict[Any, RecordType] = {}
+
+
+def _form(value: Any) -> Any:
+    """Return what the type of a field depends on."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind, value.ndim
+    if isinstance(value, tuple):
+        return type(value), *map(_form, value)
+    return "b" if isinstance(value, bool | np.bool_) else "i" if isinstance(value, int | np.integer) else "f"
+
+
 def type_of(values: Any) -> Any:
     """Return the type of a field: a number, an array row by row, or a named tuple of such."""
-    if isinstance(values, np.ndarray):
-        key = values.dtype.kind, values.ndim
-        if key not in _ARRAYS:
-            _ARRAYS[key] = types.Array(_KINDS[key[0]], key[1], "C")
-        return _ARRAYS[key]
-    if isinstance(values, tuple):
-        fields = [type_of(v) for v in values]
-        # the types of fields live as long as this table: there is one of each kind
-        one = (type(values), *map(id, fields))
-        if one not in _RECORDS:
-            _RECORDS[one] = RecordType(type(values), tuple(zip(values._fields, fields, strict=True)))  # type: ignore[attr-defined]
-        return _RECORDS[one]
-    return _KINDS["b" if isinstance(values, bool | np.bool_) else "i" if isinstance(values, int | np.integer) else "f"]
+    return _type(_form(values))
+
+
+def _type(form: Any) -> Any:
+    if isinstance(form, str):
+        return _KINDS[form]
+    kind, *inside = form
+    if isinstance(kind, str):
+        return types.Array(_KINDS[kind], inside[0], "C")
+    if form not in _TYPES:
+        _TYPES[form] = RecordType(kind, tuple(zip(kind._fields, map(_type, inside), strict=True)))
+    return _TYPES[form]
 
 
 class Record:
@@ -265,18 +277,14 @@ class Record:
     Raises ValueError for arrays that are not row by row in 8 byte numbers (1 of booleans, 16 of complex numbers).
     """
 
-    __slots__ = ("_nested", "_numba_type_", "_others", "_words", "address", "values")
-
-    def __init__(self, values: Any, words: Any = None, others: Any = None, kind: RecordType | None = None) -> None:
+    def __init__(self, values: Any, others: Any = None) -> None:
         # other records whose addresses are among the values live as long as this one
-        self.values, self._numba_type_, self._others = values, kind or type_of(values), others
-        self._words = np.zeros(self._numba_type_.words, dtype=np.int64) if words is None else words
-        self.address, self._nested = self._words.ctypes.data, {}
-        for (at, kind), name, value in zip(self._numba_type_.place.values(), values._fields, values, strict=True):
-            if isinstance(kind, RecordType):
-                self._nested[name] = Record(value, self._words[at:at + kind.words], kind=kind)
-            else:
-                self._words[at:at + words_of(kind)] = _as_words(kind, value)
+        self._others = others
+        self._lay(values, type_of(values), np.array(list(_words(values)), dtype=np.int64))
+
+    def _lay(self, values: Any, kind: RecordType, words: Any) -> None:
+        self.values, self._numba_type_, self._words = values, kind, words
+        self.address = words.ctypes.data
 
     @property
     def layout(self) -> RecordType:
@@ -284,13 +292,29 @@ class Record:
         return self._numba_type_
 
     def __getattr__(self, name: str) -> Any:
-        return self._nested[name] if name in self._nested else getattr(self.values, name)
+        value = getattr(self.values, name)
+        if isinstance(value, tuple) and name in self._numba_type_.place:
+            at, kind = self._numba_type_.place[name]
+            inside = Record.__new__(Record)
+            inside._lay(value, kind, self._words[at:at + kind.words])
+            value = inside
+        # asked for once only
+        self.__dict__[name] = value
+        return value
 
 
-def _as_words(kind: types.Type, value: Any) -> Any:
-    if isinstance(kind, types.Array):
-        size = {types.boolean: 1, types.complex128: 16}.get(kind.dtype, 8)
-        if not value.flags.c_contiguous or value.dtype.itemsize != size:
-            raise ValueError(f"an array {value.dtype} {value.strides} cannot be part of a record")
-        return [value.ctypes.data, *value.shape]
-    return ctypes.c_int64.from_buffer(ctypes.c_double(value)).value if kind == types.float64 else int(value)
+def _words(values: Any) -> Iterator[int]:
+    """Yield the words of a named tuple."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            size = {"b": 1, "c": 16}.get(value.dtype.kind, 8)
+            if not value.flags.c_contiguous or value.dtype.itemsize != size:
+                raise ValueError(f"an array {value.dtype} {value.strides} cannot be part of a record")
+            yield value.ctypes.data
+            yield from value.shape
+        elif isinstance(value, tuple):
+            yield from _words(value)
+        elif isinstance(value, bool | np.bool_ | int | np.integer):
+            yield int(value)
+        else:
+            yield ctypes.c_int64.from_buffer(ctypes.c_double(value)).value
