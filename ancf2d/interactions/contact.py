@@ -301,6 +301,8 @@ class CompliantContact:
     # when it acts: always
     active = None
     sections: tuple[PointRef | None, ...] = ()
+    # what acts along a body has no ends
+    ends: tuple[()] = ()
 
     def __init__(self, pair: Any) -> None:
         self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.meetings, pair.signal

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.case import template
+from ancf2d.case import Point, template
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
@@ -19,6 +19,7 @@ from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.section_forces import section_forces
 from ancf2d.study.run import run_case
 from scripts.references import contacts as reference
 from scripts.references.statics import Beam
@@ -235,6 +236,9 @@ def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
     (report,) = contact_report(solution.model, solution.state)
     np.testing.assert_allclose(report["force"], [0.3 * 10.0, 10.0], rtol=1e-4)
     assert solution.u("beam@1")[0] == pytest.approx(-(4.0 - 3.0) / 100.0, rel=1e-3)
+    # section forces beside a layer, which has no ends that they would know of; to half of what the last element rubs
+    N, _, _ = section_forces(solution.model, solution.state, solution.model.point(Point("beam", 1.0)))
+    assert pytest.approx(-3.0, abs=0.5 * 3.0 * 0.25) == N
 
 
 def test_a_file_tells_where_an_obstacle_that_moves_is(tmp_path: Path) -> None:
