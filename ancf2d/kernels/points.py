@@ -48,6 +48,10 @@ class Points(NamedTuple):
     run: Any
 
 
+# fields of an item from which on it is worth knowing which coordinates each depends on
+MANY = 24
+
+
 @inner
 def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
     """Fill G d of item i."""
@@ -217,10 +221,18 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
-    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (n,) is room."""
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (n + 2 fields,) is room."""
     m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
-    at = points.entry[i]
+    at, low, high = points.entry[i], 0, n
     K[:] = 0.0
+    # the fields of a long tendon depend on few of its coordinates each, those of one element
+    if m > MANY:
+        for q in range(m):
+            low, high = n, 0
+            for s in range(n):
+                if points.G[at + q * n + s] != 0.0:
+                    low, high = min(low, s), s + 1
+            row[n + 2 * q], row[n + 2 * q + 1] = low, high
     for p in range(m):
         row[:n] = 0.0
         empty = True
@@ -230,7 +242,9 @@ def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped
                 x = 0.5 * (x + h * H[q * m + p] + c * C[q * m + p])
             if x != 0.0:
                 empty = False
-                for s in range(n):
+                if m > MANY:
+                    low, high = int(row[n + 2 * q]), int(row[n + 2 * q + 1])
+                for s in range(low, high):
                     row[s] += x * points.G[at + q * n + s]
         if empty:
             continue
@@ -249,7 +263,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
         return energy
     u, w, a, f, H, C = work_arrays(points)
     most = _most_coordinates(points)
-    entries, row = vector(most * most), vector(most)
+    entries, row = vector(most * most), vector(most + 2 * len(f))
     own, i = vector(len(f) + 2 * len(H)), 0
     while i < len(points.forces):
         _rates(points, i, v, w)
@@ -275,7 +289,7 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
     ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
     """
     u, w, a, f, H, D = work_arrays(points)
-    row = vector(_most_coordinates(points))
+    row = vector(_most_coordinates(points) + 2 * len(f))
     for i in range(len(points.forces)):
         m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i, 0]
         fields_of_item(points, i, d, u)
