@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..elements.shape import Array
+from ..kernels import step_equations
 from ..kernels.lowlevel.records import Record
 from ..kernels.newmark import Newmark
 from ..kernels.radau import Radau
@@ -76,12 +77,12 @@ class Method(Protocol):
         """Return V and A (s, s)."""
         ...
 
-    def constants(self, start: Change, h: float) -> tuple[Array, Array]:
-        """Return what a change of the start adds to the rates and second rates of the stages (s, n, k)."""
+    def begins(self, h: float) -> Array:
+        """Return what v_0 and a_0 of the stages are of the change of a start (2, s, 4): of its z, v, a and own."""
         ...
 
-    def end(self, start: Change, found: Stages, h: float) -> Change:
-        """Return the change of the end."""
+    def kept(self, h: float) -> Array:
+        """Return what the method keeps, of z at the end and of the change of the start (5,)."""
         ...
 
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
@@ -107,19 +108,17 @@ class NewmarkStages:
         f = (1.0 - self.am) / (1.0 - self.af) / (self.beta * h * h)
         return np.array([[self.gamma / (self.beta * h)]]), np.array([[f]])
 
-    def constants(self, start: Change, h: float) -> tuple[Array, Array]:
+    def begins(self, h: float) -> Array:
         """Return what is left of the rates where the end does not move."""
-        V, A = self.rates(h)
-        z = start.z + h * start.v + h * h * (0.5 - self.beta) * start.own
-        v = start.v + h * (1.0 - self.gamma) * start.own
-        a = (self.am * start.own - self.af * start.a) / (1.0 - self.af)
-        return (v - V[0, 0] * z)[None], (a - A[0, 0] * z)[None]
+        V, A = (float(x[0, 0]) for x in self.rates(h))
+        far, f = h * h * (0.5 - self.beta), 1.0 / (1.0 - self.af)
+        v = [-V, 1.0 - V * h, 0.0, h * (1.0 - self.gamma) - V * far]
+        return np.array([[v], [[-A, -A * h, -self.af * f, self.am * f - A * far]]])
 
-    def end(self, start: Change, found: Stages, h: float) -> Change:
-        """Return the change of the end; the algorithmic acceleration is what moves it there."""
-        z, v, a = found.z[0], found.v[0], found.a[0]
-        before = start.z + h * start.v + h * h * (0.5 - self.beta) * start.own
-        return Change(z, v, a, (z - before) / (self.beta * h * h))
+    def kept(self, h: float) -> Array:
+        """Return what the algorithmic acceleration is: what moves the end there."""
+        f = 1.0 / (self.beta * h * h)
+        return np.array([f, -f, -h * f, 0.0, -(0.5 - self.beta) / self.beta])
 
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
         """Return the changes of Hermite's cubic."""
@@ -150,14 +149,16 @@ class RadauStages:
         """Return W/h and W^2/h^2."""
         return self.W / h, self.W2 / (h * h)
 
-    def constants(self, start: Change, h: float) -> tuple[Array, Array]:
+    def begins(self, h: float) -> Array:
         """Return what is left of the rates where no stage moves."""
-        one, two = self.ones[:, None, None], (self.W2.sum(axis=1))[:, None, None]
-        return -one * start.z / h, -two * start.z / (h * h) - one * start.v / h
+        out = np.zeros((2, self.stages, 4))
+        out[0, :, 0] = out[1, :, 1] = -self.ones / h
+        out[1, :, 0] = -self.W2.sum(axis=1) / (h * h)
+        return out
 
-    def end(self, start: Change, found: Stages, h: float) -> Change:
-        """Return the change of the last stage."""
-        return Change(found.z[-1], found.v[-1], found.a[-1], start.own)
+    def kept(self, h: float) -> Array:
+        """Return that nothing is kept but what the start has."""
+        return np.array([0.0, 0.0, 0.0, 0.0, 1.0])
 
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
         """Return the changes of the rates at the start and the stages; of multipliers by their polynomial."""
@@ -208,7 +209,7 @@ class Entries:
         return csr_array((data, self.columns, self.indptr), shape=(self.n, self.n))
 
     @cached_property
-    def _places(self) -> tuple[int, Index, Index]:
+    def places(self) -> tuple[int, Index, Index]:
         """Return half bandwidth, rows and columns (s, s, nnz) of all blocks, stages of an unknown side by side."""
         s = self.s
         stage = np.arange(s)
@@ -217,45 +218,67 @@ class Entries:
         i, j = np.broadcast_arrays(i, j)
         return int(np.abs(i - j).max(initial=0)), i, j
 
-    def factors(self, K: Array, damping: Array, M: Array, V: Array, A: Array) -> StepFactors:
-        """Return the factors of a step's matrix from entries K, C + alpha M (s, nnz) and M (nnz,)."""
-        free = self.free[self.columns]
-        blocks = (V[:, :, None] * damping[:, None] + A[:, :, None] * M) * free
-        stage = np.arange(self.s)
-        blocks[stage, stage] += K
-        return StepFactors(self.n, self.s, blocks, *self._places)
 
+class Equations:
+    """The equations of several steps of lengths h (steps,), factored: as bands where they are narrow.
 
-class StepFactors:
-    """The factors of a step's matrix, as a band where it is narrow. Raises ArithmeticError where it is singular."""
+    K and C + alpha M (steps s, nnz) are those of the stages, M (nnz,) the mass; ``rubs`` tells whether C + alpha M is
+    not zero. Raises ArithmeticError with the number of the first step whose matrix is singular.
+    """
 
-    def __init__(self, n: int, s: int, blocks: Array, bw: int, i: Index, j: Index) -> None:
-        self.n, self.s, self.bw = n, s, bw
-        if bw <= BAND:
-            from scipy.linalg import lapack
+    def __init__(self, entries: Entries, method: Method, h: Array, K: Array, C: Array, M: Array, rubs: bool) -> None:
+        self.entries, self.rubs, self.K, self.C, self.M = entries, rubs, K, np.ascontiguousarray(C), M
+        self.rates, self.begins, self.kept = (np.array([f(one) for one in h.tolist()]) for f in
+                                              (method.rates, method.begins, method.kept))
+        self.bw, n = entries.places[0], entries.n * entries.s
+        self.shape = entries.rows, entries.columns, entries.free
+        if self.bw > BAND:
+            self.sparse = [self._sparse(k) for k in range(len(h))]
+            return
+        self.lu, self.pivots = np.zeros((len(h), n, 3 * self.bw + 1)), np.zeros((len(h), n), dtype=np.int64)
+        done = step_equations.factor(K, self.C, M, *self.shape, self.rates, self.bw, self.lu, self.pivots)
+        if done < len(h):
+            raise ArithmeticError(done)
 
-            band = np.zeros((n * s, 3 * bw + 1))
-            band[j, 2 * bw + i - j] = blocks
-            self.lu, self.rows, info = lapack.dgbtrf(band.T, bw, bw, overwrite_ab=True)
-            if info != 0:
-                raise ArithmeticError
-        else:
-            from scipy.sparse import csc_array
-            from scipy.sparse.linalg import splu
+    def _sparse(self, k: int) -> Any:
+        """Return the factors of step k."""
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
 
-            A = csc_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=(n * s, n * s))
-            try:
-                self.sparse = splu(A)
-            except RuntimeError as error:
-                raise ArithmeticError from error
+        s, _, i, j = self.entries.s, *self.entries.places
+        mine, (V, A), stage = slice(s * k, s * k + s), self.rates[k], np.arange(s)
+        blocks = (V[:, :, None] * self.C[mine, None] + A[:, :, None] * self.M) * self.entries.free[self.entries.columns]
+        blocks[stage, stage] += self.K[mine]
+        try:
+            return splu(csc_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=(s * self.entries.n,) * 2))
+        except RuntimeError as error:
+            raise ArithmeticError(k) from error
 
-    def solve(self, b: Array) -> Array:
-        """Return the stages (s, n, k) of right-hand sides (s, n, k)."""
-        flat = np.ascontiguousarray(b.transpose(1, 0, 2)).reshape(self.n * self.s, -1)
+    def follow(self, dR: Array, start: Change) -> tuple[Stages, Array]:
+        """Return the changes of stages (steps s, n, k), and of all steps' starts and the last end (steps + 1, 4, n, k).
+
+        They are those that changes dR (steps s, n, k) of the residuals and one of the start make.
+        """
+        n, s, columns = self.entries.n, self.entries.s, dR.shape[2]
+        out = Stages(np.zeros(0), *(np.zeros(dR.shape) for _ in range(3)))
+        ends = np.zeros((len(self.rates) + 1, 4, n, columns))
+        ends[0] = start.z, start.v, start.a, start.own
         if self.bw <= BAND:
-            from scipy.linalg import lapack
-
-            x = lapack.dgbtrs(self.lu, self.bw, self.bw, flat, self.rows)[0]
-        else:
-            x = self.sparse.solve(flat)
-        return np.asarray(x).reshape(self.n, self.s, -1).transpose(1, 0, 2)
+            step_equations.follow(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                  self.begins, self.kept, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
+                                  out.z, out.v, out.a, ends)
+            return out, ends
+        free, M = self.entries.free[:, None], self.entries.matrix(self.M)
+        for k, lu in enumerate(self.sparse):
+            mine = slice(s * k, s * k + s)
+            v0, a0 = free * np.tensordot(self.begins[k], ends[k], 1)
+            b = -dR[mine]
+            for i in range(s):
+                b[i] -= M @ a0[i]
+                if self.rubs:
+                    b[i] -= self.entries.matrix(self.C[s * k + i]) @ v0[i]
+            z = lu.solve(b.transpose(1, 0, 2).reshape(n * s, -1)).reshape(n, s, -1).transpose(1, 0, 2)
+            v, a = np.tensordot(self.rates[k], z, 1) * free + np.array([v0, a0])
+            out.z[mine], out.v[mine], out.a[mine] = z, v, a
+            ends[k + 1] = z[-1], v[-1], a[-1], np.tensordot(self.kept[k], np.concatenate([z[-1:], ends[k]]), 1)
+        return out, ends

@@ -27,7 +27,7 @@ from .beside import Beside, carried, joined
 from .breaks import pass_break
 from .differences import UnsuitedError
 from .dynamic import Run
-from .linear_steps import Change, Entries, Stages, StepFactors, method_of
+from .linear_steps import Change, Entries, Equations, Stages, method_of
 from .state import Row
 from .stepping import Stepper
 
@@ -40,7 +40,7 @@ CLOSE, CORRECTIONS = 1e-9, 12
 # the same, beyond which they do not come to an end
 LOOSE = 1e-6
 # what the changes of all numbers together may leave out, and the golden section, of which they have unlike shares
-ENOUGH, GOLDEN = 3e-8, 0.6180339887498949
+ENOUGH, GOLDEN = 5e-9, 0.6180339887498949
 
 
 @dataclass
@@ -57,10 +57,10 @@ class Step:
 
 @dataclass
 class Course:
-    """Changes along some steps: where each begins and the last ends (steps + 1, 4, n, k), of the stages (m, n, k)."""
+    """Changes along some steps: of stages (m, n, k), of where steps begin and the last ends (steps + 1, 4, n, k)."""
 
-    ends: Array
     stages: Stages
+    ends: Array
 
     def at(self, k: int) -> Change:
         """Return the change of where step k begins, -1 of where the last one ends."""
@@ -88,7 +88,6 @@ class Pass:
         self.own, self.method = m.own, method_of(m.own)
         self.entries = Entries(model, p, self.method.stages)
         self.mass, self.free = self.entries.read(p.mass), self.entries.free
-        self.M = self.entries.matrix(self.mass)
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
         self.rows: list[Row] = []
         self.changes: list[Array] = []
@@ -176,10 +175,10 @@ class Pass:
         for k, one in enumerate(self.numbers):
             dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.residuals(at, (m, n)), 0, 2)
         equations = self._equations(window, at)
-        course = self._follow(window, equations, dR, change)
-        self.precise = self.precise and self._exact(window, equations, at, dR, course)
+        course = Course(*equations.follow(dR, change))
+        self.precise = self.precise and self._exact(equations, at, dR, course)
         if not self.precise:
-            self._correct(window, equations, at, dR, course)
+            self._correct(equations, at, dR, course)
         if not len(self.rough):
             self.rough = np.array([unlike(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
                                    for k in range(len(self.numbers))])
@@ -198,9 +197,9 @@ class Pass:
                        for name in ("turns", "feet"))
         return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
 
-    def _equations(self, window: Sequence[Step], at: Record) -> list[tuple[StepFactors, list[Any]]]:
-        """Return factors of each step, and C + alpha M of its stages where there is any."""
-        p, w, s = self.stepper.p, self.stepper.w, self.method.stages
+    def _equations(self, window: Sequence[Step], at: Record) -> Equations:
+        """Return the equations of some steps, factored."""
+        p, w = self.stepper.p, self.stepper.w
         A = np.zeros((len(at.t), len(p.mass)))
         along.tangents(p, w, at, 0.0, A)
         K = self.entries.read(A)
@@ -208,41 +207,14 @@ class Pass:
         if self.damped:
             along.tangents(p, w, at, 1.0, A)
             C = C + self.entries.read(A) - K
-        out = []
-        for k, step in enumerate(window):
-            mine = slice(s * k, s * k + s)
-            try:
-                factors = self.entries.factors(K[mine], C[mine], self.mass, *self.method.rates(step.h))
-            except ArithmeticError:
-                raise UnsuitedError(f"the equations of the step at t = {step.t:.6g} are singular") from None
-            rates = [self.entries.matrix(c) for c in C[mine]] if self.damped or p.alpha else []
-            out.append((factors, rates))
-        return out
+        lengths = np.array([step.h for step in window])
+        try:
+            return Equations(self.entries, self.method, lengths, K, C, self.mass, self.damped or p.alpha != 0.0)
+        except ArithmeticError as found:
+            t = window[found.args[0]].t
+            raise UnsuitedError(f"the equations of the step at t = {t:.6g} are singular") from None
 
-    def _follow(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], dR: Array,
-                change: Change) -> Course:
-        """Return the changes along steps that dR (m, n, k) and a change of the start make."""
-        s, n, free = self.method.stages, self.entries.n, self.free[:, None]
-        out = Stages(np.zeros(0), *(np.zeros(dR.shape) for _ in range(3)))
-        ends = np.zeros((len(window) + 1, 4, n, dR.shape[2]))
-        for k, (step, (factors, rates)) in enumerate(zip(window, equations, strict=True)):
-            mine = slice(s * k, s * k + s)
-            ends[k] = change.z, change.v, change.a, change.own
-            v0, a0 = (free * x for x in self.method.constants(change, step.h))
-            b = dR[mine] + (self.M @ a0.transpose(1, 0, 2).reshape(n, -1)).reshape(n, s, -1).transpose(1, 0, 2)
-            for i, C in enumerate(rates):
-                b[i] += C @ v0[i]
-            z = factors.solve(-b)
-            V, A = self.method.rates(step.h)
-            v, a = ((F @ z.reshape(s, -1)).reshape(z.shape) for F in (V, A))
-            found = Stages(step.stages.t, z, v0 + free * v, a0 + free * a)
-            out.z[mine], out.v[mine], out.a[mine] = found.z, found.v, found.a
-            change = self.method.end(change, found, step.h)
-        ends[-1] = change.z, change.v, change.a, change.own
-        return Course(ends, out)
-
-    def _exact(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], at: Record,
-               dR: Array, course: Course) -> bool:
+    def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
         """Whether residuals change by nothing along the changes: along the sum of all, so that one look is enough.
 
         Each number counts by its size in the sum, times a factor of its own, so that none makes up for another.
@@ -257,14 +229,13 @@ class Pass:
         J = np.zeros(z.shape)
         along.actions(self.stepper.p, self.stepper.w, at, z, v, a, TRIED * self.stepper.p.extent / size, J)
         defect = (dR[:, :, own] @ factors + J)[:, :, None]
-        more = self._follow(window, equations, defect, Change.none(self.entries.n, 1))
-        left = float((weights * np.abs(more.stages.z)).max(initial=0.0)) / size
+        more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
+        left = float((weights * np.abs(more.z)).max(initial=0.0)) / size
         if left <= ENOUGH:
             self.off = np.maximum(self.off, left)
         return left <= ENOUGH
 
-    def _correct(self, window: Sequence[Step], equations: Sequence[tuple[StepFactors, list[Any]]], at: Record,
-                 dR: Array, course: Course) -> None:
+    def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
         """Correct changes until the residuals change by nothing along them: tangents are Newton's, not all exact."""
         weights, stepper = self.stepper.p.weights[None, :], self.stepper
         some = np.arange(len(self.numbers))
@@ -280,7 +251,7 @@ class Pass:
                 step = TRIED * stepper.p.extent / sizes[k] if sizes[k] > 0.0 else self.numbers[number].h
                 along.actions(stepper.p, stepper.w, at, z, v, a, step, J)
                 defects[:, :, k] = dR[:, :, 2 * number] + J
-            more = self._follow(window, equations, defects, Change.none(self.entries.n, len(some)))
+            more = Course(*equations.follow(defects, Change.none(self.entries.n, len(some))))
             shares = np.array([float((weights * np.abs(more.stages.z[:, :, k])).max(initial=0.0)) for k in
                                range(len(some))]) / np.where(sizes > 0.0, sizes, 1.0)
             for columns in (2 * some, 2 * some + 1):

@@ -5,7 +5,7 @@ import pytest
 
 import ancf2d
 from ancf2d.case.numbers import variable_at
-from ancf2d.solvers import methods
+from ancf2d.solvers import linear_steps, methods
 from ancf2d.study.gradient import gradient
 
 THROWN = {
@@ -117,3 +117,15 @@ def test_what_is_not_differentiated_is_told(tmp_path):
     row, = ancf2d.sensitivity(ancf2d.load(case), ["initial.velocity.1"]).rows
     assert row.method == "differences of runs: the steps of energy_momentum are not differentiated"
     assert row.derivative == pytest.approx(0.01, rel=1e-6)
+
+
+def test_steps_of_wide_models_have_sparse_matrices(monkeypatch, tmp_path):
+    """Factors as a band, and those of SciPy's sparse matrices, give the same derivatives."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    loaded = ancf2d.load(tmp_path / "scene.yaml", ["solver.method=radau5", "solver.t_end=0.002"])
+    paths = ["springs.stay.damping", "damping.rayleigh.alpha"]
+    narrow = [row.derivative for row in ancf2d.sensitivity(loaded, paths).rows]
+    monkeypatch.setattr(linear_steps, "BAND", 0)
+    wide = [row.derivative for row in ancf2d.sensitivity(loaded, paths).rows]
+    assert wide == pytest.approx(narrow, rel=1e-8)
+    assert min(map(abs, wide)) > 0.0

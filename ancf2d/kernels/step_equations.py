@@ -1,0 +1,153 @@
+"""The linear equations of the steps of a motion, one after the other: their factors, and what follows from them.
+
+Matrices of steps of s stages are bands, the stages of an unknown side by side.
+"""
+
+from __future__ import annotations
+
+from .lowlevel.jit import inner, kernel
+
+
+@inner
+def _fill(step, K, C, mass, rows, columns, free, rates, bw, LU):  # type: ignore[no-untyped-def]
+    """Fill LU (n s, 3 bw + 1), row by row, the diagonal at bw, with the matrix of a step."""
+    s = rates.shape[2]
+    for r in range(LU.shape[0]):
+        for c in range(LU.shape[1]):
+            LU[r, c] = 0.0
+    for e in range(len(mass)):
+        for i in range(s):
+            r = rows[e] * s + i
+            for j in range(s):
+                x = rates[step, 0, i, j] * C[step * s + i, e] + rates[step, 1, i, j] * mass[e]
+                LU[r, columns[e] * s + j - r + bw] = free[columns[e]] * x
+            LU[r, columns[e] * s + i - r + bw] += K[step * s + i, e]
+
+
+@inner
+def _eliminate(bw, LU, pivots):  # type: ignore[no-untyped-def]
+    """Factor a band with row exchanges; return whether it is regular."""
+    n = LU.shape[0]
+    for k in range(n):
+        last, end, best = min(n - 1, k + bw), min(n - 1, k + 2 * bw), k
+        for r in range(k + 1, last + 1):
+            if abs(LU[r, k - r + bw]) > abs(LU[best, k - best + bw]):
+                best = r
+        pivots[k] = best
+        if not abs(LU[best, k - best + bw]) > 0.0:
+            return False
+        if best != k:
+            for c in range(k, end + 1):
+                x = LU[k, c - k + bw]
+                LU[k, c - k + bw] = LU[best, c - best + bw]
+                LU[best, c - best + bw] = x
+        for r in range(k + 1, last + 1):
+            f = LU[r, k - r + bw] / LU[k, bw]
+            LU[r, k - r + bw] = f
+            if f != 0.0:
+                for c in range(k + 1, end + 1):
+                    LU[r, c - r + bw] -= f * LU[k, c - k + bw]
+    return True
+
+
+@inner
+def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
+    """Solve with the factors of a band, in place of right-hand sides b (n s, k)."""
+    n, m = b.shape
+    for k in range(n):
+        p = pivots[k]
+        if p != k:
+            for q in range(m):
+                x = b[k, q]
+                b[k, q] = b[p, q]
+                b[p, q] = x
+        for r in range(k + 1, min(n, k + bw + 1)):
+            f = LU[r, k - r + bw]
+            if f != 0.0:
+                for q in range(m):
+                    b[r, q] -= f * b[k, q]
+    for k in range(n - 1, -1, -1):
+        for c in range(k + 1, min(n, k + 2 * bw + 1)):
+            f = LU[k, c - k + bw]
+            if f != 0.0:
+                for q in range(m):
+                    b[k, q] -= f * b[c, q]
+        f = 1.0 / LU[k, bw]
+        for q in range(m):
+            b[k, q] *= f
+
+
+@kernel
+def factor(K, C, mass, rows, columns, free, rates, bw, LU, pivots):  # type: ignore[no-untyped-def]
+    """Fill LU (steps, n s, 3 bw + 1) and pivots (steps, n s) with the factors of all steps.
+
+    K, C (steps s, entries), mass (entries,) are those of the stages, at rows and columns; rates (steps, 2, s, s) what v
+    and a are of z. Returns the first step whose matrix is singular, or the number of steps.
+    """
+    for step in range(LU.shape[0]):
+        _fill(step, K, C, mass, rows, columns, free, rates, bw, LU[step])
+        if not _eliminate(bw, LU[step], pivots[step]):
+            return step
+    return LU.shape[0]
+
+
+@inner
+def _begin(step, start, free, begins, v, a):  # type: ignore[no-untyped-def]
+    """Fill v and a (stages, n, k) of a step with what the change of its start (4, n, k) adds to them."""
+    s = begins.shape[2]
+    for i in range(s):
+        for r in range(v.shape[1]):
+            for q in range(v.shape[2]):
+                one, two = 0.0, 0.0
+                for j in range(4):
+                    one += begins[step, 0, i, j] * start[j, r, q]
+                    two += begins[step, 1, i, j] * start[j, r, q]
+                v[step * s + i, r, q], a[step * s + i, r, q] = free[r] * one, free[r] * two
+
+
+@inner
+def _load(step, s, C, mass, rows, columns, rubs, dR, v, a, b):  # type: ignore[no-untyped-def]
+    """Fill b (n s, k) with -(dR + C v + M a) of the stages of a step."""
+    n, m = dR.shape[1], dR.shape[2]
+    for i in range(s):
+        g = step * s + i
+        for r in range(n):
+            for q in range(m):
+                b[r * s + i, q] = -dR[g, r, q]
+        for e in range(len(mass)):
+            r, c = rows[e] * s + i, columns[e]
+            f, h = mass[e], C[g, e] if rubs else 0.0
+            for q in range(m):
+                b[r, q] -= f * a[g, c, q] + h * v[g, c, q]
+
+
+@kernel
+def follow(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
+           dR, b, z, v, a, ends):
+    """Fill z, v, a (steps s, n, k) with the changes of all stages, and ends (steps + 1, 4, n, k) from ends[0] on.
+
+    dR (steps s, n, k) is what residuals change by; begins (steps, 2, s, 4) what rates and second rates are of the
+    change of a start, kept (steps, 5) what its last part is of z at the end and of that change; b (n s, k) is room.
+    """
+    s = rates.shape[2]
+    for step in range(LU.shape[0]):
+        start, end, last = ends[step], ends[step + 1], step * s + s - 1
+        _begin(step, start, free, begins, v, a)
+        _load(step, s, C, mass, rows, columns, rubs, dR, v, a, b)
+        _solve(bw, LU[step], pivots[step], b)
+        for r in range(z.shape[1]):
+            for q in range(z.shape[2]):
+                for i in range(s):
+                    g = step * s + i
+                    one, two = 0.0, 0.0
+                    for j in range(s):
+                        one += rates[step, 0, i, j] * b[r * s + j, q]
+                        two += rates[step, 1, i, j] * b[r * s + j, q]
+                    z[g, r, q] = b[r * s + i, q]
+                    v[g, r, q] += free[r] * one
+                    a[g, r, q] += free[r] * two
+                end[0, r, q], end[1, r, q], end[2, r, q] = z[last, r, q], v[last, r, q], a[last, r, q]
+                x = kept[step, 0] * z[last, r, q]
+                for j in range(4):
+                    x += kept[step, j + 1] * start[j, r, q]
+                end[3, r, q] = x
