@@ -237,11 +237,6 @@ def _unbox(kind: RecordType, record: Any, c: Any) -> Any:
     return NativeValue(address)
 
 
-# types by what they are made of: to make one takes far longer than to find it, and a motion has dozens of records
-_ARRAYS: dict[tuple[str, int], types.Type] = {}
-_RECORDS: dict[tuple[Any, ...], RecordType] = {}
-
-
 # types by what they depend on of values: making one takes as long as a small solve
 _TYPES: dict[Any, RecordType] = {}
 
