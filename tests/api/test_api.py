@@ -58,6 +58,7 @@ def test_every_name_that_is_offered_is_there_and_documented(name: str) -> None:
     assert name == "__version__" or found.__doc__
 
 
+@pytest.mark.slow
 def test_solve_is_the_function_whatever_was_imported_before() -> None:
     assert run_python("import ancf2d.solvers.state, ancf2d; print(ancf2d.solve.__module__)") == "ancf2d.api.solving"
 

@@ -46,6 +46,7 @@ def test_smooth_table_has_continuous_rate(t):
 @given(st.lists(st.tuples(st.floats(0.01, 10), st.floats(-1e3, 1e3)), min_size=2, max_size=8),
        st.floats(0, 1))
 @settings(derandomize=True, deadline=None, max_examples=200)
+@pytest.mark.slow
 def test_smooth_table_stays_between_its_values(steps, x):
     times = [sum(dt for dt, _ in steps[:i]) for i in range(len(steps))]
     values = [v for _, v in steps]

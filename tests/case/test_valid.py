@@ -205,7 +205,9 @@ def variants(kind: str) -> list[str]:
     return out
 
 
-OFFERS = [pytest.param(text, id=f"{kind} {k}") for kind in TEMPLATES for k, text in enumerate(variants(kind))]
+# the first of each template is a quick test
+OFFERS = [pytest.param(text, id=f"{kind} {k}", marks=pytest.mark.slow if k else ())
+          for kind in TEMPLATES for k, text in enumerate(variants(kind))]
 
 
 def test_templates_make_offers() -> None:

@@ -23,6 +23,7 @@ formulation: enhanced
 """
 
 
+@pytest.mark.slow
 def test_json_has_every_check_with_number_verdict_and_meaning(call_json: CallJson) -> None:
     found = call_json("audit", "2d2n", "--preset", "paper", "--json")
     assert (found["element"], found["formulation"], found["shear_factor"]) == ("2d2n", "continuum", 0.5)

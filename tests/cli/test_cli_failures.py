@@ -111,6 +111,7 @@ def test_every_command_can_be_quiet() -> None:
     assert [name for name in COMMANDS if "--quiet" not in CliRunner().invoke(main, [name, "--help"]).stdout] == []
 
 
+@pytest.mark.slow
 def test_caches_of_the_library_that_draws_are_not_spoken_of(call: Call, folder: Path) -> None:
     """Where its cache cannot be written, Matplotlib logs where it puts it instead, and that it builds it."""
     call("run", "beam.yaml", "-q")

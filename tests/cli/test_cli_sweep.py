@@ -50,6 +50,7 @@ def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
     assert [row["bodies.beam.element.count"] for row in rows] == ["1", "2"]
 
 
+@pytest.mark.slow
 def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None:
     arguments = ("sweep", "beam.yaml", "--sample", "bodies.beam.section.EI~uniform(900, 1100)", "--samples", "32",
                  "--seed", "3", "--design", "lhs", "--jobs", "1")

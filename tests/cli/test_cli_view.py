@@ -73,6 +73,7 @@ def test_view_refuses_with_a_sentence(solved: Call, folder: Path, arguments: lis
     assert (folder / "beam.h5").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_fields_and_animations_of_a_solved_case(solved: Call, folder: Path) -> None:
     assert solved("plot", "beam.h5", "fields", "--component", "xy", "--save", "s.pdf").exit_code == 0
     assert solved("plot", "beam.h5", "section_forces", "--data", "M.csv").exit_code == 0

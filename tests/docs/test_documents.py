@@ -135,6 +135,7 @@ def texts(source: Path) -> Iterator[str]:
             yield node.value
 
 
+@pytest.mark.slow
 def test_texts_use_one_term_for_each_idea() -> None:
     avoided = words_to_avoid()
     assert "arclength" in avoided

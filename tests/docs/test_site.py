@@ -35,6 +35,7 @@ def test_the_readme_lists_every_document() -> None:
 
 
 @pytest.mark.skipif(find_spec("mkdocs") is None, reason="MkDocs is not installed: pip install 'ancf2d[docs]'")
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(CONFIGURATION),
                            "-d", str(tmp_path / "site")], capture_output=True, text=True, check=False, timeout=300)

@@ -76,6 +76,7 @@ def test_powers_are_bounded():
     st.floats(0, 1),
     st.floats(-1, 1),
 )
+@pytest.mark.slow
 def test_shifted_and_scaled_coefficients_are_the_same_polynomial(terms, l, half, xi01, eta):
     text = " + ".join(f"{abs(c)}*x^{i}*y^{j}" for c, i, j in terms)
     x, y = l * xi01, half * eta

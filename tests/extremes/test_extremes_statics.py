@@ -97,7 +97,7 @@ def test_multipliers_keep_what_a_round_of_refinement_found() -> None:
     assert left == 0.0
 
 
-@pytest.mark.parametrize("nu", [-0.9, 0.3, 0.499])
+@pytest.mark.parametrize("nu", [-0.9, pytest.param(0.3, marks=pytest.mark.slow), 0.499])
 @pytest.mark.parametrize("label", [s.label for s in SUBJECTS])
 def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label: str, nu: float) -> None:
     beam = Beam(nu=nu)

@@ -48,6 +48,7 @@ def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["tapered_frame", pytest.param("tapered_modes", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_bodies_that_vary_are_the_same_elsewhere_and_in_other_words(name: str) -> None:
     assert violations(name, *MOVED, "a body reversed", "a body split and welded") == {}
 

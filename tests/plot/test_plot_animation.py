@@ -40,6 +40,7 @@ def test_all_frames_show_the_same_part_of_the_plane(tmp_path: Path) -> None:
         np.testing.assert_array_equal(rod.axis, results.faces("rod", 20)["axis"].reshape(-1, 2))
 
 
+@pytest.mark.slow
 def test_the_axes_stand_still_from_the_first_frame_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 

@@ -188,6 +188,7 @@ def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
     assert all(k.doc for k in found.values())
 
 
+@pytest.mark.slow
 def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
     drawn = set()
     for path in (bent_beam(tmp_path / "a.h5", finish=False), mechanism(tmp_path / "b.h5"),

@@ -111,6 +111,7 @@ def test_the_data_of_several_panels_and_tables(tmp_path: Path) -> None:
     assert rows[0] == ["cable", "2.0", "0.03125"]
 
 
+@pytest.mark.slow
 def test_showing_without_a_display_says_what_to_do(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5")
     code = ("from ancf2d.plot import show; from ancf2d.results import open_results\n"
@@ -137,6 +138,7 @@ def test_showing_draws_into_a_window(tmp_path: Path, monkeypatch: pytest.MonkeyP
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_drawing_never_imports_pyplot() -> None:
     code = "import sys, ancf2d.plot; print('matplotlib.pyplot' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,

@@ -129,7 +129,7 @@ def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
         assert rate == pytest.approx(max(4.0 - friction * (1.0 + restitution) * fall, 0.0), abs=1e-2)
 
 
-@pytest.mark.parametrize("dt", [2e-2, 1e-3])
+@pytest.mark.parametrize("dt", [2e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("angle", [0.1, 1.2, 2.5])
 def test_a_tumbling_rod_never_penetrates_nor_gains_energy(angle, dt):
     rod = rigid([0, 0.8], [0.9 * math.cos(angle), 0.8 + 0.9 * math.sin(angle)], MASS, INERTIA)

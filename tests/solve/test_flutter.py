@@ -122,6 +122,7 @@ def pflueger(mass: float) -> float:
     return low
 
 
+@pytest.mark.slow
 def test_pfluegers_column_with_a_mass_at_its_tip() -> None:
     assert pflueger(0.0) == pytest.approx(20.0509, rel=1e-4)
     found = first(column(masses=[{"at": "c@1", "mass": 1}]))

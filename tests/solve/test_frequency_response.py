@@ -194,6 +194,7 @@ def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(count: lis
         assert error(amplitude(found, name), known[name]) < 2e-4
 
 
+@pytest.mark.slow
 def test_models_with_multipliers_need_few_factorisations_too(count: list[Any]) -> None:
     """A support that turns the end of a cable, and a slider with a mass: beside the same frequencies one by one."""
     case = cantilever(["shaker", "turn"], count=120)
@@ -398,6 +399,7 @@ def test_an_undamped_free_body_has_no_response_at_frequency_0() -> None:
         ancf2d.solve(case)
 
 
+@pytest.mark.slow
 def test_figures_tables_and_comparison(tmp_path: Any) -> None:
     """The file holds what the summary tells: figures, CSV and ``compare`` read it."""
     from ancf2d.results.compare import compare_results

@@ -133,6 +133,7 @@ def test_bars_in_one_line_give_way_when_their_end_moves_in(tmp_path: Path) -> No
     assert found["probes"]["tip"]["theta"] == pytest.approx(math.acos(0.6), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_load_on_a_rope_from_a_crane_starts_to_move_from_rest(tmp_path: Path) -> None:
     """Three bodies: nothing moves from the static state, which is the one found when everything was drawn level."""
     steel = {"material": {"E": 2e11, "nu": 0.3, "rho": 7850}, "section": {"height": 0.1, "width": 0.1}}

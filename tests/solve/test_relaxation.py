@@ -57,7 +57,8 @@ def creep(t: np.ndarray, terms: tuple[tuple[float, float], ...]) -> np.ndarray:
     return np.real(1.0 - np.exp(np.outer(t, w)) @ ((g @ V) * first))
 
 
-@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+@pytest.mark.parametrize("kind", [pytest.param(kind, id=kind[0], marks=() if k % 2 else pytest.mark.slow)
+                                  for k, kind in enumerate(TYPES)])
 def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
     """The instantaneous response at t = 0, then 1 - g/(1 + g) exp(-t/((1 + g) tau)), of bending and shear alike."""
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]

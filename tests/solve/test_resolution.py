@@ -117,6 +117,7 @@ def whip(count: int) -> Outcome:
     return run_case(load_case_text(WHIP.format(count=count)))
 
 
+@pytest.mark.slow
 def test_a_whip_whose_mesh_does_not_follow_it_says_so_beside_a_small_error_of_its_steps() -> None:
     coarse, fine, limit = (whip(count) for count in (8, 32, 64))
     tip = [(o.summary["probes"]["tip"]["x"], o.summary["probes"]["tip"]["y"]) for o in (coarse, fine, limit)]

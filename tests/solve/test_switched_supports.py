@@ -263,6 +263,7 @@ output: {interval: 0.02, probes: {left: rod@0, right: rod@1}}
 """
 
 
+@pytest.mark.slow
 def test_a_motion_goes_on_across_supports_that_switch(monkeypatch: pytest.MonkeyPatch) -> None:
     report = resumed_behind_events(CASE, monkeypatch)[-1].report
     assert [e["what"] for e in report["events"]] == ["pivot ends", "hook begins"]

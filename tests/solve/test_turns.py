@@ -67,6 +67,7 @@ def run(path, out, **changes):
     return outcome.summary["probes"]["tip"], outcome.summary["energy"]
 
 
+@pytest.mark.slow
 def test_a_motion_goes_on_from_a_file_on_its_turn(tmp_path):
     first, _ = run(tmp_path / "first.yaml", tmp_path / "first.h5", initial={"rotation_rate": {"omega": 8.0}})
     assert first["theta"] == pytest.approx(swing(0.6)[0], rel=1e-6)

@@ -59,6 +59,7 @@ def deviations(found: Fit) -> list[float]:
             zip(found.rows, (strip.E, strip.TAU), errors, strict=True)]
 
 
+@pytest.mark.slow
 def test_stiffness_and_damping_of_a_measured_vibration() -> None:
     """The data are those of a sum over modes, with noise; the guess is 14 and 50 % off."""
     found = strip_fit(1)
@@ -141,6 +142,7 @@ def path_of(EI: float, pull: float, factors: list[float]) -> dict[str, Any]:
     return {"factor": t[at], **{f"tip.{q}": probe[q][at] for q in ("uy", "theta")}}
 
 
+@pytest.mark.slow
 def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
     """A pull stiffens the beam as EI does, but the more the further it is bent; without noise both are told exactly."""
     factors = [0.2, 0.4, 0.6, 0.8, 1.0]
@@ -155,6 +157,7 @@ def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
     assert math.isnan(found.model[2, 1])
 
 
+@pytest.mark.slow
 def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = fitted(BENT, data_of(data), f"{EI}=100:1e4", "bodies.beam.section.rhoA=0.5:2")

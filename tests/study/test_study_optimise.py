@@ -31,7 +31,7 @@ output: {probes: {tip: beam@1}}
 HEIGHT = "bodies.beam.section.height"
 
 
-@pytest.mark.parametrize("method", ["slsqp", "trust-constr"])
+@pytest.mark.parametrize("method", ["slsqp", pytest.param("trust-constr", marks=pytest.mark.slow)])
 def test_lightest_cantilever(method):
     """tip.uy = -4 P L^3/(E b h^3): the smallest h that allows 10 mm is (4 P L^3/(E b 0.01))^(1/3)."""
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy >= -0.01", method=method)

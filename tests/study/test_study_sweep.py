@@ -187,6 +187,7 @@ def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch
     assert len(count) == 5
 
 
+@pytest.mark.slow
 def test_a_file_that_is_not_what_its_name_says_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = swept("bodies.beam.element.count=1,2", keep=True).rows
     assert one.output is not None

@@ -167,6 +167,7 @@ def test_a_damaged_file_costs_its_rows_only() -> None:
     assert [row.reused for row in swept(f"{EI}=1e3,2e3").rows] == [True, True]
 
 
+@pytest.mark.slow
 def test_a_motion_without_a_file_goes_on_from_its_checkpoint(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The result is that of a motion that was not interrupted, bit for bit."""
     motion = ("solver={type: dynamic, t_end: 1, dt: 2e-3, estimate: false}", "output.every=1")

@@ -210,6 +210,7 @@ def test_default_meshes_double_in_the_proportions_of_the_case_and_end_where_noth
     assert [row.measured.elements for row in tradeoff(load(), chosen()).rows] == [2, 4, 8, 16, 32, 64]
 
 
+@pytest.mark.slow
 def test_frequencies_are_judged_and_models_are_told_apart() -> None:
     study = tradeoff(load(THICK), chosen("cable,vallejo", meshes=(4, 8)))
     cable, vallejo = study.series

@@ -35,6 +35,7 @@ def test_words_of_a_case_select_its_kernels_and_numbers_do_not() -> None:
     assert len({one, *others}) == 1 + len(others)
 
 
+@pytest.mark.slow
 def test_no_two_processes_compile_at_the_same_time(tmp_path: Path) -> None:
     """Different kernels, too: the index of a function's kernels is one file."""
     spans = run_jobs(compile_alone, [(str(tmp_path), "a"), (str(tmp_path), "b")], Workers(2), lambda job: (0.0, 0.0))
