@@ -114,6 +114,8 @@ class Assembly:
         rng = self.rng
         t = np.array([math.cos(heading), math.sin(heading)])
         n = np.array([-t[1], t[0]])
+        if kind in ("path", "spline") and self.chance(0.2):
+            return self.closed(kind, start, l, heading)
         if kind == "path":
             bends: list[Data] = []
             for _ in range(rng.choice((1, 1, 2))):
@@ -129,6 +131,19 @@ class Assembly:
         bulge = rng.choice((-1, 1)) * rng.uniform(0.1, 0.4)
         return {key: f"({start[i]!r}) + ({float(l * t[i])!r})*s + ({float(bulge * l * n[i])!r})*sin(2*s)"
                 for i, key in enumerate("xy")}
+
+    def closed(self, kind: str, start: list[float], l: float, heading: float) -> Data:
+        """Return a ring, a racetrack or a smooth loop through points, of about a length, from a point."""
+        rng = self.rng
+        if kind == "path":
+            turn, straight = rng.choice((-1, 1)) * math.pi, rng.choice((0.0, 0.25 * l))
+            bend = {"arc": (0.5 * l - straight) / math.pi, "angle": turn}
+            half = [{"line": straight}, bend] if straight else [bend]
+            return {"start": start, "heading": heading, "pieces": [*half, *(dict(p) for p in half)], "closed": True}
+        count, sense = rng.choice((4, 5)), rng.choice((-1, 1))
+        loop = [rng.uniform(0.8, 1.2) * l / 6 * np.array([math.cos(a), sense * math.sin(a)])
+                for a in heading + 2 * math.pi / count * np.arange(count)]
+        return {"points": [(np.array(start) + p - loop[0]).tolist() for p in loop], "closed": True}
 
     def close(self, name: str, anchor: str | None) -> None:
         """Let a straight body end at a point of another one, sometimes."""

@@ -134,6 +134,8 @@ def balanced(scene: Scene) -> Finding:
 def superposed(scene: Scene) -> Finding:
     """Linear: two parts of the loads, each with what prescribes, add up: u(A + B) = u(A) + u(B) - u(0)."""
     case = scene.case
+    if any("slack" in load for load in case["loads"]):
+        raise UnfitError("an elastic tendon is stiff, too")
     cut = scene.rng.randrange(len(case["loads"]) + 1)
     first, last = case["loads"][:cut], case["loads"][cut:]
     # a load of no size keeps the node that it asks for

@@ -16,7 +16,7 @@ import numpy as np
 from .answer import KINDS, Answer, answer, kind_of_message
 from .balance import with_acting_points
 from .roundoff import roundings, uncertainty
-from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, stiffness
+from .shapes import Data, extent, has_mass, is_rigid, length, mass_per_length, number, stiffness
 from .similar import INNER, Similarity
 
 # Newton's method ends where displacements are known to 1e-9 of themselves and forces balance to 1e-8 of the largest
@@ -210,12 +210,14 @@ def total_load(case: Data) -> float:
 def inner_force(body: Data, load: Data) -> float:
     """Return the force of a load within a body if the body were held at both ends."""
     if load["type"] == "tendon":
-        return float(load["tension"])
+        # an elastic one about as tight as it is wound up, over a length of what it runs along
+        stretch = abs(load.get("slack", 0.0)) / (length(body["geometry"]) if body else 1.0)
+        return float(load["tension"] if "tension" in load else load["stiffness"] * stretch)
     alpha, (EA, EI) = 1.0, stiffness(body)
     if load["type"] == "temperature":
         parts = [layer["material"] for layer in body["section"].get("layers", ())] or [body["material"]]
         alpha = max(material["alpha"] for material in parts)
-    axial, curvature = (abs(load.get(k[load["type"] == "temperature"], 0.0)) for k in (
+    axial, curvature = (abs(number(load.get(k[load["type"] == "temperature"], 0.0))) for k in (
         ("axial", "value"), ("curvature", "gradient")))
     return alpha * (EA * axial + EI * curvature / length(body["geometry"]))
 

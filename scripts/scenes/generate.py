@@ -13,6 +13,7 @@ from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES
 from .amplitudes import random_amplitude
 from .bodies import SOMEWHERE, type_of
 from .shapes import Data, at, extent, is_rigid, length, mass_per_length, point, stiffness
+from .similar import INNER, ODD
 from .supports import Supported
 
 # shares of the solvers: linear ones are cheap and many, motions cost thirty times as much
@@ -55,6 +56,7 @@ class Maker(Supported):
         self.case["solver"] = self.solver()
         self.ask()
         self.switch()
+        self.vary()
         return {key: value for key, value in self.case.items() if value not in ([], {})}
 
     # ------------------------------------------------------------------ springs, masses, loads
@@ -166,6 +168,37 @@ class Maker(Supported):
         for material in parts:
             material["alpha"] = alpha
         return {"type": kind, "on": name, "value": axial / alpha, "gradient": curvature / alpha, **part}
+
+    def vary(self) -> None:
+        """Let natural strains and guides vary along their bodies, tendons be elastic and nodes stand anywhere."""
+        for load in self.case["loads"]:
+            body = self.case["bodies"].get(load.get("on"))
+            if load["type"] == "tendon" and self.kind != "linear_static" and self.chance(0.35):
+                self.make_elastic(load)
+            for key in ODD if load["type"] in INNER and body is not None and self.chance(0.3) else ():
+                if key in load and not (key == "y" and type_of(body["element"]).section_kind == "tangent"):
+                    load[key] = self.table(load[key])
+        for name, body in self.case["bodies"].items():
+            slid_on = any(joint.get("on") == name for joint in self.case["joints"])
+            plain = not is_rigid(body) and "preset" not in body["element"] and body["geometry"]["type"] in (
+                "line", "arc", "curve")
+            if plain and not slid_on and self.chance(0.15):
+                body["element"]["nodes"] = "regular"
+
+    def table(self, value: float) -> Data:
+        """Return a table along a body about a number, of straight lines with a kink sometimes."""
+        a, b, c = (value * self.rng.uniform(0.3, 1.7) for _ in range(3))
+        return self.rng.choice(({"s": [0.0, 1.0], "value": [a, b]}, {"s": [0.0, 0.5, 1.0], "value": [a, c, b]}))
+
+    def make_elastic(self, tendon: Data) -> None:
+        """Give a tendon a stiffness in place of its tension, which it has about as much of where it is wound up."""
+        on = self.case["bodies"].get(tendon.get("on"))
+        if on is not None and type_of(on["element"]).section_kind == "tangent" and tendon["y"]:
+            return
+        share = tendon.get("to", 1.0) - tendon.get("from", 0.0)
+        l = share * length(on["geometry"]) if on is not None else self.size
+        tension = tendon.pop("tension")
+        tendon |= {"stiffness": self.near(50.0 * tension), "slack": -0.02 * l * self.rng.uniform(-0.3, 1.0)}
 
     def eyelets(self) -> list[Any]:
         """Return two or three points of bodies that are apart, off their axes sometimes; none where there are not."""

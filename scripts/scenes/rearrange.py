@@ -14,7 +14,7 @@ from ancf2d.elements.definition import ElementType
 
 from .bodies import type_of
 from .shapes import Data, at, curve_of, is_rigid, part_of, path_ends, position, split_point, turned_round
-from .similar import ODD, UnfitError, swapped, turn_layers
+from .similar import ODD, UnfitError, swapped, times, turn_layers
 
 
 def reordered(case: Data, rng: random.Random) -> Data:
@@ -106,7 +106,7 @@ def reversed_body(case: Data, name: str) -> Data:
         if own and (load["type"] == "follower_force" or load.get("follower")):
             load["value"] = [-v for v in load["value"]]
         if load.get("on") == name:
-            load.update({k: -load[k] for k in ODD if k in load})
+            load.update({k: times(turned_round(load[k]), -1.0) for k in ODD if k in load})
         if load.get("on") == name and ("from" in load or "to" in load):
             load["from"], load["to"] = 1.0 - load.get("to", 1.0), 1.0 - load.get("from", 0.0)
     eyelets = [p for load in out.get("loads", ()) for p in load.get("through", ())]
@@ -120,7 +120,8 @@ def reversed_axis(geometry: Data) -> Data:
     """Return an axis from its other end."""
     g, kind = geometry, geometry["type"]
     if kind in ("polyline", "spline"):
-        return {**g, "points": g["points"][::-1]}
+        points = g["points"]
+        return {**g, "points": [points[0], *points[:0:-1]] if g.get("closed") else points[::-1]}
     if kind == "curve":
         return {**g, **{k: with_parameter(g[k], "1 - s") for k in ("x", "y")}}
     if kind == "path":
@@ -158,8 +159,9 @@ def points_on(case: Data, name: str) -> list[float]:
     with_points({**case, "output": {"probes": {}}}, seen)
     found += [s for part in ("section", "material") for v in case["bodies"][name].get(part, {}).values()
               if isinstance(v, dict) for s in v.get("s", ())]
-    return found + [load.get(key, 0.0) for load in case.get("loads", ()) if load.get("on") == name
-                    for key in ("from", "to") if key in load]
+    along = [load for load in case.get("loads", ()) if load.get("on") == name]
+    found += [s for load in along for key in ODD if isinstance(load.get(key), dict) for s in load[key]["s"]]
+    return found + [load.get(key, 0.0) for load in along for key in ("from", "to") if key in load]
 
 
 def splits(case: Data, name: str) -> list[tuple[float, int]]:
@@ -169,6 +171,9 @@ def splits(case: Data, name: str) -> list[tuple[float, int]]:
     slid_on = any(j.get("on") == name for j in case.get("joints", ()))
     # what is left of a spline that is cut is no spline through the points that are left
     if geometry["type"] in ("polyline", "spline") or slid_on:
+        return []
+    # one tendon is as tight everywhere
+    if any(load.get("on") == name and "stiffness" in load for load in case.get("loads", ())):
         return []
     if is_rigid(body):
         return [] if "mass" in spec or geometry["type"] == "path" else [(0.4, 0)]
@@ -206,8 +211,10 @@ def split_body(case: Data, name: str, s: float, k: int) -> Data:
     first["geometry"], last["geometry"] = halves(body["geometry"], s, k)
     if not is_rigid(body):
         first["element"]["count"], last["element"]["count"] = k, body["element"]["count"] - k
-    weld = {"name": "cut", "type": "weld", "between": [at(name, 1.0), at(other, 0.0)]}
-    out["joints"] = [*out.get("joints", []), weld]
+    welds = [{"name": "cut", "type": "weld", "between": [at(name, 1.0), at(other, 0.0)]}]
+    if body["geometry"].get("closed"):
+        welds.append({"name": "seam", "type": "weld", "between": [at(other, 1.0), at(name, 0.0)]})
+    out["joints"] = [*out.get("joints", []), *welds]
     out["loads"] = [part for load in out.get("loads", ()) for part in split_load(load, name, other, s)]
     start = out.get("initial", {}).get("bodies", {})
     if name in start:
@@ -217,7 +224,7 @@ def split_body(case: Data, name: str, s: float, k: int) -> Data:
 
 def halves(geometry: Data, s: float, k: int) -> tuple[Data, Data]:
     """Return both parts of an axis that is cut at S, a path after k pieces."""
-    g, kind = geometry, geometry["type"]
+    g, kind = {k: v for k, v in geometry.items() if k != "closed"}, geometry["type"]
     if kind == "arc":
         cut: Any = g["from"] + s * (g["to"] - g["from"])
         return {**g, "to": cut}, {**g, "from": cut}
@@ -238,8 +245,10 @@ def split_load(load: Data, name: str, other: str, s: float) -> list[Data]:
     if load.get("on") != name:
         return [load]
     a, b = load.get("from", 0.0), load.get("to", 1.0)
-    parts = [{**load, "from": a / s, "to": min(b / s, 1.0)}] if a < s else []
-    return parts + ([{**load, "on": other, "from": max((a - s) / (1 - s), 0.0), "to": (b - s) / (1 - s)}]
+    first, last = ({k: part_of(v, *ends) if k in ODD else v for k, v in load.items()}
+                   for ends in ((0.0, s), (s, 1.0)))
+    parts = [{**first, "from": a / s, "to": min(b / s, 1.0)}] if a < s else []
+    return parts + ([{**last, "on": other, "from": max((a - s) / (1 - s), 0.0), "to": (b - s) / (1 - s)}]
                     if b > s else [])
 
 

@@ -142,8 +142,10 @@ def _curve(text: str) -> Curve:
     geometry = json.loads(text)
     if geometry["type"] == "spline":
         points = np.array(geometry["points"])
+        closed = geometry.get("closed", False)
+        points = np.concatenate([points, points[:1]]) if closed else points
         chords = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-        spline = CubicSpline(chords / chords[-1], points)
+        spline = CubicSpline(chords / chords[-1], points, bc_type="periodic" if closed else "not-a-knot")
         return Curve(spline, spline.derivative(), chords / chords[-1])
     names = {k: getattr(np, k) for k in ("sin", "cos", "exp", "sqrt", "pi")}
     codes = [compile(geometry[k].replace("^", "**"), k, "eval") for k in ("x", "y")]

@@ -27,7 +27,8 @@ LOADS = {"force": (0, 1, 0), "follower_force": (0, 1, 0), "moment": (1, 1, 0), "
          "gravity": (1, 0, -2), "distributed": (-1, 1, 0)}
 # of loads within a body, which balance themselves: dimensions of their numbers that have any
 INNER: dict[str, dict[str, tuple[int, int, int]]] = {
-    "tendon": {"tension": (0, 1, 0), "y": (1, 0, 0)}, "eigenstrain": {"curvature": (-1, 0, 0)},
+    "tendon": {"tension": (0, 1, 0), "y": (1, 0, 0), "stiffness": (0, 1, 0), "slack": (1, 0, 0)},
+    "eigenstrain": {"curvature": (-1, 0, 0)},
     "temperature": {"gradient": (-1, 0, 0)}}
 # those of their numbers that change sign as the section's y axis does
 ODD = ("y", "curvature", "gradient")
@@ -175,7 +176,7 @@ class _Case:
     def load(self, load: Data) -> Data:
         to = self.to
         if load["type"] in INNER:
-            new: Any = {k: to.unit(d) * (to.sense if k in ODD else 1.0) * load[k]
+            new: Any = {k: times(load[k], to.unit(d) * (to.sense if k in ODD else 1.0))
                         for k, d in INNER[load["type"]].items() if k in load}
             if "through" in load:
                 new["through"] = [p if isinstance(p, str) else {**p, "y": to.sense * to.length * p["y"]}
@@ -229,6 +230,11 @@ class _Case:
             out[key] = {**self.amplitude(was), "scale": scale}
         out["angle"] = self.amplitude(support["angle"], self.to.sense)
         return out
+
+
+def times(value: Any, factor: float) -> Any:
+    """Return a number, or a table over s, times a factor."""
+    return {**value, "value": [factor * v for v in value["value"]]} if isinstance(value, dict) else factor * value
 
 
 def swapped(spring: Data) -> Data:

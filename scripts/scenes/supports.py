@@ -126,9 +126,9 @@ class Supported(Assembly):
                       angle={**amplitude, "scale": 0.1 * self.rng.uniform(-1, 1) if d else 0.0})
 
     def across(self, name: str) -> Any:
-        """Return the unit vector (2,) across the line through both ends of a body."""
+        """Return the unit vector (2,) across the line through both ends of a body, or halves where they are one."""
         g = self.case["bodies"][name]["geometry"]
-        d = position(g, 1.0) - position(g, 0.0)
+        d = position(g, 0.5 if g.get("closed") else 1.0) - position(g, 0.0)
         return np.array([-d[1], d[0]]) / np.hypot(*d)
 
     def spread(self, name: str) -> Data:
