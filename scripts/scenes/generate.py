@@ -179,10 +179,12 @@ class Maker(Supported):
                 if key in load and not (key == "y" and type_of(body["element"]).section_kind == "tangent"):
                     load[key] = self.table(load[key])
         for name, body in self.case["bodies"].items():
-            slid_on = any(joint.get("on") == name for joint in self.case["joints"])
+            # joints and supports that need a node, or none
+            special = any(joint.get("on") == name for joint in self.case["joints"]) or any(
+                x["type"] == "fix" and x["at"].split("@")[0] == name for x in self.case["boundary_conditions"])
             plain = not is_rigid(body) and "preset" not in body["element"] and body["geometry"]["type"] in (
                 "line", "arc", "curve")
-            if plain and not slid_on and self.chance(0.15):
+            if plain and not special and self.chance(0.15):
                 body["element"]["nodes"] = "regular"
 
     def table(self, value: float) -> Data:

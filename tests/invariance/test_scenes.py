@@ -95,6 +95,14 @@ def test_a_scene_is_the_same_every_time() -> None:
     assert scene(3, 5) == scene(3, 5) != scene(3, 6)
 
 
+def test_bodies_vary_along_and_close_and_tendons_are_elastic() -> None:
+    loads = [x for case in many() for x in case.get("loads", ())]
+    assert {type(x[key]) for x in loads for key in ("y", "curvature", "gradient") if key in x} == {float, dict}
+    assert {"on" in x for x in loads if "slack" in x} == {True, False}
+    assert {b["geometry"]["type"] for b in bodies() if b["geometry"].get("closed")} == {"path", "spline"}
+    assert any(b["element"].get("nodes") == "regular" for b in bodies())
+
+
 @pytest.mark.slow
 def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
     """What is refused without solving: mechanisms, supports that contradict each other, an unfit integrator."""
