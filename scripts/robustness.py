@@ -1,8 +1,8 @@
 """Try files and processes hard, print what was tried and survived, and write it into docs/robustness.md, stamped.
 
 Mutants of case files and of result files, a thousand runs in one process, other numbers of threads, processes at once,
-commands stopped at random moments, disks that take nothing more; about half an hour. Exits with 1 where a promise of
-the page was broken, and names the mutants that did it.
+commands stopped at random moments, disks that take nothing more, very many events; about an hour. Exits with 1 where a
+promise of the page was broken, and names the mutants that did it.
 
     python -m scripts.robustness [--tables cases,results] [--cases 10000] [--results 1000] [--minutes 60] [--runs 1000]
 """
@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from scripts.endurance import repeats, stops
+from scripts.endurance import events, repeats, stops
 from scripts.fuzz import case_trial, result_mutants, result_trial
 from scripts.pages import DOCS, one_thread, stamp, table, write
 
@@ -89,17 +89,18 @@ def tables(args: argparse.Namespace) -> dict[str, Callable[[], str]]:
         "results": lambda: results(args.seed, args.results, args.minutes),
         "growth": lambda: repeats.growth_report(args.runs), "threads": repeats.thread_report,
         "crowds": repeats.crowds_report, "stops": lambda: stops.stops_report(args.stops), "places": stops.places_report,
+        "events": lambda: events.report(args.events),
     }
 
 
 def main() -> None:
     """Measure the parts that are asked for, and write each as it is done."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = ("cases", "results", "growth", "threads", "crowds", "stops", "places")
+    known = ("cases", "results", "growth", "threads", "crowds", "stops", "places", "events")
     parser.add_argument("--tables", default=",".join(known), help="some of %(default)s")
     for name, value, what in (("cases", 10_000, "mutants of case files"), ("results", 1000, "mutants of result files"),
                               ("runs", 1000, "runs in one process"), ("stops", 10, "of each command by each signal"),
-                              ("seed", 1, "of all that is random")):
+                              ("events", 100_000, "in one motion"), ("seed", 1, "of all that is random")):
         parser.add_argument(f"--{name}", type=int, default=value, help=what)
     parser.add_argument("--minutes", type=float, default=60.0, help="after which no further mutants are tried")
     args = parser.parse_args()

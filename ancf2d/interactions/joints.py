@@ -47,28 +47,28 @@ class JointError(ValueError):
 
 @dataclass(frozen=True)
 class JointContext:
-    """What a joint needs to find its place: points, meshes, how messages name it, and how much acts at each point."""
+    """What a joint needs to find its place: points, meshes, how messages name it, and how much acts at each point.
+
+    A joint that ``begins`` during a motion joins points wherever they are in the reference.
+    """
 
     point: Callable[[Point], PointRef]
     meshes: dict[str, BodyMesh]
     label: str
     acting: Counter[Point] = field(default_factory=Counter)
-
-    def place(self, point: PointRef) -> Array:
-        """Return where a point is in the reference (2,)."""
-        return np.asarray(point.mesh.plan.position(point.s)[0])
+    begins: bool = False
 
     def together(self, between: tuple[Point, ...]) -> list[PointRef]:
-        """Return points that coincide in the reference. Raises JointError where they do not."""
+        """Return points that coincide in the reference, if they are joined there. Raises JointError where not."""
         points = [self.point(p) for p in between]
-        x, *others = (self.place(p) for p in points)
+        x, *others = (place_of(p) for p in points)
         problems: list[tuple[tuple[str | int, ...], str, str]] = []
         for k, r in enumerate(others, start=1):
             gap, others_s = float(np.hypot(*(r - x))), [p.s for p in points[:k] if p.mesh is points[k].mesh]
             if any(abs(points[k].s - s) <= GAP for s in others_s):
                 problems.append((("between", k), f"{self.label}: {points[k].label} coincides with another point of the "
                                                  "same body", "points of different bodies, or apart along one"))
-            elif gap > closable(x, points[0].mesh, points[k].mesh):
+            elif not self.begins and gap > closable(x, points[0].mesh, points[k].mesh):
                 problems.append((("between", k),
                                  f"{self.label}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
                                  f"{points[0].label} at ({x[0]:.6g}, {x[1]:.6g})",
@@ -76,6 +76,11 @@ class JointContext:
         if problems:
             raise JointError(problems)
         return points
+
+
+def place_of(point: PointRef) -> Array:
+    """Return where a point is in the reference (2,)."""
+    return np.asarray(point.mesh.plan.position(point.s)[0])
 
 
 def joint(cls: R) -> R:
@@ -88,9 +93,10 @@ def closable(r: Array, *joined: BodyMesh) -> float:
     return GAP * min(m.plan.length for m in joined) + ROUND_OFF * float(np.abs(r).max())
 
 
-def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
-    for ca, cb, axis in zip(a.position(), b.position(), "xy", strict=True):
-        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis))
+def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations, begins: bool = False) -> None:
+    apart = place_of(a) - place_of(b) if begins else np.zeros(2)
+    for ca, cb, axis, off in zip(a.position(), b.position(), "xy", apart.tolist(), strict=True):
+        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis, apart=off))
 
 
 def same_kind(a: PointRef, b: PointRef) -> bool:
@@ -246,7 +252,7 @@ class PinJoint:
         """Ask that all points have the position of the first."""
         a, *others = context.together(self.between)
         for b in others:
-            _share_position(a, b, owner, out)
+            _share_position(a, b, owner, out, context.begins)
 
 
 @joint
@@ -264,8 +270,16 @@ class WeldJoint:
         return named_twice(self.between)
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
-        """Ask that all points have the position and rotation of the first, or that two ends share their nodes."""
+        """Ask that all points have the position and rotation of the first, or that two ends share their nodes.
+
+        Where it begins, strains on its sides are what they are: only position and rotation are shared.
+        """
         points = context.together(self.between)
+        if context.begins:
+            for point in points[1:]:
+                _share_position(points[0], point, owner, out, begins=True)
+                align(points[0], point, owner, out)
+            return
         a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
         if a is not None and b is not None:
             if _goes_on(a, b):
@@ -294,10 +308,11 @@ class SliderJoint:
         """Ask that the point keeps its position across the line."""
         point = context.point(self.at)
         c, s = np.array(self.along) / math.hypot(*self.along)
-        x, y = context.place(point)
+        x, y = place_of(point)
         gap = (x - self.through[0]) * -s + (y - self.through[1]) * c
-        if abs(gap) > closable(np.array([x, y, *self.through]), point.mesh):
+        if not context.begins and abs(gap) > closable(np.array([x, y, *self.through]), point.mesh):
             raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
                                f"{abs(gap):.3g} away from the line",
                                "a line through where the point is in the reference")])
-        out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line"))
+        out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line",
+                            apart=gap if context.begins else 0.0))

@@ -20,7 +20,7 @@ from ..model.constraints import Equations
 from ..model.mesh import BodyMesh
 from ..model.plan import BodyPlan
 from ..model.points import PointRef
-from .joints import NAME, JointContext, JointError, closable, joint
+from .joints import NAME, JointContext, JointError, closable, joint, place_of
 
 # of an element: what keeps a foot point between its ends
 BETWEEN = 1e-12
@@ -198,7 +198,7 @@ class PrismaticJoint:
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
         """Ask that the point keeps its distance from the axis."""
         point, mesh = context.point(self.point), context.meshes[self.on]
-        x, y = context.place(point)
+        x, y = place_of(point)
         s, gap = foot_point(mesh.plan, np.array([x, y]))
         begins = self.active is not None and self.active.begins
         if not begins and gap > closable(np.array([x, y]), point.mesh, mesh):

@@ -159,7 +159,8 @@ class _Builder:
             weld_pieces(mesh, self.equations)
         acting = acting_at(self.case)
         for i, joint in enumerate(self.case.joints):
-            context = JointContext(self.point, self.meshes, f"joints.{i}", acting)
+            context = JointContext(self.point, self.meshes, f"joints.{i}", acting,
+                                   joint.active is not None and joint.active.begins)
             own = Equations()
             try:
                 joint.add(context, joint.name or f"joints.{i}", own)

@@ -21,6 +21,7 @@ from .points import PointRef
 from .timing import Course, Signal, rates_of
 
 LENGTH = "length"
+TURNED = "relative rotation"
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Row:
     """A linear equation: sum of coefs * d[coords] = signal(t), or 0 without a signal.
 
     ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words. ``vector`` has the columns of
-    x and y of what it holds along an angle, which turns with the section until that is caught.
+    x and y of what it holds along an angle, which turns with the section until that is caught. ``apart``: how far
+    from it a joint is in the reference that begins elsewhere.
     """
 
     coords: Index
@@ -37,6 +39,7 @@ class Row:
     holds: str
     signal: Course | None = None
     vector: tuple[list[tuple[Index, Array]], float] | None = None
+    apart: float = 0.0
 
     def value(self, t: float, order: int = 0) -> float:
         """Return the right-hand side at load factor or time t, or its first or second derivative by time."""
@@ -166,7 +169,7 @@ def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """Two section directions keep the angle of the reference."""
     (_, fields_a), (_, fields_b) = turn_fields(a), turn_fields(b)
     scale = fields_a[0].p0 * fields_b[0].p0
-    return PointConstraint(ALIGNED, [*fields_a, *fields_b], [], owner, "relative rotation", scale,
+    return PointConstraint(ALIGNED, [*fields_a, *fields_b], [], owner, TURNED, scale,
                            facing=_aligned)
 
 
@@ -174,7 +177,7 @@ def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
     """The section direction of a follows the rotation coordinate of b."""
     _, fields = turn_fields(a)
     _, theta = turn_fields(b)
-    return PointConstraint(AT_ANGLE, [*fields, *theta], [], owner, "relative rotation", fields[0].p0,
+    return PointConstraint(AT_ANGLE, [*fields, *theta], [], owner, TURNED, fields[0].p0,
                            facing=_at_angle)
 
 
@@ -217,7 +220,7 @@ def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
     """Ask that the sections at a and b keep their relative angle."""
     if a.turns_by_theta and b.turns_by_theta:
         coords, coefs = combine((1.0, a.theta()), (-1.0, b.theta()))
-        out.rows.append(Row(coords, coefs, owner, "relative rotation"))
+        out.rows.append(Row(coords, coefs, owner, TURNED))
     elif a.turns_by_theta:
         out.constraints.append(direction_at_theta(b, a, owner))
     elif b.turns_by_theta:

@@ -14,7 +14,7 @@ import numpy as np
 from ..case import Active, Latch
 from ..elements.point_laws import PointLaw, with_multiplier
 from ..elements.shape import Array
-from .constraints import AT_ANGLE, Constraint, Equations, Row
+from .constraints import ALIGNED, AT_ANGLE, TURNED, Constraint, Equations, Row
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef, dot
 
@@ -71,9 +71,33 @@ def held_along_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
     return 0.0, 0.0
 
 
+def held_aligned(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Two directions at the angle between them at which they were caught: p_a x R(-mem) p_b = 0."""
+    c, s = np.cos(mem[0]), np.sin(mem[0])
+    ax, ay, bx, by = p0[0] + u[0], p0[1] + u[1], p0[2] + u[2], p0[3] + u[3]
+    f[0], f[1], f[2], f[3] = by * c - bx * s, -bx * c - by * s, -ax * s - ay * c, ax * c - ay * s
+    H[0, 2], H[2, 0], H[1, 3], H[3, 1] = -s, -s, -s, -s
+    H[0, 3], H[3, 0], H[1, 2], H[2, 1] = c, c, -c, -c
+    with_multiplier(ax * f[0] + ay * f[1], u, f, H)
+    return 0.0, 0.0
+
+
+def held_aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
+    """The gradient in the middle: exact of a quadratic form."""
+    c, s, lam = np.cos(mem[0]), np.sin(mem[0]), u1[4]
+    ax, ay = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
+    bx, by = p0[2] + 0.5 * (u0[2] + u1[2]), p0[3] + 0.5 * (u0[3] + u1[3])
+    f[0], f[1], f[2], f[3] = (lam * (by * c - bx * s), lam * (-bx * c - by * s), lam * (-ax * s - ay * c),
+                              lam * (ax * c - ay * s))
+    ax, ay, bx, by = p0[0] + u1[0], p0[1] + u1[1], p0[2] + u1[2], p0[3] + u1[3]
+    f[4] = ax * (by * c - bx * s) - ay * (bx * c + by * s)
+    return 0.0, 0.0
+
+
 HELD = PointLaw("held", held, held_mean, constraint=True)
 HELD_ANGLE = PointLaw("held_angle", held_angle, held_angle_mean, constraint=True)
 HELD_ALONG = PointLaw("held_along", held_along, held_along_mean, constraint=True)
+HELD_ALIGNED = PointLaw("held_aligned", held_aligned, held_aligned_mean, constraint=True)
 
 
 def switched(own: Equations, window: Active | Latch | None, size: Callable[[int], float], extent: float,
@@ -84,6 +108,8 @@ def switched(own: Equations, window: Active | Latch | None, size: Callable[[int]
     """
     out: list[Constraint] = [*(_constraint(row, size, extent, point) for row in own.rows), *own.constraints]
     for c in out:
+        if isinstance(c, PointConstraint) and c.law is ALIGNED:
+            c.law = HELD_ALIGNED
         c.active = window
         # what has been let go may stand anywhere
         c.facing = None
@@ -102,7 +128,7 @@ def _constraint(row: Row, size: Callable[[int], float], extent: float, point: Po
         out = PointConstraint(HELD_ALONG, [*fields, *turning], [angle], row.owner, row.holds, _scale(row, size, extent))
         catch(out, np.zeros(int(out.dofs.max()) + 1), 0.0)
         return out
-    return PointConstraint(HELD, [Field(row.coords, row.coefs), NOTHING], [], row.owner, row.holds,
+    return PointConstraint(HELD, [Field(row.coords, row.coefs, row.apart), NOTHING], [], row.owner, row.holds,
                            _scale(row, size, extent), row.signal, 1 if row.signal is not None else -1)
 
 
@@ -121,15 +147,15 @@ def catch(c: PointConstraint, d: Array, t: float) -> None:
     elif c.law in (HELD_ANGLE, AT_ANGLE):
         follows = p[2] if c.law is AT_ANGLE else 0.0
         c.mem[0] = math.remainder(math.atan2(p[1], p[0]) - follows - given, 2.0 * math.pi)
+    elif c.law is HELD_ALIGNED:
+        c.mem[0] = math.atan2(p[0] * p[3] - p[1] * p[2], p[0] * p[2] + p[1] * p[3])
     elif c.law is HELD_ALONG:
         c.mem[0] = c.par[0] + math.atan2(p[3], p[2])
         c.mem[1] = p[0] * math.cos(c.mem[0]) + p[1] * math.sin(c.mem[0])
 
 
-def is_off(c: PointConstraint, d: Array, t: float) -> float:
-    """Return how far a constraint is from what it asks for in the reference, beside the size of its terms."""
-    u = np.append(c.G[:-1] @ d[c.dofs], 0.0)
-    if c.law is HELD:
-        return abs(u[0]) / c.scale
-    f, _, _ = c.forces(u, t)
-    return abs(float(f[-1])) / c.scale
+def is_off(c: PointConstraint, d: Array) -> float:
+    """Return how far the points of a joint are apart, beside the size of its terms; it may begin at any angle."""
+    if c.law is not HELD or c.holds == TURNED:
+        return 0.0
+    return float(abs(c.p0[0] + c.G[0] @ d[c.dofs])) / c.scale

@@ -178,7 +178,7 @@ class Events:
         supports = {name for name, _ in self.model.supports}
         for k, c in found:
             foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
-            off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d, motion.t)
+            off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
             if off > CLOSED:
                 raise ComputationError(
                     f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ..case import Dynamic
 from ..errors import Problem
+from ..model.constraints import TURNED
 from ..model.model import Model
 
 # of methods that damp by choice, where the case says nothing
@@ -116,7 +117,7 @@ def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refus
         return
     why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
     if not scheme.damps:
-        turns = all(c.holds in ("rotation", "relative rotation") for c in model.constraints)
+        turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
         types = ", or elements that turn by a coordinate theta, such as reissner3" if turns else ""
         yield ("method", f"{scheme.name}, which has no numerical damping, {why}",
                f"radau5, energy_momentum or generalized_alpha{types}")

@@ -14,7 +14,7 @@ from ancf2d.interactions import RotationalSpring, TranslationalSpring
 from ancf2d.interactions.forces import FOLLOWER, MOMENT
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
 from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
-from ancf2d.model.switched import HELD, HELD_ANGLE
+from ancf2d.model.switched import HELD, HELD_ALIGNED, HELD_ANGLE
 
 
 def hardening(s, rate, par):
@@ -23,7 +23,8 @@ def hardening(s, rate, par):
     return k * (s**2 / 2 + s**4), k * (s + 4 * s**3) + c * rate * abs(rate), k * (1 + 12 * s * s), 2 * c * abs(rate)
 
 
-LAWS = {**{law.name: law for law in (FOLLOWER, MOMENT, AT_ANGLE, ALIGNED, FIXED_LENGTH, HELD, HELD_ANGLE)},
+LAWS = {**{law.name: law for law in (FOLLOWER, MOMENT, AT_ANGLE, ALIGNED, FIXED_LENGTH, HELD, HELD_ALIGNED,
+                                        HELD_ANGLE)},
         "translational": TranslationalSpring.law, "rotational": RotationalSpring.law,
         "hardening": spring_law("hardening", False, hardening),
         "hardening angle": spring_law("hardening angle", True, hardening)}
@@ -74,6 +75,7 @@ ITEMS = {
     "fixed length": _item("fixed_length", [1.2, -1.6, 0.0], [2.0], (0,)),
     "held": _item("held", [0.0, 0.0, 0.0], []),
     "direction held": _item("held_angle", [1.3, 0.0, 0.0], [], (0,)),
+    "directions held": _item("held_aligned", [1.3, 0.0, 0.8, 0.0, 0.0], [], (0, 2)),
 }
 ELASTIC = [n for n, i in ITEMS.items() if i.name in ("translational", "rotational", "hardening", "hardening angle")]
 CONSTRAINTS = [n for n, i in ITEMS.items() if LAWS[i.name].constraint]
@@ -274,7 +276,7 @@ def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, si
     u = 0.4 * np.array(size[:len(item.p0)])
     mem = np.zeros(MAX_MEM)
     # what remembers an angle from the frame that turns keeps it, what remembers one in the plane turns with the scene
-    after = mem if item.name == "at_angle" else np.full(MAX_MEM, angle)
+    after = mem if item.name in ("at_angle", "held_aligned") else np.full(MAX_MEM, angle)
     energy, f, _, _ = evaluate(item, u, mem=mem)
     again, F, _, _ = evaluate(item, turned(item, u, angle), mem=after)
     assert again == pytest.approx(energy, abs=1e-12 * (1 + energy))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.endurance import repeats, scenes, stops
+from scripts.endurance import events, repeats, scenes, stops
 
 pytestmark = pytest.mark.slow
 
@@ -19,6 +19,18 @@ def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None
     assert set(found.others.values()) == {0}
     assert (found.late.files, found.late.threads) == (found.early.files, found.early.threads)
     assert found.per_run < 200_000
+
+
+def test_very_many_events_neither_drift_nor_leak() -> None:
+    """Errors are those of round-off; an event keeps less than 300 bytes, a few of which are in the result."""
+    for motion, count in ((events.instants, 600), (events.kinks, 100), (events.conditions, 60)):
+        found = motion(count)
+        assert found.position < 1e-9
+        assert found.rate < 1e-9
+        assert found.energy < 1e-8
+    conserved = events.bounces(3000, "energy_momentum")
+    assert conserved.energy < 1e-12
+    assert conserved.left < 300
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL], ids=["SIGTERM", "SIGKILL"])

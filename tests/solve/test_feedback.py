@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import math
-import tracemalloc
 from typing import Any
 
 import helpers as h
@@ -16,9 +14,7 @@ from scipy.integrate import solve_ivp
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.kernels.ode import tangents
-from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.linear import dense
-from ancf2d.solvers.post import Observer
 
 J, KP, KD, KI, LIMIT, FILTER = 0.2 + 1.5 / 4, 20.0, 1.0, 30.0, 8.0, 0.01
 PID = {"type": "pid", "input": "1 - hub.theta", "kp": KP, "kd": KD, "ki": KI, "filter": FILTER,
@@ -256,38 +252,3 @@ def test_a_flexible_arm_under_pid_is_that_of_its_equations() -> None:
         for quantity in ("x", "y", "theta", "vx", "vy", "omega"):
             assert found.probes[name][quantity] == pytest.approx(told[quantity], abs=1e-7)
     assert found.summary["controllers"]["motor"]["filtered"] == pytest.approx(exact[-1], abs=1e-7)
-
-
-@pytest.mark.slow
-def test_very_many_instants_neither_drift_nor_leak():
-    """An arm follows a sine over three thousand instants of its controller, along the parabolas of the recurrence."""
-    count, step = 3_000, 1e-3
-    theta = omega = integral = filtered = 0.0
-    for k in range(count):
-        e = math.sin(3 * k * step) - theta
-        rate = (e - filtered) / (FILTER + step)
-        integral += KI * step * e
-        torque = KP * e + integral + KD * rate
-        filtered += step * rate
-        theta, omega = theta + step * omega + 0.5 * step**2 * torque / J, omega + step * torque / J
-    pid = {**PID, "input": "sin(3*t) - hub.theta", "sample": step}
-    del pid["limit"]
-    scene = arm("motor", controllers={"motor": pid})
-    scene["output"]["interval"] = count * step / 20
-    more = {k: v for k, v in scene.items() if k != "bodies"}
-    model = h.build(scene["bodies"], {"type": "dynamic", "t_end": count * step, "tolerance": 1e-10, "estimate": False},
-                    **more)
-    tracemalloc.start()
-    held = {}
-    try:
-        for state in solve_dynamic(model, model.case.solver):
-            gc.collect()
-            held[state.t] = tracemalloc.get_traced_memory()[0]
-    finally:
-        tracemalloc.stop()
-    # of what is found along the way, the last value tells all that went before
-    assert state.controllers["motor"]["integral"] == pytest.approx(integral, abs=1e-8)
-    assert Observer(model).observe(state)["hub"]["theta"] == pytest.approx(theta, abs=1e-8)
-    assert state.report["energy_drift"] < 1e-8
-    # an event keeps less than 100 bytes
-    assert held[state.t] - held[min(held, key=lambda t: abs(t - 0.6))] < 100 * 0.8 * count

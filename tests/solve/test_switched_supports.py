@@ -201,12 +201,46 @@ def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
         solve(bodies={"rod": ROD, "other": other}, joints=[apart], initial={"bodies": {"rod": {"velocity": [-1, 0]}}})
 
 
+@pytest.mark.parametrize(("kind", "types"), [("pin", ("rigid", "rigid")), ("weld", ("rigid", "rigid")),
+                                             ("weld", ("cable", "rigid")), ("weld", ("reissner3", "cable"))])
+def test_a_joint_begins_where_points_meet(kind: str, types: tuple[str, str]) -> None:
+    """A rod that spins comes from 0.4 away, with v = -1, and is held at its middle by the end of one that rests."""
+    rod, other = ({**ROD, "element": {"type": t} if t == "rigid" else {"type": t, "count": 2}} for t in types)
+    other["geometry"] = {"type": "line", "start": [0.9, 0], "end": [1.9, 0]}
+    if types[0] == "reissner3":
+        rod["section"] = {**ROD["section"], "rhoI": 1e-3}
+    solved = solve(bodies={"rod": rod, "other": other}, t_end=0.6, parameters={"there": 1.0},
+                   solver={"type": "dynamic", "t_end": 0.6, "tolerance": 1e-7, "estimate": False},
+                   joints=[{"name": "tie", "type": kind, "between": ["rod@1", "other@0.5"],
+                            "active": {"after": "middle.x < there"}}],
+                   initial={"bodies": {"other": {"velocity": [-1, 0],
+                                                 "rotation_rate": {"omega": 3, "about": [1.4, 0]}}}},
+                   output={"interval": 0.05, "probes": {"end": "rod@1", "middle": "other@0.5"}})
+    event, = solved.summary["events"]
+    assert (event["what"], event["t"]) == ("tie begins", pytest.approx(0.4, abs=1e-6))
+    end, middle, later = solved.course["end"], solved.course["middle"], solved.course_t > 0.41
+    for axis in "xy":
+        assert end[axis][later] == pytest.approx(middle[axis][later], abs=1e-6)
+    assert solved.summary["momentum"]["linear"] == pytest.approx([-1.0, 0.0], abs=1e-5)
+    assert solved.summary["momentum"]["angular"] == pytest.approx(3 / 12, abs=1e-5)
+    between = (middle["theta"] - end["theta"])[later]
+    if kind == "weld":
+        # it keeps the angle at which they meet; a rod that stretches as it spins is a little behind
+        assert np.ptp(between) < 1e-6
+        assert between[0] == pytest.approx(1.2, abs=1e-5 if types[1] == "rigid" else 1e-3)
+    if types[0] == "rigid":
+        # both move on at half the speed; of the pin the one that spins goes on, welded both turn about their centre
+        lost = 0.25 if kind == "pin" else 0.25 + 0.5 * 9 / 12 * (1 - 1 / (2 + 2 * 12 / 16))
+        assert solved.summary["energy"]["dissipated"] == pytest.approx(lost, abs=1e-6)
+    assert solved.summary["energy_drift"] < 1e-4
+
 @pytest.mark.parametrize("method", ["radau5", "energy_momentum", "DOP853"])
-@pytest.mark.parametrize("active", [{"to": 0.4}, {"from": 0.4}, {"until": "bead.x > 2.3"}])
+@pytest.mark.parametrize("active", [{"to": 0.4}, {"from": 0.4}, {"until": "bead.x > 2.3"}, {"after": "bead.y > 0"}])
 def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
     """A rod whose end slides along a bar, from or up to where they meet at 2.4, at a right angle and along it."""
     bar = {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}
-    ends, meets = "from" not in active, {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
+    ends = not {"from", "after"} & set(active)
+    meets = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
     at = 1.5 if ends else 1.3
     rod = {**ROD, "geometry": {"type": "line", "start": [at, 0 if ends else -0.4], "end": [at, 1 if ends else 0.6]}}
     solved = solve(method, bodies={"bar": bar, "rod": rod}, t_end=0.7, joints=[{**meets, "active": active}],
