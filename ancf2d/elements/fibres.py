@@ -26,6 +26,8 @@ from .shape import Array, gauss
 BEYOND = 1e-10
 # of E: tangent of a fibre that bears no more, so that a section in which all yield leaves a matrix that can be solved
 LEFT = 1e-8
+# of E: slope in the end below which a section of fibres that yield is a hinge
+FLOWS = 0.01
 # Gauss points through the height of each layer, where a case says nothing of them
 FIBRES = 16
 
@@ -44,6 +46,11 @@ class Uniaxial:
     slope: tuple[float, ...]
     kinematic: float = 0.0
     elastic: bool = False
+
+    @property
+    def flows(self) -> bool:
+        """Whether the fibre yields and in the end bears hardly more, so that a section of such can be a hinge."""
+        return not self.elastic and self.slope[-1] + self.kinematic < FLOWS * self.E
 
     @property
     def numbers(self) -> list[float]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Case, Constant, Expression, Gated, Ramp, Table, Windowed, syntax
+from ..case import Case, Constant, Expression, Gated, Ramp, Sine, Table, Windowed, syntax
 from ..case.records import walk
 from ..elements.shape import Array
 from .timing import Signal
@@ -19,6 +19,8 @@ from .timing import Signal
 # times that switches are looked for between, ten to a switch, and how many at most
 SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001
 SMOOTH = 3
+# times that turns of a smooth signal are looked for between
+TURNS = 2001
 # times between two breaks at which polynomials, and other functions, are compared
 BETWEEN, CLOSELY = 5, 1000
 CLOSE = 1e-12
@@ -123,6 +125,25 @@ def case_breaks(case: Case, t0: float, t1: float) -> list[Break]:
     found = dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Expression | Ramp | Table))
     breaks = _merged([b for a in found for b in breakpoints(Signal(a), t0, t1)], t1)
     return [b for b in breaks if b.t < t1]
+
+
+def case_turns(case: Case, t0: float, t1: float) -> list[float]:
+    """Return where sines and expressions of a case turn back between their breaks in (t0, t1), in order.
+
+    Turns are looked for between as many times as switches are, and found to round-off.
+    """
+    from scipy.optimize import brentq
+
+    found = list[float]()
+    for amplitude in dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Expression | Sine)):
+        signal, t = Signal(amplitude), np.linspace(t0, t1, TURNS)
+        rates = np.array([signal.derivatives(x)[1] for x in t.tolist()])
+        for k in np.flatnonzero(rates[:-1] * rates[1:] < 0.0).tolist():
+            # the rate jumps where it turns at a break
+            x = brentq(lambda x, of=signal: of.derivatives(x)[1], t[k], t[k + 1], xtol=CLOSE * (t1 - t0))
+            found.append(float(x))
+        found += t[1:-1][rates[1:-1] == 0.0].tolist() if rates.any() else []
+    return sorted(set(found))
 
 
 def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:

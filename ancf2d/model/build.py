@@ -32,7 +32,7 @@ from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .contacts import Contacts
 from .elimination import Elimination, eliminate, inconsistent
-from .locking import hidden_warning, locking_warning
+from .locking import hidden_warning, hinge_warning, locking_warning
 from .mechanism import free_motions
 from .mesh import BodyMesh
 from .model import Model, symmetric
@@ -113,7 +113,7 @@ class _Builder:
         self.timing = timing_of(self.case)
         self.hangs = False
         self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
-        for warning in (locking_warning, hidden_warning):
+        for warning in (locking_warning, hidden_warning, hinge_warning):
             self.warnings += filter(None, map(warning, self.meshes.values()))
 
     def point(self, at: Point) -> PointRef:

@@ -180,3 +180,21 @@ def locking_warning(mesh: BodyMesh) -> str | None:
     advice = f"formulation {' or '.join(better)}" if better else "patel in formulation continuum"
     return (f"{who} cannot contract across the section in bending and is too stiff by {100 * excess:.3g} % at nu = "
             f"{plan.section.nu:g}. Use {advice}")
+
+
+def hinge_warning(mesh: BodyMesh) -> str | None:
+    """Return a warning where hinges of fibres that flow cannot lie at the places where moments peak, else None.
+
+    They lie at stations: in the middle of an element that has one, and inside where the ends bear little.
+    """
+    plan = mesh.plan
+    one = plan.rule.normal[0] == 1
+    if not any(law.flows for law in plan.section.laws) or not (one or plan.rule.lobatto):
+        return None
+    # of the distance of two hinges, one at each end
+    lost = 1.0 if one else 2 / 3
+    much = f"by {100 * lost / (plan.count - lost):.2g} %" if plan.count > 1 else "by far"
+    place = "half" if one else "a third of"
+    return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} lie {place} an element from the place where the "
+            f"moment peaks: collapse loads are too large, {much} where there is one at each end of the body. "
+            "reissner3 and vallejo have hinges at the nodes")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..errors import ComputationError, SingularTangentError
-from ..model.breakpoints import case_breaks
+from ..model.breakpoints import case_breaks, case_turns
 from ..model.model import Model
 from ..model.timing import PathTiming
 from .hanging import hanging, slack
@@ -42,6 +42,8 @@ JUMP = 8.0
 FAINT = 1e-6
 # a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
 NEXT = 1e-3
+# share of the way within which two places are one
+ROUND = 1e-9
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -111,7 +113,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         yield state_of(system, near, end, 1, 0, [])
         return
     march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
-    stops = [b.t / end for b in case_breaks(model.case, 0.0, end)] if model.remembers and end > 0.0 else []
+    stops = _stops(model, end) if model.remembers and end > 0.0 else []
     soft = end != 0.0 and slack(model)
     try:
         if model.hangs:
@@ -131,6 +133,16 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             raise
     march.take(Load(end, 1.0))
     yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, not model.hangs)
+
+
+def _stops(model: Model, end: float) -> list[float]:
+    """Return the shares of the way at which loads may turn back: fibres are exact on a way that goes one way."""
+    places = [*(b.t for b in case_breaks(model.case, 0.0, end)), *case_turns(model.case, 0.0, end)]
+    out: list[float] = []
+    for share in sorted(t / end for t in places):
+        if share > ROUND and share < 1.0 - ROUND and (not out or share - out[-1] > ROUND):
+            out.append(share)
+    return out
 
 
 def unscaled(model: Model, tolerance: float | None = None, max_iterations: int | None = None) -> Iterator[State]:

@@ -161,6 +161,23 @@ def test_a_bar_goes_through_cycles(kind: tuple[str, str | None], law: str) -> No
     np.testing.assert_allclose([r["fx"] for r in found], np.array(expected) * HEIGHT * WIDTH, rtol=1e-7)
 
 
+@pytest.mark.parametrize("kind", ["sine", "expression"])
+def test_load_steps_end_where_a_load_turns_back(kind: str) -> None:
+    """Of 3 e_y sin(5 pi f/2), the bar goes to 3, to -3, and back to 3 at the end, however few the steps are."""
+    course = {"sine": {"type": "sine", "frequency": 1.25, "scale": 3 * FIRST},
+              "expression": {"type": "expression", "value": f"{3 * FIRST!r}*sin(2*pi*1.25*t)"}}[kind]
+    found = held(TYPES[0], {"ux": course, "uy": 0, "angle": 0}, {**STEEL, "hardening": {"isotropic": E / 10}}, steps=3)
+    stress, most, plastic = 0.0, 1.0, 0.0
+    for strain in (3.0, -3.0, 3.0):
+        # in e_y and s_y: E = 1, H = 0.1
+        trial = strain - plastic
+        flow = max(abs(trial) - most, 0.0) / 1.1
+        plastic, most = plastic + np.copysign(flow, trial), most + 0.1 * flow
+        stress = strain - plastic
+    assert reactions(found.model, found.state)["end"]["fx"] == pytest.approx(stress * YIELD * HEIGHT * WIDTH, rel=1e-9)
+    assert {0.2, 0.6} <= {round(s.t, 9) for s in found.states}
+
+
 def test_a_curve_tells_hardening_or_is_elastic() -> None:
     strain, stress = [FIRST, 2 * FIRST, 4 * FIRST], [YIELD, 1.1 * YIELD, 1.6 * YIELD]
     pull = {"type": "table", "t": [0, 0.4, 1], "value": [0, 6 * FIRST, 3 * FIRST]}
@@ -262,6 +279,20 @@ def test_paths_come_to_the_collapse_load(method: str) -> None:
     assert done.course_t[-1] == pytest.approx(1.5, rel=5e-3)
     # a path that turned back would unload
     assert np.all(np.diff(done.course["tip"]["uy"]) < 0.0)
+
+
+@pytest.mark.parametrize(("kind", "share"), [("cable", 1 / 3), ("reissner2", 1 / 2)])
+def test_hinges_that_cannot_lie_at_nodes_are_told(kind: str, share: float) -> None:
+    """The hinge of a cantilever lies a share of an element from its clamp: P (1 - share/n) L = 3/2 M_y."""
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind, 4), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    done = ancf2d.solve(h.load(
+        {"beam": body}, {"type": "static", "method": "arc_length", "until": {"probe": "tip", "quantity": "uy",
+                                                                             "reaches": -0.06}},
+        bc=[{"type": "clamp", "at": "beam@0"}], output={"probes": {"tip": "beam@1"}},
+        loads=[{"type": "force", "at": "beam@1", "value": [0, -MOMENT / LENGTH]}]))
+    assert done.course_t[-1] * (1.0 - share / 4) == pytest.approx(1.5, rel=5e-3)
+    assert any("reissner3 and vallejo have hinges at the nodes" in w for w in done.warnings)
 
 
 @pytest.mark.parametrize(("kind", "height"), [(TYPES[0], 0.2), (TYPES[0], 0.1), (TYPES[0], 0.05), (TYPES[2], 0.1)])
