@@ -195,6 +195,6 @@ def hinge_warning(mesh: BodyMesh) -> str | None:
     lost = 1.0 if one else 2 / 3
     much = f"by {100 * lost / (plan.count - lost):.2g} %" if plan.count > 1 else "by far"
     place = "half" if one else "a third of"
-    return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} lie {place} an element from the place where the "
-            f"moment peaks: collapse loads are too large, {much} where there is one at each end of the body. "
+    return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} lie {place} an element from the place where "
+            f"the moment peaks: collapse loads are too large, {much} where there is one at each end of the body. "
             "reissner3 and vallejo have hinges at the nodes")
