@@ -40,6 +40,23 @@ class Pool:
         return list(self._classes.values())
 
     @cached_property
+    def _along(self) -> dict[tuple[tuple[int, int], ...], Array]:
+        return {}
+
+    def along_axis(self, fields: tuple[tuple[int, int], ...]) -> Array:
+        """Return the rows (classes, fields x stations, n_dof) that give fields at ``STATIONS`` from coordinates.
+
+        A field is the number of its shape functions in ``axis_rows`` and its component.
+        """
+        if fields not in self._along:
+            nc, stations = self.plan.element.components, len(STATIONS)
+            rows = np.zeros((len(self.axis_rows), len(fields) * stations, self.dofs.shape[1]))
+            for k, (which, component) in enumerate(fields):
+                rows[:, k * stations:(k + 1) * stations, component::nc] = [of[which] for of in self.axis_rows]
+            self._along[fields] = rows
+        return self._along[fields]
+
+    @cached_property
     def cls(self) -> Index:
         """The class of each element (ne,)."""
         number = {key: k for k, key in enumerate(self._classes)}

@@ -61,29 +61,29 @@ def _orientation(pool: Pool, some: slice, e: Array, before: Array | None) -> Arr
     them, and for sections normal to the axis its direction beside that of the state ``before`` (or None).
     """
     kind = pool.plan.element.section_kind
-    S_x, S_y, S = zip(*pool.axis_rows, strict=True)
     if kind == "interpolated":
-        x, y, nx, ny = _fields(pool, some, e, [(S_x, 0), (S_x, 1), (S_y, 0), (S_y, 1)])
+        x, y, nx, ny = _fields(pool, some, e, (*AXIS, (1, 0), (1, 1)))
         return x * ny - y * nx
-    x, y = _fields(pool, some, e, [(S_x, 0), (S_x, 1)])
     if kind == "theta":
-        (theta,) = _fields(pool, some, e, [(S, 2)])
+        x, y, theta = _fields(pool, some, e, (*AXIS, (2, 2)))
         return x * np.cos(theta) + y * np.sin(theta)
+    x, y = _fields(pool, some, e, AXIS)
     if before is not None:
-        old_x, old_y = _fields(pool, some, before, [(S_x, 0), (S_x, 1)])
+        old_x, old_y = _fields(pool, some, before, AXIS)
         return x * old_x + y * old_y
     return np.ones_like(x)
 
 
-def _fields(pool: Pool, some: slice, q: Array, wanted: list[tuple[tuple[Array, ...], int]]) -> list[Array]:
-    """Return fields (elements, stations) each, given by their rows (stations, shapes) of each class and a component.
+# x and y of dr/dx
+AXIS = ((0, 0), (0, 1))
+
+
+def _fields(pool: Pool, some: slice, q: Array, wanted: tuple[tuple[int, int], ...]) -> list[Array]:
+    """Return fields (elements, stations) each, as ``Pool.along_axis`` names them.
 
     All of them are one product of matrices with the coordinates q (elements, n_dof).
     """
-    nc, stations = pool.plan.element.components, len(STATIONS)
-    rows = np.zeros((len(pool.axis_rows), len(wanted) * stations, pool.dofs.shape[1]))
-    for k, (of, component) in enumerate(wanted):
-        rows[:, k * stations:(k + 1) * stations, component::nc] = np.stack(of)
+    rows, stations = pool.along_axis(wanted), len(STATIONS)
     values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[pool.cls[some]], q)
     return [values[:, k * stations:(k + 1) * stations] for k in range(len(wanted))]
 

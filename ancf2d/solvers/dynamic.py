@@ -154,7 +154,7 @@ class Run:
             self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
-                    d, v, _ = self.stepper.full(row)
+                    d, v = self.stepper.full(row, 2)
                     self.stepper.answers.look(row)
                     self.balance.take(row, d, v)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done

@@ -65,7 +65,10 @@ class Estimate:
         """Return the motion with longer steps."""
         fine = self.stepper
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
-        return Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
+        out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
+        # joints are looked at in all states
+        out.balances = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
+        return out
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
         """Begin where the motion begins."""
@@ -103,7 +106,7 @@ class Estimate:
                 with self.paces[level].running():
                     rows = [stepper.last()] if stepper.done else stepper.run()
                 self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
-                queue += [(row.t, self._places(stepper.full(row)[0])) for row in rows if row.kind != CHECK]
+                queue += [(row.t, self._places(stepper.full(row, 1)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
             self.failed = f"with {how} the motion could not be followed ({error.failure.reason})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_left
+from functools import cached_property
 
 import numpy as np
 
@@ -56,12 +57,13 @@ class Stepper:
 
     # adaptive steps begin with the size of a motion that ``expect`` is told
     looks_ahead = True
+    # whether a state is kept between those that are wanted, for the balance of energy
+    balances = True
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
-        # the motion itself, and another one that stored states are evaluated with, as they were
-        self.problem, self.p, self.past = problem, own(problem, model), own(problem, model)
+        self.problem, self.p = problem, own(problem, model)
         n = len(problem.coordinate)
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or default_method(model)]
@@ -89,6 +91,11 @@ class Stepper:
         self.tracks = tracks(model, problem)
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
+
+    @cached_property
+    def past(self) -> Record:
+        """The problem that stored states are evaluated with, as it was then."""
+        return own(self.problem, self.model)
 
     def tighten(self, tolerance: float) -> None:
         """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
@@ -295,6 +302,8 @@ class Stepper:
         rows = self.rows
         log, first = np.vstack([self.pending, rows.log[:logged]]), 0
         for k in range(stored):
+            if rows.kind[k] == kernels.CHECK and not self.balances:
+                continue
             last = len(self.pending) + int(rows.number[k]) + 1
             last = first if rows.kind[k] == kernels.CHECK else max(min(last, len(log)), first)
             found.append(self._row(float(rows.t[k]), int(rows.kind[k]), rows.z[k], rows.v[k], rows.a[k], rows.work[k],
@@ -331,17 +340,20 @@ class Stepper:
         row, self.pending = self.here(), self.pending[:0]
         return row
 
-    def full(self, row: Row) -> tuple[Array, Array, Array]:
-        """Return d, v, a (n_full,) of a stored state; one inside a step is put onto the constraints first."""
+    def full(self, row: Row, orders: int = 3) -> list[Array]:
+        """Return d, v, a (n_full,) of a stored state, the first ``orders`` of them.
+
+        A state inside a step is put onto the constraints first.
+        """
         p = self.at_row(row)
         if row.kind == kernels.INSIDE and p.patched:
             onto_constraints(p, self.w, row.z, row.v, row.side)
         evaluate(p.programs, row.side, self.w.amps)
-        out = [np.zeros(len(self.p.place)) for _ in range(3)]
-        for order, x in enumerate((row.z, row.v, row.a)):
+        n, out = len(self.model.numbering.place), list[Array]()
+        for order, x in enumerate((row.z, row.v, row.a)[:orders]):
+            out.append(np.zeros(len(self.p.place)))
             to_full(self.p, x, self.w.amps, order, out[order])
-        n = len(self.model.numbering.place)
-        return out[0][:n], out[1][:n], out[2][:n]
+        return [x[:n] for x in out]
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""

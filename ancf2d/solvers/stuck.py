@@ -26,6 +26,8 @@ def check_signals(motion: Any, t: float) -> None:
 
 def check_joints(motion: Any, row: Row) -> None:
     """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
+    if not motion.facing and not len(motion.p.sliding.multiplier):
+        return
     p, d = motion.at_row(row), np.zeros(len(motion.p.place))
     evaluate(p.programs, row.side, motion.w.amps)
     to_full(p, row.z, motion.w.amps, 0, d)
