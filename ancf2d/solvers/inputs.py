@@ -65,11 +65,6 @@ class Output:
         """The lowest rate that it depends on."""
         return int(np.flatnonzero(self.weights.any(axis=1))[0]) if self.weights.any() else 0
 
-    @property
-    def is_force(self) -> bool:
-        """Whether it is a section force."""
-        return self.quantity in FORCES
-
     def of(self, d: Array) -> Array:
         """Return what it is of coordinates d (n_full,), of rates and of second rates like these (3,)."""
         return np.asarray(self.weights @ d[self.coords])

@@ -46,10 +46,6 @@ class LinearModel:
     states: list[str]
     through: Array
 
-    def static_gain(self) -> Array:
-        """Return D - C A^-1 B (outputs, inputs)."""
-        return self.D - self.C @ np.linalg.solve(self.A, self.B)
-
 
 def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     """Yield the one state that moves, with the linear model of small motions about it.

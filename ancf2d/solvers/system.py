@@ -59,7 +59,6 @@ class System:
         self.weights = np.zeros(n.n_unknowns)
         coordinates = n.free < n.n_q
         self.weights[coordinates] = model.weights[n.free[coordinates]]
-        self.factorisations = 0
         self.evaluations = 0
         # forces (n_unknowns,) that hold a state in balance beside the loads
         self.held: Array | None = None
@@ -243,7 +242,6 @@ class System:
 
     def factor(self, at: dict[str, Any]) -> Pivots:
         """Factor the tangent; raises ComputationError that names the free coordinates where it is singular."""
-        self.factorisations += 1
         pivots = self.matrix.factor()
         if pivots.bad >= 0:
             raise self.singular(pivots.bad, at)
