@@ -1,22 +1,36 @@
-"""Where compiled kernels are kept between processes: in a folder of the sources' hash that is the user's alone."""
+"""Where compiled kernels are kept between processes: in a folder of the sources' hash that is the user's alone.
+
+Each is one file with a checksum at its end, which appears whole: a cache that can be damaged or written at any time
+serves no stale or damaged machine code.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import shutil
+import struct
+import sys
+import tempfile
 import time
+import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import llvmlite
 import numba
+from numba.core import serialize
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 # whose sources are hashed as a whole, and a file of another room that kernels compile
 ROOMS, MACHINE = ("kernels", "elements"), "case/jets.py"
 _KEEP_SECONDS = 30 * 24 * 3600
-_OTHERS_WRITE, _OTHERS = 0o022, 0o077  # bits of modes
+# how files of kernels end
+SUFFIX = ".kernel"
+_CHECKSUM = struct.Struct("<I")
+_OTHERS_WRITE = 0o022  # bits of modes
 
 
 def source_hash() -> str:
@@ -29,7 +43,7 @@ def source_hash() -> str:
 
 
 def fingerprint(function: Any) -> str:
-    """Return a hash of a function's code, of what it is closed over and, outside ``ROOMS``, of what it refers to.
+    """Return a hash of a function's code, of what it is closed over and, outside ``ROOMS``, of globals it refers to.
 
     Sources of these rooms are hashed as a whole; those of interactions and plugins are not.
     """
@@ -47,15 +61,46 @@ def fingerprint(function: Any) -> str:
         seen.add(id(code))
         for cell in value.__closure__ or ():
             add(cell.cell_contents)
+        for constant in code.co_consts:
+            digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
+        digest.update(repr(code.co_names).encode())
         if not value.__module__.startswith((*(f"ancf2d.{room}." for room in ROOMS), "numba", "numpy")):
-            for constant in code.co_consts:
-                digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
             for name in code.co_names:
                 if name in value.__globals__:
-                    digest.update(name.encode())
                     add(value.__globals__[name])
     add(function)
     return digest.hexdigest()
+
+
+def file_of(folder: Path, function: Any, kind: str) -> Path:
+    """Return the file of a function compiled for a ``kind``: argument types, and the processor."""
+    name = f"{sys.implementation.cache_tag} {fingerprint(function)} {kind}"
+    return folder / f"{function.__name__}-{hashlib.sha256(name.encode()).hexdigest()[:24]}{SUFFIX}"
+
+
+def read(path: Path) -> Any:
+    """Return what is kept in a file; raises ValueError where it is damaged, or others may write to it: it is run."""
+    with open(path, "rb") as stream:
+        data = stream.read()
+        private = is_private(os.fstat(stream.fileno()))
+    if not private or data[-_CHECKSUM.size:] != _CHECKSUM.pack(zlib.crc32(data[:-_CHECKSUM.size])):
+        raise ValueError(f"{path} is damaged")
+    return pickle.loads(data[:-_CHECKSUM.size])
+
+
+def write(path: Path, value: Any) -> None:
+    """Keep a value in a file, readable by its owner alone; raises OSError where there is no room."""
+    data = serialize.dumps(value)
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    descriptor, part = tempfile.mkstemp(".part", dir=path.parent)
+    try:
+        with open(descriptor, "wb") as stream:
+            stream.write(data + _CHECKSUM.pack(zlib.crc32(data)))
+        os.replace(part, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(part)
+        raise
 
 
 def cache_folder() -> tuple[Path | None, str]:
