@@ -54,7 +54,8 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--state", metavar="N", type=int,
               help="Stored state to draw; negative numbers count from the end (shape, fields, "
               "section_forces, difference).")
-@click.option("--field", metavar="NAME", help="Field to draw: stress, strain, energy or plastic_strain (fields).")
+@click.option("--field", metavar="NAME", help="Field to draw: stress, strain, energy, plastic_strain, pressure, "
+              "traction or gap (fields).")
 @click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
               "place; default: unrolled if they are thin (fields), or one straight body (section_forces).")

@@ -15,6 +15,7 @@ from .contact_geometry import (
     ANCHOR,
     AT_1,
     AT_2,
+    BEHIND,
     BY,
     BY_BY,
     BY_CHOICE,
@@ -27,6 +28,7 @@ from .contact_geometry import (
     HELD,
     HOME,
     MATRIX,
+    NONE,
     OF_THETA,
     OPEN,
     ORIGIN,
@@ -337,6 +339,8 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     if pressed < 0.0:
         pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
     held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
+    if mem[BEHIND] != NONE:
+        held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
     if slides:
         mem[ANCHOR] = s + held / par[STICK]
 

@@ -29,10 +29,11 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # -1 it is out of use); what of a polyline it is opposite to; the place on the obstacle that friction holds it to;
 # whether it is closed (1) or open (0), which force and gap tell where it is -1; and whether it sticks (2) or slides,
 # with friction of this sign along s (1 or -1), which the forces tell where it is 0; with none in the step of a motion
-# in which it closes, where that is the impact's (3)
-PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES = range(6)
-MEMORY = 6
-STICKS, CLOSES = 2.0, 3.0
+# in which it closes, where that is the impact's (3); and the force of friction along s that it begins with behind an
+# impact, inf where there was none
+PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND = range(7)
+MEMORY = 7
+STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330

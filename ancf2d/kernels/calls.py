@@ -122,6 +122,9 @@ lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # friction there: kernels.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)
 rub = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x, _x)
+drag = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x)
+point_hold = _call(_f, None, _i, _x, _xx)
+take_hold = _call(_nothing, None, _x, _xx)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
 accept, restart = (_call(_nothing, _MOTION, None) for _ in range(2))

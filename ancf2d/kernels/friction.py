@@ -7,22 +7,28 @@ Where the impulse p_n of a closed point acts for no time, that of friction p_t i
 (Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988, sections 10 to 13). With the gradients N
 and S of gaps and places, rates of places s' = s'_0 + W p_t and impulses p_n = p_0 + P p_t answer linearly to p_t, by
 the matrix [M N^T; N 0], so that N v' stays as the impact without friction has it. Points are solved for exactly one
-after another until none changes.
+after another until none changes. Forces behind it, and where a motion begins, are those of the same problem with second
+rates in the place of rates.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..elements.contact_geometry import CLOSED, FRICTION, SLIDES
+from ..elements import contact, contact_geometry
+from ..elements.contact_geometry import ANCHOR, BEHIND, CLOSED, FRICTION, HOME, NONE, RHO, SLIDES, STICK, WORK
 from . import calls
-from .compiled_laws import call_forces
+from .compiled_laws import call_accept, call_forces, part
 from .consistent import allowed_rates, constraint_matrix
 from .dynamics import to_full, to_unknowns
 from .lowlevel.jit import addressed_with_memory, inner, inner_with_memory
 from .lowlevel.records import whole
 from .points import _add, _rates, amplitude_of, fields_of_item
 
+_gap_at, _slip = part(contact_geometry.gap_at), part(contact.slip)
+_stand = part(contact_geometry.stand)
+# of the largest rate: places that pass slower than this are at rest; of the extent: way that rates are compared along
+PARTING, ALONG = 1e-9, 1e-5
 # rounds over all points, and changes beside the largest impulse that are none
 _ROUNDS, SAME = 1000, 1e-14
 # fields of a contact at most
@@ -58,14 +64,21 @@ def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _of_point(mu, rate, pressed, W, P):  # type: ignore[no-untyped-def]
-    """Return the impulse of friction of a point with this rate and normal impulse without it, and how they answer."""
-    if W <= 0.0:
-        return 0.0
-    stick = -rate / W
-    if abs(stick) <= mu * (pressed + P * stick):
-        return stick
-    sign = 1.0 if stick > 0.0 else -1.0
+def _of_point(mu, rate, pressed, W, P, way):  # type: ignore[no-untyped-def]
+    """Return the friction of a point with this rate and normal force without it, and how they answer.
+
+    Where it slides already (``way`` 1 or -1) that is Coulomb's limit against this; where it has a way of 0, what stops
+    it, or the limit.
+    """
+    if way == 0.0:
+        if W <= 0.0:
+            return 0.0
+        stick = -rate / W
+        if abs(stick) <= mu * (pressed + P * stick):
+            return stick
+        sign = 1.0 if stick > 0.0 else -1.0
+    else:
+        stick, sign = 0.0, -way
     answer = 1.0 - sign * mu * P
     # where friction presses the point on as fast as it grows, it locks
     return stick if answer <= 0.0 else sign * mu * max(pressed, 0.0) / answer
@@ -81,24 +94,53 @@ def rubs(p):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _impulses(p, items, rate, pressed, W, P):  # type: ignore[no-untyped-def]
-    """Return the impulses (k,) of friction at points with these rates and normal impulses without it."""
+def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignore[no-untyped-def]
+    """Find the friction (k,) of points with these rates and normal forces without it, but for what is ``given``."""
     count = len(rate)
-    found = np.zeros(count)
     for _ in range(_ROUNDS):
         largest, change = 0.0, 0.0
         for j in range(count):
+            if given[j]:
+                continue
             r, pn = rate[j], pressed[j]
             for k in range(count):
                 if k != j:
                     r += W[j, k] * found[k]
                     pn += P[j, k] * found[k]
-            new = _of_point(p.points.par[items[j], FRICTION], r, pn, W[j, j], P[j, j])
+            new = _of_point(p.points.par[items[j], FRICTION], r, pn, W[j, j], P[j, j], way[j])
             change, largest = max(change, abs(new - found[j])), max(largest, abs(new))
             found[j] = new
         if change <= SAME * largest:
             break
-    return found
+
+
+@inner_with_memory
+def _closed(p, how, items):  # type: ignore[no-untyped-def]
+    """Fill ``items`` with those that are CLOSED in how (items,) and have friction; return how many."""
+    count = 0
+    for i in range(len(how)):
+        if how[i] == CLOSED and p.points.par[i, FRICTION] > 0.0:
+            items[count] = i
+            count += 1
+    return count
+
+
+@inner_with_memory
+def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[no-untyped-def]
+    """Fill rates of places (k,) at w.d and w.v, their gradients (k, n), and how all answers to friction there."""
+    count, n = len(rate), slips.shape[1]
+    for j in range(count):
+        w.other[:] = 0.0
+        rate[j] = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
+        to_unknowns(p, w.other, slips[j], False)
+        answers[j] = slips[j]
+        calls.solve(p.calls, (p, factors, answers[j]))
+    for j in range(count):
+        at = p.place[p.points.multiplier[items[j]]]
+        for k in range(count):
+            P[j, k] = -answers[k, at]
+            for q in range(n):
+                W[j, k] += p.coordinate[q] * slips[j, q] * answers[k, q]
 
 
 @addressed_with_memory
@@ -108,12 +150,8 @@ def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
     ``impulse`` (n,) is that of ``consistent``, which then makes rates what constraints allow; ``approach`` (n,) the
     rates of gaps before the impact at their multipliers, of which v may keep a part. Signals are in w.amps.
     """
-    count, n = 0, len(z)
-    items = np.zeros(len(how), dtype=np.int64)
-    for i in range(len(how)):
-        if how[i] == CLOSED and p.points.par[i, FRICTION] > 0.0:
-            items[count] = i
-            count += 1
+    n, items = len(z), np.zeros(len(how), dtype=np.int64)
+    count = _closed(p, how, items)
     if count == 0:
         return
     to_full(p, z, w.amps, 0, w.d)
@@ -131,21 +169,108 @@ def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
         rates[k] = (v[k] + rhs[k]) * p.coordinate[k]
     to_full(p, rates, w.amps, 1, w.v)
     slips, answers, rate = np.zeros((count, n)), np.zeros((count, n)), np.zeros(count)
+    W, P, pressed, found = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count), np.zeros(count)
+    _answer(p, w, factors, items, rate, slips, answers, W, P)
     for j in range(count):
-        w.other[:] = 0.0
-        rate[j] = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
-        to_unknowns(p, w.other, slips[j], False)
-        answers[j] = slips[j]
-        calls.solve(p.calls, (p, factors, answers[j]))
-    W, P, pressed = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
-    for j in range(count):
-        at = p.place[p.points.multiplier[items[j]]]
-        pressed[j] = -whole_impulse[at]
-        for k in range(count):
-            P[j, k] = -answers[k, at]
-            for q in range(n):
-                W[j, k] += p.coordinate[q] * slips[j, q] * answers[k, q]
-    found = _impulses(p, items, rate, pressed, W, P)
+        pressed[j] = -whole_impulse[p.place[p.points.multiplier[items[j]]]]
+    _of_points(p, items, rate, pressed, W, P, np.zeros(count), np.zeros(count, dtype=np.bool_), found)
     for j in range(count):
         for k in range(n):
             v[k] += found[j] * answers[j, k] * p.coordinate[k]
+
+
+@inner_with_memory
+def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
+    """Fill the second rates (k,) of places, by a difference of their rates along the motion."""
+    n, amps, fastest = len(z), w.amps.copy(), 0.0
+    for i in range(n):
+        fastest = max(fastest, p.weights[i] * abs(v[i]))
+    time = ALONG * p.extent / fastest if fastest > 0.0 else 1.0
+    place, rates = np.zeros(n), np.zeros(n)
+    out[:] = 0.0
+    for side in (-1.0, 1.0):
+        for i in range(n):
+            place[i] = (z[i] + side * time * v[i]) * p.coordinate[i]
+            rates[i] = (v[i] + side * time * a[i]) * p.coordinate[i]
+        for k in range(len(amps)):
+            w.amps[k, 0] = amps[k, 0] + side * time * amps[k, 1]
+            w.amps[k, 1] = amps[k, 1] + side * time * amps[k, 2]
+        to_full(p, place, w.amps, 0, w.d)
+        to_full(p, rates, w.amps, 1, w.v)
+        for j in range(len(out)):
+            w.other[:] = 0.0
+            rate = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
+            out[j] += side * rate / (2.0 * time)
+    w.amps[:] = amps
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+
+
+@addressed_with_memory
+def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
+    """Add friction to accelerations a and multipliers in z, which have none, of items that are CLOSED in how.
+
+    What slides bears Coulomb's limit against its rate; what rests the force that keeps it where it is, or the limit
+    (the same problem as of impulses, with second rates). What stuck before keeps the force that it had. Accepting the
+    state takes these forces (BEHIND) as what friction goes on from. Signals are in w.amps.
+    """
+    n, items = len(z), np.zeros(len(how), dtype=np.int64)
+    for i in range(len(how)):
+        if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
+            p.points.mem[i, BEHIND] = NONE
+    count = _closed(p, how, items)
+    if count == 0:
+        return
+    slips, answers, rate, second = (np.zeros((count, n)), np.zeros((count, n)), np.zeros(count), np.zeros(count))
+    W, P, pressed, found = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count), np.zeros(count)
+    way, given = np.zeros(count), np.zeros(count, dtype=np.bool_)
+    _second_rates(p, w, z, v, a, items, second)
+    constraint_matrix(p, w)
+    factors = w.A.copy()
+    if not calls.factor(p.calls, (p, factors, w.y)):
+        return
+    _answer(p, w, factors, items, rate, slips, answers, W, P)
+    fastest = 0.0
+    for i in range(n):
+        fastest = max(fastest, p.weights[i] * abs(v[i]))
+    for j in range(count):
+        pressed[j] = -z[p.place[p.points.multiplier[items[j]]]]
+        if abs(rate[j]) > PARTING * fastest:
+            way[j] = 1.0 if rate[j] > 0.0 else -1.0
+        if p.points.mem[items[j], SLIDES] == 0.0:
+            force = calls.point_hold(p.calls, (whole(p.points), items[j], w.d, w.amps))
+            if abs(force) < p.points.par[items[j], FRICTION] * pressed[j]:
+                found[j], given[j] = force, True
+    _of_points(p, items, second, pressed, W, P, way, given, found)
+    for j in range(count):
+        p.points.mem[items[j], BEHIND] = found[j]
+        for k in range(n):
+            if p.coordinate[k] != 0.0:
+                a[k] += found[j] * answers[j, k]
+            else:
+                z[k] += found[j] * answers[j, k]
+
+
+@addressed_with_memory
+def point_hold(points, i, d, amps):  # type: ignore[no-untyped-def]
+    """Return the force along the place that item i is held to, where no limit is."""
+    b, m = points.field[i], points.field[i + 1] - points.field[i]
+    u, w, a, work = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(WORK)
+    fields_of_item(points, i, d, u)
+    amplitude_of(points, i, amps, u, w, a)
+    par = points.par[i]
+    _stand(par, points.p0[b:b + m], u, par[HOME], work)
+    s = _gap_at(par, work[RHO], work[RHO + 1], -1.0)[4]
+    return -par[STICK] * _slip(par, s, points.mem[i, ANCHOR])
+
+
+@addressed_with_memory
+def take_hold(points, d, amps):  # type: ignore[no-untyped-def]
+    """Let items begin with the friction that they have BEHIND an impact at d (n_full,)."""
+    for i in range(len(points.mem)):
+        if points.restitution[i] >= 0.0 and points.par[i, FRICTION] > 0.0 and points.mem[i, BEHIND] != NONE:
+            b, e = points.field[i], points.field[i + 1]
+            u, w, a = np.zeros(e - b), np.zeros(e - b), np.zeros(3)
+            fields_of_item(points, i, d, u)
+            amplitude_of(points, i, amps, u, w, a)
+            call_accept(points.accept[i], (points.p0[b:e], u, points.par[i], points.mem[i]))

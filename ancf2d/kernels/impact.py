@@ -14,41 +14,34 @@ from typing import Any
 
 import numpy as np
 
-from ..elements import contact_geometry
 from ..elements.contact_geometry import (
-    BODY,
+    BEHIND,
     BY_CHOICE,
     CLOSED,
     CLOSES,
-    FREE,
     FRICTION,
     HELD,
-    HOME,
+    NONE,
     OPEN,
-    RHO,
-    SHAPE,
     SLIDES,
-    WORK,
 )
 from . import calls
 from .bodies import elastic, set_natural
-from .compiled_laws import call_forces, part
+from .compiled_laws import call_forces
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
-from .friction import point_slip, rub, rubs
+from .friction import drag, point_hold, point_slip, rub, rubs, take_hold
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
 from .lowlevel.records import whole
 from .motion import evaluate
+from .passages import tunnels
 from .patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from .points import amplitude_of, fields_of_item
 
-_gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
 # times that constraints let go after one another, and fields of a contact at most
 _MOST, _FIELDS = 20, 100
-# of the extent: a way that leads no deeper into an obstacle does not pass through it
-DEPTH = 1e-3
 # times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none
 MORE, MOST_BOUNCES = 1.1, 12
 
@@ -78,7 +71,8 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     for i in range(len(how)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = BY_CHOICE
+            # and no friction behind the impact of a step that was not accepted
+            p.points.mem[i, HELD], p.points.mem[i, BEHIND] = BY_CHOICE, NONE
     w.other[:] = 0.0
     face_bodies(p, w.d)
     calls.point_sides(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
@@ -127,6 +121,8 @@ def _settle(p, w, x, t, impulse, how):  # type: ignore[no-untyped-def]
         if not consistent(p, w, x, t, impulse):
             return False
         impulse[:] = 0.0
+        if rubs(p):
+            calls.drag(p.calls, (p, w, x.z, x.v, x.a, how))
         pulls = False
         for i in range(len(how)):
             if how[i] == CLOSED and x.z[p.place[p.points.multiplier[i]]] > 0.0:
@@ -143,6 +139,10 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     """Do as ``consistent`` where one-sided constraints touch: those that part are open, the others take the impact."""
     n = len(p.points.mem)
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIDES] != CLOSES:
+            # as it stuck or slid in an equilibrium
+            p.points.mem[i, SLIDES] = 0.0
     evaluate(p.programs, t, w.amps)
     _hold(p, w, s.z, s.v, how)
     _rates(p, w, s.z, s.v, s.a, g, rate, second)
@@ -162,6 +162,9 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     bounce += impulse
     good = _after(p, w, s, t, bounce, approach, how, bounces)
     _release(p, how)
+    if rubs(p):
+        to_full(p, s.z, w.amps, 0, w.d)
+        calls.take_hold(p.calls, (whole(p.points), w.d, w.amps))
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             p.points.mem[i, SLIDES] = 0.0 if how[i] == CLOSED else CLOSES
@@ -327,64 +330,6 @@ def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
     return _held(p, w, s.z, s.v, t, tracks) - _held(p, w, m.end.z, m.end.v, t + h, tracks)
 
 
-@inner_with_memory
-def _place(p, w, i, amps, u, work):  # type: ignore[no-untyped-def]
-    """Return where point i is, as its obstacle sees it, and its gap, at w.d and signals ``amps``."""
-    points = p.points
-    b, m = points.field[i], points.field[i + 1] - points.field[i]
-    rates, amplitude = u[len(u) // 2:], work[WORK:]
-    fields_of_item(points, i, w.d, u)
-    amplitude_of(points, i, amps, u, rates, amplitude)
-    _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
-    return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
-
-
-@inner_with_memory
-def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Return whether a straight way (dx, dy) from (x, y), where the gap is g > 0, leads deep into an obstacle."""
-    length = np.sqrt(dx * dx + dy * dy)
-    s = max(g, depth)
-    while s < length:
-        # nothing is nearer than the gap
-        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
-        if g < -depth:
-            return True
-        s += max(g, depth)
-    return False
-
-
-@inner_with_memory
-def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
-    """Return whether item i is a point of contact in use that may meet an obstacle."""
-    return (not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0
-            and int(p.points.par[i, SHAPE]) != BODY)
-
-
-@addressed_with_memory
-def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Return whether a point passes through an obstacle in the step from s at t to m.end, apart from it at both."""
-    n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
-    u, work, before = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), np.zeros((n, 3))
-    evaluate(p.programs, t, w.amps)
-    to_full(p, s.z, w.amps, 0, w.d)
-    start = w.d.copy()
-    for i in range(n):
-        if _meets_obstacle(p, i):
-            before[i, 0], before[i, 1], before[i, 2] = _place(p, w, i, w.amps, u, work)
-    evaluate(p.programs, t + h, w.amps)
-    to_full(p, end.z, w.amps, 0, w.d)
-    for i in range(n):
-        if _meets_obstacle(p, i):
-            x, y, g = _place(p, w, i, w.amps, u, work)
-            dx, dy = x - before[i, 0], y - before[i, 1]
-            if before[i, 2] > 0.0 and g > 0.0 and np.sqrt(dx * dx + dy * dy) > before[i, 2] + g \
-                    and _is_crossed(p.points.par[i], before[i, 0], before[i, 1], before[i, 2], dx, dy, depth):
-                return True
-    if len(p.facing.item) > 0:
-        return calls.bodies_cross(p.calls, (whole(p.facing), whole(p.points), start, w.d))
-    return False
-
-
 def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the table of a model with these contacts has (``kernels.calls.table``).
 
@@ -396,5 +341,6 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         out |= {calls.point_sides: (point_sides, points),
                 calls.impact: (impact, problem), calls.lost_in_impact: (lost_in_impact, problem)}
         if any(pair.item.friction for pair in contacts):
-            out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem)}
+            out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
+                    calls.point_hold: (point_hold, points), calls.take_hold: (take_hold, points)}
     return out

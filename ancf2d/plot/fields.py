@@ -233,9 +233,9 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
            scale: float | str = "auto", state: int = -1, unrolled: bool | None = None) -> Fields:
     """Build one field over the bodies of one file.
 
-    ``field``: stress, strain, energy or plastic_strain (default: the first that is stored); ``component``: xx, yy, xy,
-    or mises of stress; ``unrolled``: over arc length and height instead of in the plane (default: where bodies are
-    thin).
+    ``field``: stress, strain, energy, plastic_strain, pressure, traction or gap (default: the first that is stored);
+    ``component``: xx, yy, xy, or mises of stress; ``unrolled``: over arc length and height instead of in the plane
+    (default: where bodies are thin).
     """
     if len(sources) > 1:
         raise ResultsError("fields are drawn from one file at a time")

@@ -183,7 +183,8 @@ class Output:
     interval: float | None = key(Number("s", gt=0), "Time between stored states", default=None)
     fields: tuple[str, ...] = key(ListOf(Known("output_fields"), "field names"),
                                   "Fields to store over the bodies: N, Q, M (at the probes too), stress, strain, "
-                                  "energy (per volume), plastic_strain (of fibres)", default=())
+                                  "energy (per volume), plastic_strain (of fibres), and pressure, traction, gap "
+                                  "(of contact, on both faces)", default=())
 
     def check(self) -> Iterator[Issue]:
         """Yield an interval that is given twice."""

@@ -1,0 +1,80 @@
+"""Points that pass through obstacles from one state of a motion to the next, out of them in both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..elements import contact_geometry
+from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
+from . import calls
+from .compiled_laws import part
+from .dynamics import to_full
+from .lowlevel.jit import addressed_with_memory, inner_with_memory
+from .lowlevel.records import whole
+from .motion import evaluate
+from .points import amplitude_of, fields_of_item
+
+_gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
+# of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
+DEPTH, TOUCHES = 1e-3, 1e-9
+# fields of a contact at most
+_FIELDS = 100
+
+
+@inner_with_memory
+def _place(p, w, i, amps, u, work):  # type: ignore[no-untyped-def]
+    """Return where point i is, as its obstacle sees it, and its gap, at w.d and signals ``amps``."""
+    points = p.points
+    b, m = points.field[i], points.field[i + 1] - points.field[i]
+    rates, amplitude = u[len(u) // 2:], work[WORK:]
+    fields_of_item(points, i, w.d, u)
+    amplitude_of(points, i, amps, u, rates, amplitude)
+    _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
+    return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
+
+
+@inner_with_memory
+def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
+    """Return whether a straight way (dx, dy) from (x, y), where the gap is g, leads deep into an obstacle."""
+    length = np.sqrt(dx * dx + dy * dy)
+    s = max(g, depth)
+    while s < length:
+        # nothing is nearer than the gap
+        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
+        if g < -depth:
+            return True
+        s += max(g, depth)
+    return False
+
+
+@inner_with_memory
+def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
+    """Return whether item i is a point of contact in use that may meet an obstacle."""
+    return (not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0
+            and int(p.points.par[i, SHAPE]) != BODY)
+
+
+@addressed_with_memory
+def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
+    """Return whether a point passes through an obstacle in the step from s at t to m.end, out of it at both."""
+    n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
+    near = TOUCHES * p.extent
+    u, work, before = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), np.zeros((n, 3))
+    evaluate(p.programs, t, w.amps)
+    to_full(p, s.z, w.amps, 0, w.d)
+    start = w.d.copy()
+    for i in range(n):
+        if _meets_obstacle(p, i):
+            before[i, 0], before[i, 1], before[i, 2] = _place(p, w, i, w.amps, u, work)
+    evaluate(p.programs, t + h, w.amps)
+    to_full(p, end.z, w.amps, 0, w.d)
+    for i in range(n):
+        if _meets_obstacle(p, i):
+            x, y, g = _place(p, w, i, w.amps, u, work)
+            dx, dy = x - before[i, 0], y - before[i, 1]
+            if before[i, 2] > -near and g > -near and np.sqrt(dx * dx + dy * dy) > before[i, 2] + g \
+                    and _is_crossed(p.points.par[i], before[i, 0], before[i, 1], before[i, 2], dx, dy, depth):
+                return True
+    if len(p.facing.item) > 0:
+        return calls.bodies_cross(p.calls, (whole(p.facing), whole(p.points), start, w.d))
+    return False
