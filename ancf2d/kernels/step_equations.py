@@ -26,14 +26,18 @@ def _fill(step, K, C, mass, rows, columns, free, rates, bw, LU):  # type: ignore
 
 @inner
 def _eliminate(bw, LU, pivots):  # type: ignore[no-untyped-def]
-    """Factor a band with row exchanges; return whether it is regular."""
-    n = LU.shape[0]
+    """Factor a band with row exchanges; return whether it is regular.
+
+    ``pivots`` (2, n) are the rows exchanged, and the last column that each row then has.
+    """
+    n, end = LU.shape[0], 0
     for k in range(n):
-        last, end, best = min(n - 1, k + bw), min(n - 1, k + 2 * bw), k
+        last, best = min(n - 1, k + bw), k
         for r in range(k + 1, last + 1):
             if abs(LU[r, k - r + bw]) > abs(LU[best, k - best + bw]):
                 best = r
-        pivots[k] = best
+        end = max(end, min(n - 1, best + bw))
+        pivots[0, k], pivots[1, k] = best, end
         if not abs(LU[best, k - best + bw]) > 0.0:
             return False
         if best != k:
@@ -45,8 +49,9 @@ def _eliminate(bw, LU, pivots):  # type: ignore[no-untyped-def]
             f = LU[r, k - r + bw] / LU[k, bw]
             LU[r, k - r + bw] = f
             if f != 0.0:
-                for c in range(k + 1, end + 1):
-                    LU[r, c - r + bw] -= f * LU[k, c - k + bw]
+                first = k - r + bw
+                for c in range(1, end - k + 1):
+                    LU[r, first + c] -= f * LU[k, bw + c]
     return True
 
 
@@ -55,7 +60,7 @@ def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
     """Solve with the factors of a band, in place of right-hand sides b (n s, k)."""
     n, m = b.shape
     for k in range(n):
-        p = pivots[k]
+        p = pivots[0, k]
         if p != k:
             for q in range(m):
                 x = b[k, q]
@@ -67,7 +72,7 @@ def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
                 for q in range(m):
                     b[r, q] -= f * b[k, q]
     for k in range(n - 1, -1, -1):
-        for c in range(k + 1, min(n, k + 2 * bw + 1)):
+        for c in range(k + 1, pivots[1, k] + 1):
             f = LU[k, c - k + bw]
             if f != 0.0:
                 for q in range(m):
@@ -79,7 +84,7 @@ def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def factor(K, C, mass, rows, columns, free, rates, bw, LU, pivots):  # type: ignore[no-untyped-def]
-    """Fill LU (steps, n s, 3 bw + 1) and pivots (steps, n s) with the factors of all steps.
+    """Fill LU (steps, n s, 3 bw + 1) and pivots (steps, 2, n s) with the factors of all steps.
 
     K, C (steps s, entries), mass (entries,) are those of the stages, at rows and columns; rates (steps, 2, s, s) what v
     and a are of z. Returns the first step whose matrix is singular, or the number of steps.

@@ -235,7 +235,7 @@ class Equations:
         if self.bw > BAND:
             self.sparse = [self._sparse(k) for k in range(len(h))]
             return
-        self.lu, self.pivots = np.zeros((len(h), n, 3 * self.bw + 1)), np.zeros((len(h), n), dtype=np.int64)
+        self.lu, self.pivots = np.zeros((len(h), n, 3 * self.bw + 1)), np.zeros((len(h), 2, n), dtype=np.int64)
         done = step_equations.factor(K, self.C, M, *self.shape, self.rates, self.bw, self.lu, self.pivots)
         if done < len(h):
             raise ArithmeticError(done)
