@@ -95,6 +95,12 @@ def iteration_table(found: Found) -> str:
                                     for r in found["arithmetic"]["iterations"]])
 
 
+def feedback_table(found: Found) -> str:
+    """Return what controllers cost."""
+    return table(["integrator", "driven by", "step", "to spring and damper"],
+                 [[r["method"], r["way"], f"{r['step_us']:.0f} us", f"{r['ratio']:.2f}"] for r in found["feedback"]])
+
+
 def frames_table(found: Found) -> str:
     """Return the table of frames."""
     def us(seconds: float) -> str:

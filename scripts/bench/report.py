@@ -32,6 +32,7 @@ PARTS: dict[str, Callable[[int], Any]] = {
     "frames": lambda repeat: apart("frames.measure", 3 * repeat),
     "sampling": lambda repeat: apart("kernels.sample"),
     "modes": lambda repeat: modes.compare(),
+    "feedback": lambda repeat: apart("feedback.measure", 3 * repeat),
     "motion": motion.collect}
 
 
@@ -163,6 +164,18 @@ run and the last one with at least twice its error. `-`: no such run.
 One implicit step of pendulum (2), 8 elements, dt = 1e-4, generalized alpha:
 
 {page.step_table(found)}
+
+### Controllers
+
+What a controller adds to a step: a flexible arm of 8 elements `reissner3` in steps of 1 ms, which a motor at its hub
+drives, beside the same arm with a rotational spring and damper in the motor's place. A PD motor gives the same motion
+in as many iterations; each load that answers the motion, and each state of a controller, adds one solution with the
+factors of the matrix whenever these are found anew. The motion starts anew at the instants of a sampled controller,
+here every hundredth step. `scripts/bench/feedback.py` has the scenes.
+
+{page.feedback_table(found)}
+
+### All runs
 
 Pendulum (1), all runs:
 
