@@ -207,7 +207,7 @@ class Estimate:
         """Return everything that the estimate goes on from."""
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
         for k, stepper in enumerate(self.coarse):
-            out.update({f"coarse{k}_{name}": value for name, value in stepper.kept().items()})
+            out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
             out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]])
         return out
 

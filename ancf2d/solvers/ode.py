@@ -281,7 +281,8 @@ class OdeStepper(Stepper):
 
     def checkpoint(self) -> dict[str, Array] | None:
         """Return everything that the motion goes on from, where SciPy's method allows that."""
-        return {**self.kept(), "scale": self.scale.copy()} if self.scheme.keeps else None
+        kept = super().checkpoint() if self.scheme.keeps else None
+        return kept and {**kept, "scale": self.scale.copy()}
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""

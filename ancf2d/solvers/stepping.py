@@ -378,10 +378,6 @@ class Stepper:
 
     def checkpoint(self) -> dict[str, Array] | None:
         """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
-        return self.kept()
-
-    def kept(self) -> dict[str, Array]:
-        """Return what is kept of a motion, whatever its method."""
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
