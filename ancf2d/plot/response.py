@@ -13,13 +13,16 @@ from ancf2d.results import Results
 from ancf2d.results.responses import smooth, spacing
 
 # default of what is drawn, and frequencies from which axes are logarithmic: highest beside lowest
-DISPLACEMENTS, DECADE = ("ux", "uy"), 10.0
+DISPLACEMENTS, FORCES, DECADE = ("ux", "uy"), ("N", "Q", "M"), 10.0
 # name, family, units, frequencies and complex amplitudes
 Found = tuple[str, str, str, np.ndarray, np.ndarray]
 
 
 def _responses(source: Source, inputs: list[str], probes: list[str], quantities: list[str]) -> Iterator[Found]:
-    """Yield the responses that were asked for, by default displacements that are not negligible."""
+    """Yield the responses that were asked for, by default displacements that are not negligible.
+
+    Where no probe moves, they are section forces, as at a clamp.
+    """
     table, file = source.results.tables["response"], source.results.path
     names = [tuple(column[:-len(".re")].rsplit(".", 2)) for column in table if column.endswith(".re")]
     for asked, k, what in ((inputs, 0, "input"), (probes, 1, "probe"), (quantities, 2, "probe quantity")):
@@ -32,6 +35,10 @@ def _responses(source: Source, inputs: list[str], probes: list[str], quantities:
             label = f"{one}: {probe} {q}" if len({name[0] for name in names}) > 1 else f"{probe} {q}"
             found.append((source.name(label), FAMILIES.get(q, q), table.units[f"{column}.re"], *smooth(hz, H, scale)))
     top = max((float(np.abs(H).max(initial=0.0)) for *_, H in found), default=0.0)
+    others = [q for q in FORCES if any(q == name[2] for name in names)]
+    if not top and not quantities and others:
+        yield from (f for f in _responses(source, inputs, probes, others) if np.abs(f[-1]).any())
+        return
     yield from (f for f in found if quantities or np.abs(f[-1]).max(initial=0.0) > NEGLIGIBLE * top or not top)
 
 
@@ -44,7 +51,9 @@ def bode(sources: Sequence[Source], *, input: str | Sequence[str] | None = None,
     phase, lowest, highest = Panel(x, ("phase", "degrees"), zero=True), np.inf, 0.0
     for source in sources:
         for name, family, units, hz, H in _responses(source, names_of(input), names_of(probe), quantities_of(quantity)):
-            panel = panels.setdefault(family, Panel(x, (f"amplitude of {family}", units), log=True))
+            panel = panels.setdefault(family, Panel(x, (f"amplitude of {family}", units)))
+            # zero has no place on a logarithmic axis
+            panel.log |= bool(np.abs(H).any())
             panel.curves.append(Curve(name, hz, np.abs(H)))
             phase.curves.append(Curve(name, hz, np.degrees(np.unwrap(np.angle(H)))))
             lowest, highest = min(lowest, float(hz.min())), max(highest, float(hz.max()))

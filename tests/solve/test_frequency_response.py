@@ -426,3 +426,13 @@ def test_figures_tables_and_comparison(tmp_path: Any) -> None:
     assert {d.dataset for d in compare_results(file, other)} >= {"/tables/response/shaker.tip.uy.re"}
     with ancf2d.open_results(file) as results:
         assert results.tables["response"].units["shaker.tip.vy.im"] == "m/s"
+
+
+def test_probes_that_do_not_move_are_drawn_by_their_section_forces() -> None:
+    case = cantilever(["shaker"], count=2)
+    case["output"] = {"probes": {"root": "beam@0"}, "fields": ["N", "Q", "M"]}
+    found = ancf2d.solve(ancf2d.load(case))
+    assert [a.get_ylabel().split(" [")[0] for a in found.plot("bode").axes] == [
+        "amplitude of shear force", "amplitude of bending moment", "phase"]
+    # zero has no place on a logarithmic axis
+    assert found.plot("bode", quantity="ux").axes[0].get_yscale() == "linear"
