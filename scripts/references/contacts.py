@@ -259,6 +259,29 @@ def bar_against_wall(EA: float, rhoA: float, length: float, v: float) -> tuple[f
     return 2.0 * length / c, EA * v / c, -v
 
 
+def bar_against_layer(EA: float, rhoA: float, length: float, v: float, stiffness: float, t: float
+                      ) -> tuple[float, float]:
+    """Return force and impulse of an elastic layer before a wall on a bar that came to touch it a time t ago.
+
+    With y = force/(Z v), Z = EA/c, tau = Z/stiffness and s = t/tau, the end moves by the wave that comes in less y:
+    y' = 1 - y during one passage of the bar and back, and y' = 1 - y - 2 y(t - 2 length/c) thereafter (d'Alembert),
+    until y = 0: 2 (1 + s) exp(-s) = 1 beyond the passage where that is long beside tau.
+    """
+    c = math.sqrt(EA / rhoA)
+    Z, passage = EA / c, 2.0 * length / c
+    tau = Z / stiffness
+    first = min(max(t, 0.0), passage) / tau
+    force, impulse = 1.0 - math.exp(-first), first - 1.0 + math.exp(-first)
+    if t > passage:
+        end = force
+        def later(s: float) -> float:
+            return -1.0 + (end + 1.0) * math.exp(-s) + 2.0 * s * math.exp(-s)
+        s = min((t - passage) / tau, brentq(later, 0.5, 3.0, xtol=1e-15))
+        force = max(later(s), 0.0)
+        impulse += -s + (end + 1.0) * (1.0 - math.exp(-s)) + 2.0 * (1.0 - math.exp(-s) * (1.0 + s))
+    return Z * v * force, Z * v * tau * impulse
+
+
 def far_end_of_bar(EA: float, rhoA: float, length: float, v: float, t: float) -> float:
     """Return the displacement towards the wall of the far end of that bar at a time t after its first touch."""
     passage = length / math.sqrt(EA / rhoA)

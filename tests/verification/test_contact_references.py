@@ -118,6 +118,13 @@ def test_discs_roll_as_bowled_ones_end() -> None:
 
 def test_impacts_keep_what_they_keep() -> None:
     duration, force, after = c.bar_against_wall(4.0, 1.0, 3.0, 0.1)
+    # a stiff layer is a wall
+    pressed, impulse = c.bar_against_layer(4.0, 1.0, 3.0, 0.1, 1e5, 0.5 * duration)
+    assert (pressed, impulse) == pytest.approx((force, 0.5 * duration * force), rel=1e-4)
+    assert c.bar_against_layer(4.0, 1.0, 3.0, 0.1, 1e5, 2.0 * duration) == pytest.approx((0.0, 3.0 * 0.2), rel=1e-4)
+    # of a soft one the impulse is the integral of the force
+    soft = [c.bar_against_layer(4.0, 1.0, 3.0, 0.1, 9.0, t) for t in np.linspace(0.0, 4.0, 4001)]
+    assert np.trapezoid([p for p, _ in soft], dx=1e-3) == pytest.approx(soft[-1][1], rel=1e-5)
     # impulse
     assert duration * force == pytest.approx(1.0 * 3.0 * (0.1 - after))
     assert c.far_end_of_bar(4.0, 1.0, 3.0, 0.1, duration) == pytest.approx(0.0)
