@@ -23,26 +23,31 @@ from .contact_geometry import (
     CLOSES,
     DAMPING,
     FEATURE,
+    FORCE,
     FREE,
     FRICTION,
     HELD,
     HOME,
     MATRIX,
     NONE,
+    NORMAL,
     OF_THETA,
     OPEN,
     ORIGIN,
     OTHER,
     PLACE,
     POLYLINE,
+    RATES,
     RHO,
     ROW,
     SECTION,
     SHAPE,
     SLIDES,
+    SLOPE,
     STICK,
     STICKS,
     STIFFNESS,
+    TANGENT,
     TERMS,
     TOUCH,
     VECTOR,
@@ -50,6 +55,7 @@ from .contact_geometry import (
     WORK,
     along,
     count_of,
+    entries,
     facing,
     gap_at,
     is_back,
@@ -169,60 +175,62 @@ def fields_of(par):  # type: ignore[no-untyped-def]
 
 
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit."""
+    """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit.
+
+    Force and derivatives are made by X, of which there are few, and spread to the fields once.
+    """
     work = work_vector(WORK)
-    z, m, weight, stiffness, damping = par[HOME], len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
+    z, weight, stiffness, damping = par[HOME], par[WEIGHT], par[STIFFNESS], par[DAMPING]
     stand(par, p0, u, z, work)
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
     if g >= 0.0:
         return 0.0, APART if g > reach(par, p0, u, z) else 0.0
     if is_back(par, nx, ny, work):
         return 0.0, 0.0
-    normal(par, z, nx, ny, work, work, ROW)
-    rate = 0.0
-    for q in range(m):
-        rate += work[ROW + q] * w[q]
+    body, pose = count_of(par)
+    n, rate = body + pose, 0.0
+    entries(par, w, z, work, RATES)
+    for i in range(n):
+        x, y = work[BY + i], work[BY + 8 + i]
+        work[NORMAL + i], work[TANGENT + i] = nx * x + ny * y, nx * y - ny * x
+        rate += work[NORMAL + i] * work[RATES + i]
     pressure = -stiffness * g - damping * rate
     energy = 0.5 * weight * stiffness * g * g
     if pressure <= 0.0:
         return energy, weight * stiffness * g * -rate
     power, force = weight * damping * rate * rate, weight * pressure
-    bent(par, z, nx, ny, k, work, H)
-    normal(par, z, nx, ny, work, work, ROW)
-    for p in range(m):
-        slope = 0.0
-        for q in range(m):
-            slope += H[p, q] * w[q]
-        # of the force, with the sign turned
-        work[OTHER + p] = weight * (stiffness * work[ROW + p] + damping * slope)
-    for p in range(m):
-        N = work[ROW + p]
-        f[p] = -force * N
-        for q in range(m):
-            H[p, q] = -force * H[p, q] + N * work[OTHER + q]
-            C[p, q] = weight * damping * N * work[ROW + q]
+    held, slides, way = 0.0, False, 0.0
     if par[FRICTION] > 0.0:
         way = slip(par, s, mem[ANCHOR])
         held, slides = drag(par, way, force)
-        # kept, as what follows works in the same places
-        keep = work_matrix(2, m)
-        for q in range(m):
-            keep[0, q], keep[1, q] = work[ROW + q], work[OTHER + q]
-        rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
-        if slides:
-            limit_slopes(par, way, m, work, keep, H, C)
-        power -= held * speed(work, w, m)
+    # Coulomb's limit follows the pressure, and else the spring the slip
+    share = (par[FRICTION] if way > 0.0 else -par[FRICTION]) * ds if slides else 0.0
+    stick = 0.0 if slides or par[FRICTION] == 0.0 else par[STICK] * ds * ds
+    held *= ds
+    for i in range(n):
+        N, T = work[NORMAL + i], work[TANGENT + i]
+        power -= held * T * work[RATES + i]
+        work[FORCE + i] = -force * N - held * T
+        work[ROW + i], slope = N - share * T, 0.0
+        for j in range(n):
+            x, y = work[BY_BY + 8 * i + j], work[BY_BY + 64 + 8 * i + j]
+            bend = nx * x + ny * y + k * T * work[TANGENT + j]
+            slope += bend * work[RATES + j]
+            turn = nx * y - ny * x - k * (N * work[TANGENT + j] + T * work[NORMAL + j])
+            work[MATRIX + 8 * i + j] = stick * T * work[TANGENT + j] - force * bend - held * turn
+        # of the force, with the sign turned
+        work[SLOPE + i] = weight * (stiffness * N + damping * slope)
+    for i in range(n):
+        for j in range(n):
+            work[MATRIX + 8 * i + j] += work[ROW + i] * work[SLOPE + j]
+    spread(par, z, work, FORCE, 0, f, 0)
+    spread_both(par, z, work, H, 0, 1.0)
+    if damping > 0.0:
+        for i in range(n):
+            for j in range(n):
+                work[MATRIX + 8 * i + j] = work[ROW + i] * work[NORMAL + j]
+        spread_both(par, z, work, C, 0, weight * damping)
     return energy, power
-
-
-def limit_slopes(par, way, m, work, keep, H, C):  # type: ignore[no-untyped-def]
-    """Add how Coulomb's limit follows the pressure to H and C."""
-    share = par[FRICTION] if way > 0.0 else -par[FRICTION]
-    for p in range(m):
-        S = work[ROW + p]
-        for q in range(m):
-            H[p, q] -= share * S * keep[1, q]
-            C[p, q] -= share * S * par[WEIGHT] * par[DAMPING] * keep[0, q]
 
 
 def speed(work, w, m):  # type: ignore[no-untyped-def]

@@ -206,6 +206,9 @@ class ContactPair:
             if at not in known:
                 known[at] = curve_rows(mesh, p.ie, eta)
             own, terms, kind = known[at]
+            if item.side == "axis":
+                # whatever the section does
+                own, kind = own[:2 * terms], geometry.CURVE
             both = np.zeros((len(own) + len(rows), own.shape[1] + len(coords)))
             both[:len(own), :own.shape[1]], both[len(own):, own.shape[1]:] = own, rows
             G.append(both)
