@@ -210,8 +210,12 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     for i in range(n):
         N, T = work[NORMAL + i], work[TANGENT + i]
         power -= held * T * work[RATES + i]
-        work[FORCE + i] = -force * N - held * T
-        work[ROW + i], slope = N - share * T, 0.0
+        work[FORCE + i], work[ROW + i] = -force * N - held * T, N - share * T
+    spread(par, z, work, FORCE, 0, f, 0)
+    if len(H) == 0:
+        return energy, power
+    for i in range(n):
+        N, T, slope = work[NORMAL + i], work[TANGENT + i], 0.0
         for j in range(n):
             x, y = work[BY_BY + 8 * i + j], work[BY_BY + 64 + 8 * i + j]
             bend = nx * x + ny * y + k * T * work[TANGENT + j]
@@ -223,7 +227,6 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     for i in range(n):
         for j in range(n):
             work[MATRIX + 8 * i + j] += work[ROW + i] * work[SLOPE + j]
-    spread(par, z, work, FORCE, 0, f, 0)
     spread_both(par, z, work, H, 0, 1.0)
     if damping > 0.0:
         for i in range(n):

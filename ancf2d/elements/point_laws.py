@@ -71,6 +71,7 @@ class PointLaw:
     ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
     updates ``mem`` at an accepted state. These may call other functions of numbers and arrays, and make arrays with
     ``work_vector`` and ``work_matrix``. ``forces`` may return the power APART.
+    A law of items that share fields (``Items.runs``) may be asked for forces alone, with H and C of no size.
     """
 
     name: str

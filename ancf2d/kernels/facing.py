@@ -55,7 +55,7 @@ from ..elements.contact_geometry import (
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import addressed_with_memory, inner, kernel
-from .points import fields_of_item
+from .points import fields_of_item, weights_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
 AGAINST, ASIDE = -0.3, 0.5
@@ -387,13 +387,12 @@ def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
     m, n = table.sizes[c, 0], table.sizes[c, 1]
     dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
     fields, coords = table.own[k, 0], table.own[k, 1]
-    whole = points.dof[i + 1] - points.dof[i]
+    G = weights_of_item(points, i)
     for q in range(n):
         points.dofs[points.dof[i] + coords + q] = table.dofs[dof + q]
     for p in range(m):
         points.p0[points.field[i] + fields + p] = table.p0[field + p]
-        at = points.entry[i] + (fields + p) * whole + coords
         for q in range(n):
-            points.G[at + q] = table.G[entry + p * n + q]
+            G[coords + q, fields + p] = table.G[entry + p * n + q]
     for q in range(CURVE_SIZE):
         points.par[i, ORIGIN + q] = table.curve[c, q]

@@ -23,7 +23,7 @@ from .lowlevel.arrays import numbers
 from .lowlevel.jit import addressed, inlined, inner
 from .lowlevel.records import array_at, whole
 from .motion import SIZE, evaluate_with_gradient
-from .points import _add, _law, _rates, amplitude_of, fields_of_item, work_arrays
+from .points import add_to, amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .symmetric import TINY, band_of
 
 _turn = part(point_laws.turn)
@@ -152,19 +152,19 @@ def _by_amplitude(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Add the derivative of the forces of item i by the value of its amplitude, which they are linear in."""
     u, w, a, f, H, C = work_arrays(points)
     fields_of_item(points, i, d, u)
-    _rates(points, i, v, w)
+    rates_of_item(points, i, v, w)
     amplitude_of(points, i, amps, u, w, a)
     m = points.field[i + 1] - points.field[i]
     a[0] = 0.0
-    _law(points, i, u, w, a, f, H, C)
+    law_of_item(points, i, u, w, a, f, H, C, m)
     u[:] = 0.0
     for k in range(m):
         u[k] = -f[k]
-    _add(points, i, u, out)
+    add_to(points, i, u, out)
     fields_of_item(points, i, d, u)
     a[0] = 1.0
-    _law(points, i, u, w, a, f, H, C)
-    _add(points, i, f, out)
+    law_of_item(points, i, u, w, a, f, H, C, m)
+    add_to(points, i, f, out)
 
 
 @addressed

@@ -23,7 +23,7 @@ from .consistent import allowed_rates, constraint_matrix
 from .dynamics import to_full, to_unknowns
 from .lowlevel.jit import addressed_with_memory, inner, inner_with_memory
 from .lowlevel.records import whole
-from .points import _add, _rates, amplitude_of, fields_of_item
+from .points import add_to, amplitude_of, fields_of_item, rates_of_item
 
 _gap_at, _slip = part(contact_geometry.gap_at), part(contact.slip)
 _stand = part(contact_geometry.stand)
@@ -45,7 +45,7 @@ def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
     u, w, a, f, back = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m), np.zeros(m)
     H, C = np.zeros((m, m)), np.zeros((m, m))
     fields_of_item(points, i, d, u)
-    _rates(points, i, v, w)
+    rates_of_item(points, i, v, w)
     amplitude_of(points, i, amps, u, w, a)
     u[m - 1] = -1.0
     kept, rate = points.mem[i, SLIDES], 0.0
@@ -59,7 +59,7 @@ def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
         f[q] = (back[q] - f[q]) / (2.0 * points.par[i, FRICTION])
         rate += f[q] * w[q]
     f[m - 1] = 0.0
-    _add(points, i, f, out)
+    add_to(points, i, f, out)
     return rate
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, named
 from .matrix import scatter
+from .points import weights_of_item
 from .symmetric import in_band, in_fronts
 
 
@@ -31,8 +32,8 @@ def _place(p, j, d, amps):  # type: ignore[no-untyped-def]
     e, shapes, terms, sign = moving.begin[j] + m, moving.shapes[j], moving.terms[j], moving.sign[j]
     scale = 2.0 / moving.lengths[e]
     z = (amps[k, 0] - moving.starts[e]) * scale - 1.0
-    first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
-    at, field, where = points.entry[i], points.field[i], moving.dof_first[j] + m * shapes
+    first, field, where = points.dof[i], points.field[i], moving.dof_first[j] + m * shapes
+    G = weights_of_item(points, i)
     for c in range(2):
         points.p0[field + c], points.drift[field + c] = moving.base[j, c], 0.0
         for r in range(moving.derivatives[j]):
@@ -47,12 +48,12 @@ def _place(p, j, d, amps):  # type: ignore[no-untyped-def]
         for c in range(2):
             dof = moving.dofs[where + q, c]
             points.dofs[first + 2 * q + c] = dof
-            points.G[at + c * n + 2 * q + c] = s0
+            G[2 * q + c, c] = s0
             points.p0[field + c] += s0 * p.e0[dof]
             points.drift[field + c] += amps[k, 1] * s1 * (p.e0[dof] + d[dof])
             if moving.derivatives[j] > 0:
-                points.G[at + (2 + c) * n + 2 * q + c] = s1
-                points.G[at + (4 + c) * n + 2 * q + c] = s2
+                G[2 * q + c, 2 + c] = s1
+                G[2 * q + c, 4 + c] = s2
                 points.p0[field + 2 + c] += s1 * p.e0[dof]
                 points.p0[field + 4 + c] += s2 * p.e0[dof]
     if moving.stretches[j] != 0:
@@ -79,12 +80,12 @@ def _coordinate(p, c, x, amps, order):  # type: ignore[no-untyped-def]
 def _of_point(p, j, x, amps, order):  # type: ignore[no-untyped-def]
     """Return S x: both components at point j, as ``_coordinate`` has x."""
     points, i = p.points, p.moving.item[j]
-    first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+    first, G = points.dof[i], weights_of_item(points, i)
     out_x, out_y = 0.0, 0.0
-    for c in range(n):
+    for c in range(len(G)):
         u = _coordinate(p, points.dofs[first + c], x, amps, order)
-        out_x += points.G[at + c] * u
-        out_y += points.G[at + n + c] * u
+        out_x += G[c, 0] * u
+        out_y += G[c, 1] * u
     return out_x, out_y
 
 
@@ -96,9 +97,9 @@ def moving_inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
         if m > 0.0 and p.moving.element[j] >= 0:
             ax, ay = _of_point(p, j, a, amps, 2)
             points, i = p.points, p.moving.item[j]
-            first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
-            for c in range(n):
-                Q[points.dofs[first + c]] += m * (points.G[at + c] * ax + points.G[at + n + c] * ay)
+            first, G = points.dof[i], weights_of_item(points, i)
+            for c in range(len(G)):
+                Q[points.dofs[first + c]] += m * (G[c, 0] * ax + G[c, 1] * ay)
 
 
 @inner
@@ -109,9 +110,9 @@ def add_moving_product(p, x, y):  # type: ignore[no-untyped-def]
         if m > 0.0 and p.moving.element[j] >= 0:
             ax, ay = _of_point(p, j, x, p.along, 0)
             points, i = p.points, p.moving.item[j]
-            first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
-            for c in range(n):
-                f = m * (points.G[at + c] * ax + points.G[at + n + c] * ay)
+            first, G = points.dof[i], weights_of_item(points, i)
+            for c in range(len(G)):
+                f = m * (G[c, 0] * ax + G[c, 1] * ay)
                 k = p.place[points.dofs[first + c]]
                 if k >= 0:
                     y[k] += f
@@ -131,11 +132,11 @@ def _with_matrix(stored: Any, kind: str) -> Any:
             m = p.moving.mass[j] * factor
             if m > 0.0 and p.moving.element[j] >= 0:
                 points, i = p.points, p.moving.item[j]
-                first, n, at = points.dof[i], points.dof[i + 1] - points.dof[i], points.entry[i]
+                first, G = points.dof[i], weights_of_item(points, i)
+                n = len(G)
                 for a in range(n):
                     for b in range(n):
-                        room[a, b] = m * (points.G[at + a] * points.G[at + b]
-                                          + points.G[at + n + a] * points.G[at + n + b])
+                        room[a, b] = m * (G[a, 0] * G[b, 0] + G[a, 1] * G[b, 1])
                 dofs = points.dofs[first:first + n].reshape((1, n))
                 scatter(stored(p, A), room, dofs, 0, p.place, p.indptr, p.index, p.value)
 

@@ -18,6 +18,7 @@ from .points import (
     point_forces,
     point_mean_forces,
     point_tangent,
+    weights_of_item,
     work_arrays,
 )
 from .sliding import (
@@ -68,17 +69,17 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
         evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
         first, m = points.dof[i], points.field[i + 1] - points.field[i]
         n = points.dof[i + 1] - first
-        at = points.entry[i]
+        G = weights_of_item(points, i)
         for q in range(m):
             w[q] = 0.0
             for c in range(n):
-                w[q] += abs(points.G[at + q * n + c] * d[points.dofs[first + c]])
+                w[q] += abs(G[c, q] * d[points.dofs[first + c]])
         for p in range(m):
             s = abs(f[p])
             for q in range(m):
                 s += abs(H[p * m + q]) * w[q]
             for c in range(n):
-                out[points.dofs[first + c]] += abs(points.G[at + p * n + c]) * s
+                out[points.dofs[first + c]] += abs(G[c, p]) * s
 
 
 @inner

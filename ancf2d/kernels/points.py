@@ -16,7 +16,7 @@ class Points(NamedTuple):
     """Items of point laws. Item i has fields p0 + G d[dofs] and coordinates dofs.
 
     forces, mean, accept : (n,) addresses of the law's functions, 0 for what it has not or nobody asks for; field, dof,
-    entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (rows of G one
+    entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (columns of G one
     after another); par : (n, constants); mem : (n, numbers) last angles, and what else laws remember;
     signal : (n, 3) rows of the amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or
     -1;
@@ -52,21 +52,28 @@ class Points(NamedTuple):
 MANY = 24
 
 
+@inlined
+def weights_of_item(points, i):  # type: ignore[no-untyped-def]
+    """Return G^T (coordinates, fields) of item i."""
+    n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
+    return array_at(points.G, points.entry[i], (n, m))
+
+
 @inner
 def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
     """Fill G d of item i."""
     first, m = points.dof[i], points.field[i + 1] - points.field[i]
-    n = points.dof[i + 1] - first
-    at = points.entry[i]
+    G = weights_of_item(points, i)
     for k in range(m):
-        s = 0.0
-        for c in range(n):
-            s += points.G[at + k * n + c] * d[points.dofs[first + c]]
-        out[k] = s
+        out[k] = 0.0
+    for c in range(points.dof[i + 1] - first):
+        x = d[points.dofs[first + c]]
+        for k in range(m):
+            out[k] += G[c, k] * x
 
 
 @inner
-def _rates(points, i, v, out):  # type: ignore[no-untyped-def]
+def rates_of_item(points, i, v, out):  # type: ignore[no-untyped-def]
     """Fill the rates of the fields of item i."""
     fields_of_item(points, i, v, out)
     for k in range(points.field[i + 1] - points.field[i]):
@@ -88,21 +95,21 @@ def amplitude_of(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add(points, i, f, Q):  # type: ignore[no-untyped-def]
+def add_to(points, i, f, Q):  # type: ignore[no-untyped-def]
     """Add G^T f of item i to Q."""
     first, m = points.dof[i], points.field[i + 1] - points.field[i]
-    n = points.dof[i + 1] - first
-    at = points.entry[i]
-    for k in range(m):
-        if f[k] != 0.0:
-            for c in range(n):
-                Q[points.dofs[first + c]] += points.G[at + k * n + c] * f[k]
+    G = weights_of_item(points, i)
+    for c in range(points.dof[i + 1] - first):
+        s = 0.0
+        for k in range(m):
+            s += G[c, k] * f[k]
+        Q[points.dofs[first + c]] += s
 
 
 @inner
 def evaluate_item(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
     """Fill fields, rates, amplitude and f, H, C of item i; return (energy, dissipated power)."""
-    _rates(points, i, v, w)
+    rates_of_item(points, i, v, w)
     return evaluate_at(points, i, d, amps, u, w, a, f, H, C)
 
 
@@ -111,88 +118,80 @@ def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untype
     """Do as ``evaluate_item`` does with the rates in w."""
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, w, a)
-    return _law(points, i, u, w, a, f, H, C)
+    return law_of_item(points, i, u, w, a, f, H, C, points.field[i + 1] - points.field[i])
 
 
 @inner
-def _law(points, i, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
+def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-def]
     """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude.
 
-    Returns (energy, dissipated power).
+    Returns (energy, dissipated power). ``wide`` is m, or 0 where forces are asked for alone.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     f[:m] = 0.0
-    H[:m * m] = 0.0
-    C[:m * m] = 0.0
+    H[:wide * m] = 0.0
+    C[:wide * m] = 0.0
     if not points.on[i]:
         if points.multiplier[i] >= 0:
             f[m - 1] = u[m - 1]
             H[m * m - 1] = 1.0
         return 0.0, 0.0
     return call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m],
-                                          array_at(H, 0, (m, m)), array_at(C, 0, (m, m))))
+                                          array_at(H, 0, (wide, wide)), array_at(C, 0, (wide, wide))))
 
 
 @inlined
-def _acts(f, H, C, m):  # type: ignore[no-untyped-def]
+def _acts(f, H, C, m, wide):  # type: ignore[no-untyped-def]
     for p in range(m):
         if f[p] != 0.0:
             return True
     found = False
-    for p in range(m * m):
+    for p in range(m * wide):
         found |= H[p] != 0.0 or C[p] != 0.0
     return found
 
 
 @inner
-def _evaluate_run(points, i, u, w, a, f, H, C, own):  # type: ignore[no-untyped-def]
+def _evaluate_run(points, i, u, w, a, f, H, C, own, alone):  # type: ignore[no-untyped-def]
     """Fill f, H, C with the sum over the items from i on that share these fields; return (energy, power, whether any
-    acts). ``own`` (fields + 2 fields^2,) is room."""
+    acts). ``alone``: H and C are not asked for. ``own`` (fields + 2 fields^2,) is room."""
     m = points.field[i + 1] - points.field[i]
-    energy, power = _law(points, i, u, w, a, f, H, C)
+    wide = 0 if alone and points.run[i] > 1 else m
+    energy, power = law_of_item(points, i, u, w, a, f, H, C, wide)
     if power == APART:
         return energy, 0.0, False
-    if points.run[i] <= 1:
-        return energy, power, True
-    acts = _acts(f, H, C, m)
+    acts = points.run[i] == 1 or _acts(f, H, C, m, wide)
     f1, H1, C1 = array_at(own, 0, (m,)), array_at(own, m, (m * m,)), array_at(own, m + m * m, (m * m,))
     for k in range(i + 1, i + points.run[i]):
-        U, lost = _law(points, k, u, w, a, f1, H1, C1)
+        U, lost = law_of_item(points, k, u, w, a, f1, H1, C1, wide)
         if lost == APART:
             break
         energy += U
         power += lost
-        if _acts(f1, H1, C1, m):
+        if _acts(f1, H1, C1, m, wide):
             acts = True
             for p in range(m):
                 f[p] += f1[p]
-            for p in range(m * m):
+            for p in range(m * wide):
                 H[p] += H1[p]
                 C[p] += C1[p]
     return energy, power, acts
 
 
 @inlined
-def _most_fields(points):  # type: ignore[no-untyped-def]
+def _most(begin):  # type: ignore[no-untyped-def]
+    """Return how many entries an item has at most, from where those of each begin."""
     most = 0
-    for i in range(len(points.forces)):
-        most = max(most, points.field[i + 1] - points.field[i])
+    for i in range(len(begin) - 1):
+        most = max(most, begin[i + 1] - begin[i])
     return most
 
 
 @inlined
 def work_arrays(points):  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
-    n = _most_fields(points)
+    n = _most(points.field)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
-
-
-@inlined
-def _most_coordinates(points):  # type: ignore[no-untyped-def]
-    most = 0
-    for i in range(len(points.forces)):
-        most = max(most, points.dof[i + 1] - points.dof[i])
-    return most
 
 
 @kernel
@@ -207,52 +206,61 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
     u, w, a, f, H, C = work_arrays(points)
     own, i = vector(len(f) + 2 * len(H)), 0
     while i < len(points.forces):
-        _rates(points, i, v, w)
+        rates_of_item(points, i, v, w)
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        U, lost, acts = _evaluate_run(points, i, u, w, a, f, H, C, own)
+        U, lost, acts = _evaluate_run(points, i, u, w, a, f, H, C, own, True)
         energy += U
         power += lost
         if acts:
-            _add(points, i, f, Q)
+            add_to(points, i, f, Q)
         i += points.run[i]
     return energy, power
 
 
 @inner
 def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
-    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (n + 2 fields,) is room."""
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (fields + 2 n,) is room.
+
+    H is overwritten.
+    """
     m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
-    at, low, high = points.entry[i], 0, n
-    K[:] = 0.0
-    # the fields of a long tendon depend on few of its coordinates each, those of one element
-    if m > MANY:
-        for q in range(m):
-            low, high = n, 0
-            for s in range(n):
-                if points.G[at + q * n + s] != 0.0:
-                    low, high = min(low, s), s + 1
-            row[n + 2 * q], row[n + 2 * q + 1] = low, high
+    G, A, D = weights_of_item(points, i), array_at(H, 0, (m, m)), array_at(C, 0, (m, m))
     for p in range(m):
-        row[:n] = 0.0
-        empty = True
         for q in range(m):
-            x = h * H[p * m + q] + c * C[p * m + q]
-            if symmetric:
-                x = 0.5 * (x + h * H[q * m + p] + c * C[q * m + p])
-            if x != 0.0:
-                empty = False
-                if m > MANY:
-                    low, high = int(row[n + 2 * q]), int(row[n + 2 * q + 1])
-                for s in range(low, high):
-                    row[s] += x * points.G[at + q * n + s]
-        if empty:
-            continue
-        for r in range(n):
-            g = points.G[at + p * n + r]
+            A[p, q] = h * A[p, q] + c * D[p, q]
+    if symmetric:
+        for p in range(m):
+            for q in range(p):
+                A[p, q] = A[q, p] = 0.5 * (A[p, q] + A[q, p])
+    low, high = 0, m
+    # few fields of a long tendon depend on a coordinate each, those of its elements
+    if m > MANY:
+        for s in range(n):
+            low, high = m, 0
+            for q in range(m):
+                if G[s, q] != 0.0:
+                    low, high = min(low, q), q + 1
+            row[m + 2 * s], row[m + 2 * s + 1] = low, high
+    for r in range(n):
+        for q in range(m):
+            row[q] = 0.0
+        for p in range(m):
+            g = G[r, p]
             if g != 0.0:
-                for s in range(n):
-                    K[r, s] += g * row[s]
+                for q in range(m):
+                    row[q] += g * A[p, q]
+        for s in range(r + 1 if symmetric else n):
+            if m > MANY:
+                low, high = int(row[m + 2 * s]), int(row[m + 2 * s + 1])
+            x = 0.0
+            for q in range(low, high):
+                x += row[q] * G[s, q]
+            K[r, s] = x
+    if symmetric:
+        for r in range(n):
+            for s in range(r):
+                K[s, r] = K[r, s]
 
 
 @kernel
@@ -262,17 +270,17 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     if len(points.forces) == 0:
         return energy
     u, w, a, f, H, C = work_arrays(points)
-    most = _most_coordinates(points)
-    entries, row = vector(most * most), vector(most + 2 * len(f))
+    most = _most(points.dof)
+    entries, row = vector(most * most), vector(len(f) + 2 * most)
     own, i = vector(len(f) + 2 * len(H)), 0
     while i < len(points.forces):
-        _rates(points, i, v, w)
+        rates_of_item(points, i, v, w)
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        U, _, acts = _evaluate_run(points, i, u, w, a, f, H, C, own)
+        U, _, acts = _evaluate_run(points, i, u, w, a, f, H, C, own, False)
         energy += U
         if acts:
-            _add(points, i, f, Q)
+            add_to(points, i, f, Q)
             first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
             K = array_at(entries, 0, (n, n))
             _along(points, i, H, C, 1.0, c, True, row, K)
@@ -289,24 +297,24 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
     ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
     """
     u, w, a, f, H, D = work_arrays(points)
-    row = vector(_most_coordinates(points) + 2 * len(f))
+    row = vector(len(f) + 2 * _most(points.dof))
     for i in range(len(points.forces)):
-        m, n, at, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.entry[i], points.fed[i, 0]
+        m, n, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.fed[i, 0]
         fields_of_item(points, i, d, u)
-        _rates(points, i, v, w)
-        if linear and fed >= 0:
-            held = u[fed]
-            amplitude_of(points, i, amps, u, w, a)
+        rates_of_item(points, i, v, w)
+        held = u[fed]
+        amplitude_of(points, i, amps, u, w, a)
+        first_order = linear and fed >= 0
+        if first_order:
             u[fed] = held
-            energy[i] = _law(points, i, u, w, a, f, H, D)[0]
+        energy[i] = law_of_item(points, i, u, w, a, f, H, D, m)[0]
+        if first_order:
             f[m - 1] += H[fed * m + m - 1] * a[0]
-        else:
-            amplitude_of(points, i, amps, u, w, a)
-            energy[i] = _law(points, i, u, w, a, f, H, D)[0]
         Q[i] = 0.0
-        for p in range(m):
-            for c in range(n):
-                Q[i, c] += points.G[at + p * n + c] * f[p]
+        G = weights_of_item(points, i)
+        for c in range(n):
+            for p in range(m):
+                Q[i, c] += G[c, p] * f[p]
         _along(points, i, H, D, 1.0, 0.0, False, row, K[i])
         _along(points, i, H, D, 0.0, 1.0, False, row, C[i])
 
@@ -322,7 +330,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     if len(points.forces) == 0:
         return energy, power
     u0, w, a0, f, _, _ = work_arrays(points)
-    u1, a1 = vector(_most_fields(points)), vector(3)
+    u1, a1 = vector(_most(points.field)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d0, u0)
@@ -336,13 +344,13 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         if not points.on[i]:
             if points.multiplier[i] >= 0:
                 f[m - 1] = u1[m - 1]
-            _add(points, i, f, Q)
+            add_to(points, i, f, Q)
             continue
         U, lost = call_mean(points.mean[i], (points.p0[b:b + m], u0[:m], u1[:m], w[:m], points.par[i], a0, a1,
                                              points.mem[i], f[:m]))
         energy += U
         power += lost
-        _add(points, i, f, Q)
+        add_to(points, i, f, Q)
     return energy, power
 
 
@@ -363,7 +371,7 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
         fields_of_item(points, i, v, w)
         amplitude_of(points, i, amps, u, w, a)
         u[m - 1] = 1.0
-        _law(points, i, u, w, a, f, H, C)
+        law_of_item(points, i, u, w, a, f, H, C, points.field[i + 1] - points.field[i])
         velocity, acceleration = 0.0, 0.0
         for j in range(3):
             if points.fed[i, j] >= 0:

@@ -76,9 +76,9 @@ class MovingPoints:
         now = self.rates(p, w, s, t)
         for (acted, old), (acts, new), i, patch in zip(before, now, p.moving.item.tolist(), self.patches, strict=True):
             if acted and acts and patch.mass:
-                first, last, at = points.dof[i], points.dof[i + 1], points.entry[i]
-                rows = points.G[at:at + 2 * (last - first)].reshape(2, -1)
-                np.add.at(full, points.dofs[first:last], patch.mass * ((old - new) @ rows))
+                first, last = points.dof[i], points.dof[i + 1]
+                G = points.G[points.entry[i]:points.entry[i + 1]].reshape(last - first, -1)
+                np.add.at(full, points.dofs[first:last], patch.mass * (G[:, :2] @ (old - new)))
         out = np.zeros(len(s.z))
         out[:p.inner] = self.model.numbering.reduce(full[:len(self.model.numbering.place)])
         return out

@@ -28,6 +28,7 @@ def test_very_many_events_neither_drift_nor_leak() -> None:
         assert found.position < 1e-9
         assert found.rate < 1e-9
         assert found.energy < 1e-8
+    events.bounces(300, "energy_momentum")  # what is made once
     conserved = events.bounces(3000, "energy_momentum")
     assert conserved.energy < 1e-12
     assert conserved.left < 300

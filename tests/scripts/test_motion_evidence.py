@@ -68,7 +68,8 @@ def test_joints_hold_by_their_log_and_by_their_probes(joint: joints.Joint) -> No
 
 
 def test_every_table_has_its_place_on_the_page() -> None:
-    text = motion_evidence.PAGE.read_text(encoding="utf-8")
+    pages = motion_evidence.PAGE, *motion_evidence.ELSEWHERE.values()
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
     names = motion_evidence.tables(1, 1.0, 1)
     assert sorted(re.findall(r"<!-- measured: (\S+) -->", text)) == sorted([*names, "stamp"])
     assert re.findall(r"<!-- measured: (\S+) -->\n<!-- end -->", text) == []
