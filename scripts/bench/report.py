@@ -19,7 +19,7 @@ from typing import Any
 
 from scripts.pages import DOCS, machine, versions
 
-from . import kernels, modes, motion, page, start, statics, waits
+from . import kernels, many, modes, motion, page, start, statics, waits
 from .apart import apart
 
 PAGE = DOCS / "speed.md"
@@ -33,6 +33,7 @@ PARTS: dict[str, Callable[[int], Any]] = {
     "sampling": lambda repeat: apart("kernels.sample"),
     "modes": lambda repeat: modes.compare(),
     "feedback": lambda repeat: apart("feedback.measure", 3 * repeat),
+    "many": many.measure,
     "motion": motion.collect}
 
 
@@ -139,6 +140,8 @@ The 20 lowest modes of the beam of Table 3 (Timoshenko solution for the first: 9
 those of the whole process, imports included.
 
 {page.modes_table(found)}
+
+{many.text(found["many"])}
 
 ## Motion
 
