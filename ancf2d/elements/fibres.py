@@ -24,8 +24,10 @@ from .shape import Array, gauss
 
 # a fibre is plastic that is this much beyond its yield stress: one at the end of an accepted step is not
 BEYOND = 1e-10
-# of E: tangent of a fibre that bears no more, so that a section in which all yield leaves a matrix that can be solved
-LEFT = 1e-8
+# of E: tangent of a fibre that bears no more, so that a section in which all yield leaves a matrix that can be solved.
+# Where two such sections meet at a node, how their hinge is divided between them is not determined: with less than
+# this, what is left of a residual would turn the node further than fibres take to yield and unload
+LEFT = 1e-6
 # of E: slope in the end below which a section of fibres that yield is a hinge
 FLOWS = 0.01
 # Gauss points through the height of each layer, where a case says nothing of them

@@ -64,6 +64,11 @@ class Numbering:
         first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
         return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
 
+    @cached_property
+    def owner(self) -> Index:
+        """Return which of ``dependent`` each of ``index`` belongs to."""
+        return np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
+
     def reduce(self, full: Array, less: Array | None = None, out: Array | None = None) -> Array:
         """Return T^T applied to full forces, or to their difference from others: (n_unknowns,), in ``out`` if given."""
         out = np.empty(self.n_unknowns) if out is None else out
@@ -72,9 +77,8 @@ class Numbering:
         else:
             np.subtract(full[self.where], less[self.where], out=out)
         if len(self.dependent):
-            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
             dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
-            np.add.at(out, self.index, self.value * dependent[owner])
+            np.add.at(out, self.index, self.value * dependent[self.owner])
         return out
 
     def reduce_sizes(self, full: Array) -> Array:
@@ -84,8 +88,7 @@ class Numbering:
         """
         out = full[self.where]
         if len(self.dependent):
-            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
-            np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[owner]])
+            np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[self.owner]])
         return out
 
     def expand(self, z: Array, out: Array) -> None:
@@ -93,8 +96,7 @@ class Numbering:
         out[self.where] = z
         if len(self.dependent):
             sums = np.zeros(len(self.dependent))
-            owner = np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
-            np.add.at(sums, owner, self.value * z[self.index])
+            np.add.at(sums, self.owner, self.value * z[self.index])
             out[self.dependent] = sums
 
 
@@ -335,6 +337,11 @@ class Model:
         from .feedback import Feedback
 
         return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
+
+    @property
+    def hinges(self) -> bool:
+        """Whether fibres yield that in the end bear hardly more, so that a section of such turns as a hinge."""
+        return any(law.flows for pool in self.pools for law in pool.plan.section.laws)
 
     @property
     def latches(self) -> list[Latch]:

@@ -25,6 +25,9 @@ from .newton import at_floor, balanced, check_divergence, check_sound, has_conve
 from .post import place
 from .system import Balance, System
 
+# where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
+# ones may lead from fibres that yield to some that unload and back
+FULL_STEPS, SHORTENED = 8, 0.75
 # half the difference in t that a nonlinear constraint's motion is differentiated with
 SMALL = 1e-5
 
@@ -229,6 +232,8 @@ class Curve:
                 raise ComputationError("the forces are no longer finite", at=at, history=residuals)
             system.factor(at)
             z, dt = self._bordered(control, balance, d, t)
+            if iteration > FULL_STEPS and self.model.remembers:
+                z, dt = SHORTENED * z, SHORTENED * dt
             increments.append(system.norm(z))
             check_divergence(increments, self.model.extent, at, residuals)
             stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]

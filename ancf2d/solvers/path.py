@@ -161,7 +161,8 @@ class Follower:
     def _doubtful(self, a: PathPoint, b: PathPoint, longest: float) -> bool:
         """Whether something may lie between two points that a shorter step would show."""
         h = b.s - a.s
-        if hides_limit_points(a, b) and h > CLOSEST_PAIR * longest:
+        # where elements remember the way, tangents tell of unloading, and nothing of the way between
+        if not self.model.remembers and hides_limit_points(a, b) and h > CLOSEST_PAIR * longest:
             return True
         if not self._inertia_differs(a, b) or h <= CORNERED * a.s * (1 + 1e-9):
             return False
@@ -264,6 +265,9 @@ class Follower:
         f = error.failure
         advice = ("the probe turns back where a path snaps back (method: arc_length follows it); else another quantity"
                   if self.controlled else "more iterations, or a finer mesh")
+        if self.model.hinges:
+            advice = ("plastic hinges have no stiffness, and should turn little within one element: hardening of "
+                      f"1e-4 E, more elements, or an end of the path before sections turn as far; {advice}")
         return ComputationError(f"the path cannot be followed beyond load factor {a.t:.6g}: {f.reason}",
                                 at={"step": self.number + 1, **f.at}, history=f.history, advice=advice)
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from ..elements.shape import Array
 from .threads import pieces
@@ -38,7 +37,7 @@ class Path:
         ratio = (t - self.t[-1]) / (self.t[-1] - self.t[-2]) if k > 1 else 0.0
         k = min(k, 3 if ratio <= FARTHEST else 2 if ratio <= FARTHEST**2 else 1)
         ts, ds = self.t[-k:], self.d[-k:]
-        weights = [float(np.prod([(t - b) / (a - b) for b in ts if b != a])) for a in ts]
+        weights = [math.prod((t - b) / (a - b) for b in ts if b != a) for a in ts]
         out = weights[0] * ds[0]
         for part in pieces(len(out)):
             for weight, d in zip(weights[1:], ds[1:], strict=True):

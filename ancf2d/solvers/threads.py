@@ -95,15 +95,14 @@ def pieces(n: int) -> Iterator[slice]:
 
 def largest(x: Array, weights: Array | None = None) -> float:
     """Return the largest |x|, or |weights x|; NaN where one is not a number."""
-    found = [np.max(np.abs(x[p]) if weights is None else np.abs(weights[p] * x[p])) for p in pieces(len(x))]
-    return float(np.max(found, initial=0.0))
+    if len(x) <= LENGTH:
+        return float(np.abs(x if weights is None else weights * x).max(initial=0.0))
+    return float(np.max([largest(x[p], None if weights is None else weights[p]) for p in pieces(len(x))]))
 
 
 def largest_share(x: Array, sizes: Array) -> float:
     """Return the largest |x / sizes| of those whose size is not zero; NaN where one is not a number."""
-    found = []
-    for p in pieces(len(x)):
-        share = np.zeros(len(x[p]))
-        np.divide(x[p], sizes[p], out=share, where=sizes[p] > 0.0)
-        found.append(np.max(np.abs(share)))
-    return float(np.max(found, initial=0.0))
+    if len(x) <= LENGTH:
+        share = np.divide(x, sizes, out=np.zeros(len(x)), where=sizes > 0.0)
+        return float(np.abs(share, out=share).max(initial=0.0))
+    return float(np.max([largest_share(x[p], sizes[p]) for p in pieces(len(x))]))

@@ -1,4 +1,4 @@
-"""The cantilever and the pendulums of ``scenes`` in Exudyn, OpenSees and PyElastica (``pip install .[peers]``).
+"""The beams and frames of ``scenes`` in Exudyn, OpenSees and PyElastica (``pip install .[peers]``).
 
 Exudyn: its planar geometrically exact beam and its Euler-Bernoulli ANCF cable; its default tolerance lies below
 round-off in these scenes and is loosened. OpenSees: corotational beams, by forces (with shear) and elastic (without),
@@ -13,12 +13,13 @@ import importlib.util
 import math
 import sys
 import time
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from .apart import peak_mb
-from .scenes import PENDULUMS, STATIC, STEPS, Bar
+from .scenes import CYCLE, DEEP, FIBRES, PENDULUMS, STATIC, STEEL, STEPS, WIDE, YIELDING, Bar
 
 MODULES = {"ancf2d": "ancf2d", "exudyn": "exudyn", "opensees": "openseespy", "pyelastica": "elastica"}
 # the tightest at which Exudyn converges, in statics and in motion
@@ -206,6 +207,68 @@ def opensees(number: int, element: str, count: int, solver: str, t_end: float, i
         t.append(ops.getTime())
         tip.append([ops.nodeDisp(count + 1, 1), ops.nodeDisp(count + 1, 2) - bar.length])
     return {"t": t, "tip": tip, "solve_s": seconds, "steps": steps}
+
+
+def fibres_opensees() -> Any:
+    """Return OpenSees with a plane model, the section of ``scenes.STEEL`` (1), shear (2), and Lobatto points (1)."""
+    import openseespy.opensees as ops
+
+    ops.wipe()
+    ops.model("basic", "-ndm", 2, "-ndf", 3)
+    ops.uniaxialMaterial("Hardening", 1, STEEL["E"], STEEL["yield"], 0.0, STEEL["kinematic"])
+    ops.uniaxialMaterial("Elastic", 2, STEEL["shear"] * STEEL["E"] / (2 * (1 + STEEL["nu"])) * DEEP * WIDE)
+    ops.section("Fiber", 1)
+    for x, w in zip(*np.polynomial.legendre.leggauss(FIBRES), strict=True):
+        ops.fiber(0.5 * DEEP * x, 0.0, 0.5 * DEEP * WIDE * w, 1)
+    ops.section("Aggregator", 2, 2, "Vy", "-section", 1)
+    ops.geomTransf("Corotational", 1)
+    ops.beamIntegration("Lobatto", 1, 2, 5)
+    return ops
+
+
+def cycled_opensees(ops: Any, node: int, force: tuple[float, ...], steps: int) -> tuple[np.ndarray, float]:
+    """Return displacements (steps, ...) of a node under a force that goes through the cycle, and the seconds taken."""
+    # its last step may end beyond 1 by round-off, where a path has ended
+    ops.timeSeries("Path", 1, "-time", *CYCLE[0], 2.0, "-values", *CYCLE[1], CYCLE[1][-1])
+    ops.pattern("Plain", 1, 1)
+    ops.load(node, *force)
+    ops.constraints("Plain")
+    ops.numberer("RCM")
+    ops.system("BandGen")
+    ops.test("NormUnbalance", 1e-7 * max(map(abs, force)), 60)
+    ops.algorithm("Newton")
+    ops.integrator("LoadControl", 1.0 / steps)
+    ops.analysis("Static")
+    found, began = [], time.process_time()
+    for step in range(steps):
+        if ops.analyze(1) != 0:
+            raise RuntimeError(f"no equilibrium was found in load step {step + 1}")
+        found.append(ops.nodeDisp(node))
+    seconds = time.process_time() - began
+    ops.wipe()
+    return np.array(found), seconds
+
+
+def yielding_opensees(scene: str, count: int) -> dict[str, Any]:
+    """Push a frame of fibres beyond yield and back, ``count`` elements in each member; return what ``fibres`` does."""
+    # what loading its library takes
+    import openseespy.opensees  # noqa: F401
+
+    began, frame, ops = time.process_time(), YIELDING[scene], fibres_opensees()
+    corners = np.array(frame.corners, dtype=float)
+    places = [corners[0], *(a + (b - a) * (k + 1) / count
+                            for a, b in pairwise(corners) for k in range(count))]
+    for i, (x, y) in enumerate(places):
+        ops.node(i + 1, float(x), float(y))
+    for node in {1, len(places) if len(corners) > 2 else 1}:
+        ops.fix(node, 1, 1, 1)
+    for i in range(1, len(places)):
+        ops.element("forceBeamColumn", i, i, i + 1, 1, 1, "-iter", 50, 1e-12)
+    built = time.process_time() - began
+    force = [0.0, 0.0, 0.0]
+    force[frame.along] = frame.push
+    u, seconds = cycled_opensees(ops, count + 1, tuple(force), frame.steps)
+    return {"u": u[:, frame.along].tolist(), "build_s": built, "solve_s": seconds}
 
 
 # ------------------------------------------------------------------ PyElastica

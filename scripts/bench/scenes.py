@@ -1,4 +1,4 @@
-"""The bars that every tool of the bench computes: the paper's cantilever of Table 2 and its pendulums of Sec. 5.4."""
+"""What all tools of the bench compute: the paper's cantilever of Table 2, its pendulums of Sec. 5.4; frames."""
 
 from __future__ import annotations
 
@@ -42,3 +42,26 @@ PENDULUMS = {1: Bar(1.8, 0.008, 0.03125, 2.07e11, 2766.67, 5 / 6), 2: Bar(1.2, 0
 T_END = {1: 1.5, 2: 1.1}
 # load steps of the cantilever
 STEPS = 10
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """Members of fibres from corner to corner, whose first is clamped, and the last where there are several members.
+
+    ``push`` is the force [N] that goes through ``CYCLE`` at the end of the first member, where ``along`` (0: x, 1: y)
+    is what is compared.
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    push: float
+    along: int
+    steps: int = 40
+
+
+# a steel with kinematic hardening, in members of 0.1 m x 0.05 m with 16 fibres
+STEEL = {"E": 2e11, "nu": 0.3, "yield": 2.5e8, "kinematic": 2e10, "shear": 5 / 6}
+DEEP, WIDE, FIBRES = 0.1, 0.05, 16
+YIELD_MOMENT = STEEL["yield"] * WIDE * DEEP**2 / 6
+CYCLE = ((0.0, 0.25, 0.75, 1.0), (0.0, 1.0, -1.0, 0.5))
+YIELDING = {"cantilever": Yielding(((0, 0), (1, 0)), 1.4 * YIELD_MOMENT, 1),
+            "portal": Yielding(((0, 0), (0, 1.5), (2, 1.5), (2, 0)), 5 * YIELD_MOMENT / 1.5, 0)}
